@@ -143,7 +143,7 @@ void TileBuilder::append_parts(PixelMask inside, TileRun& run) {
   made_.clear();
   append_empty(run);
   choose_levels();
-  for (std::size_t k = 0; k < parts_.size(); ++k) add_patches(k, {}, run);
+  for (std::size_t k = 0; k < parts_.size(); ++k) add_patches(k, parts_[k].mask, {}, run);
   share(inside, run);
 }
 
@@ -202,11 +202,12 @@ void TileBuilder::split_by_head(const TileSamples& samples) {
   std::sort(parts_.begin(), parts_.end(), [](const Part& a, const Part& b) { return a.head < b.head; });
 }
 
-/// Adds the patches for the part's pixels in a block. If one patch does not suffice, the block is halved, across or
-/// down, whichever leaves the smaller spans of coordinates.
-void TileBuilder::add_patches(std::size_t k, const Block& block, TileRun& run) {
+/// Adds the patches for those of the part's pixels `of` that are in a block. If one patch does not suffice, the pixels are
+/// separated where they jump to another place in the head's picture, over an edge of the layout. Without a jump, the block
+/// is halved, across or down, whichever leaves the smaller spans of coordinates.
+void TileBuilder::add_patches(std::size_t k, PixelMask of, const Block& block, TileRun& run) {
   const Part& part = parts_[k];
-  const PixelMask mask = part.mask & block_mask(block);
+  const PixelMask mask = of & block_mask(block);
   if (mask == 0) return;
   const int columns = block.right - block.left;
   const int rows = block.bottom - block.top;
@@ -214,23 +215,48 @@ void TileBuilder::add_patches(std::size_t k, const Block& block, TileRun& run) {
     made_.push_back({k, mask});
     return;
   }
+  if (const PixelMask near = before_jump(part, mask); near != mask) {
+    add_patches(k, near, block, run);
+    add_patches(k, mask & ~near, block, run);
+    return;
+  }
   Block west = block, east = block, north = block, south = block;
   west.right = east.left = block.left + columns / 2;
   north.bottom = south.top = block.top + rows / 2;
   const auto widest = [&](const Block& a, const Block& b) {
     std::int32_t most = 0;
-    for (const PixelMask of : {mask & block_mask(a), mask & block_mask(b)}) {
-      if (of == 0) continue;
+    for (const PixelMask half : {mask & block_mask(a), mask & block_mask(b)}) {
+      if (half == 0) continue;
       for (const PixelValues* values : {&part.x, &part.y}) {
-        const Span span = span_of(*values, of);
+        const Span span = span_of(*values, half);
         most = std::max(most, span.most - span.least);
       }
     }
     return most;
   };
   const bool across = rows == 1 || (columns > 1 && widest(west, east) < widest(north, south));
-  add_patches(k, across ? west : north, run);
-  add_patches(k, across ? east : south, run);
+  add_patches(k, of, across ? west : north, run);
+  add_patches(k, of, across ? east : south, run);
+}
+
+/// The pixels of the mask on this side of the largest step between their sorted x or y coordinates; the whole mask if no
+/// step is above kJump.
+PixelMask TileBuilder::before_jump(const Part& part, PixelMask mask) {
+  std::int32_t largest = kJump;
+  PixelMask before = mask;
+  for (const PixelValues* values : {&part.x, &part.y}) {
+    std::array<std::int32_t, blend::kTilePixels> sorted;
+    auto end = sorted.begin();
+    for_each(mask, [&](std::size_t p) { *end++ = (*values)[p]; });
+    std::sort(sorted.begin(), end);
+    for (auto at = sorted.begin(); at + 1 < end; ++at) {
+      if (at[1] - at[0] <= largest) continue;
+      largest = at[1] - at[0];
+      before = 0;
+      for_each(mask, [&](std::size_t p) { before |= (*values)[p] <= *at ? PixelMask{1} << p : 0; });
+    }
+  }
+  return before;
 }
 
 /// Adds one patch for the pixels and returns true; if one patch cannot hold them, returns false. With `must` it always

@@ -30,7 +30,8 @@ struct TileSamples {
 
 /// Appends tiles of one grid to a run. A head contributes one patch to a tile. Its coordinates are a quadratic if that
 /// is within kFit of every pixel's coordinates, else they are listed. If the pixels do not fit into one patch, or a
-/// bilinear function does not fit the vignetting gains, the tile is halved, recursively, with one patch for each part.
+/// bilinear function does not fit the vignetting gains, the tile is divided, recursively, with one patch for each part: at an
+/// edge of the layout, else in halves.
 ///
 /// Threading: only the run changes; one builder per thread.
 /// Ownership: keeps the sampler by reference.
@@ -45,6 +46,8 @@ class TileBuilder {
   static constexpr int kGainFit = 24;
   /// The same for rays that were sorted into tiles: their positions are less regular than the pixels of a picture.
   static constexpr int kGainFitOfRays = 80;
+  /// A step between pixels of a tile, in 1 / (1 << kFractionBits) samples, that is none within a face of the layout: 4 px.
+  static constexpr int kJump = 4 << blend::kFractionBits;
 
   /// vignetting_scale: BlendTable's; 0 if no vignetting is undone.
   TileBuilder(const RaySampler& sampler, int grid, int vignetting_scale)
@@ -75,7 +78,8 @@ class TileBuilder {
   double square_between_rays(const Part& part) const;
   void choose_levels();
   void shrink(Part& part) const;
-  void add_patches(std::size_t part, const Block& block, TileRun& run);
+  void add_patches(std::size_t part, PixelMask of, const Block& block, TileRun& run);
+  static PixelMask before_jump(const Part& part, PixelMask mask);
   bool add_patch(const Part& part, PixelMask mask, bool must, TileRun& run);
   void append_parts(PixelMask inside, TileRun& run);
   void share(PixelMask inside, TileRun& run);

@@ -145,6 +145,58 @@ TEST(TileBuilder, TilesThatAnEdgeOfAFaceCrosses_TakeThePictureItself) {
   EXPECT_EQ(table->sources[0].levels, 1);
 }
 
+/// The number of parts of a tile whose neighbouring pixels have rays closer than `most`, rad. Only rays up to `reach` rad
+/// from the front count.
+int connected_parts(const geometry::RaymapLayout& layout, int left, int top, double most, double reach) {
+  std::array<std::optional<geometry::Ray>, 64> rays;
+  for (int p = 0; p < 64; ++p) {
+    const auto ray = layout.ray(left + p % 8 + 0.5, top + p / 8 + 0.5);
+    if (ray && ray->direction().z() > std::cos(reach)) rays[static_cast<std::size_t>(p)] = ray;
+  }
+  std::array<bool, 64> seen{};
+  const auto visit = [&](auto self, int x, int y) -> void {
+    const auto p = static_cast<std::size_t>(8 * y + x);
+    seen[p] = true;
+    for (int j = std::max(0, y - 1); j <= std::min(7, y + 1); ++j) {
+      for (int i = std::max(0, x - 1); i <= std::min(7, x + 1); ++i) {
+        const auto q = static_cast<std::size_t>(8 * j + i);
+        if (!seen[q] && rays[q] && (rays[p]->direction() - rays[q]->direction()).norm() < most) self(self, i, j);
+      }
+    }
+  };
+  int parts = 0;
+  for (int p = 0; p < 64; ++p) {
+    const auto k = static_cast<std::size_t>(p);
+    if (!rays[k] || seen[k]) continue;
+    ++parts;
+    visit(visit, p % 8, p / 8);
+  }
+  return parts;
+}
+
+TEST(TileBuilder, TilesWithPixelsOfSeveralFaces_HaveOnePatchForEach) {
+  // One head that sees up to 1.9 rad from the front. Pixels are 0.4 to 1.1 samples, so that 8x8 of them fit into a patch.
+  Calibration rig;
+  rig.name = "all";
+  rig.heads.push_back(test::head_at("all", 1200, 1200, EquidistantLens{{100}}, {0, 0, 0}));
+  rig.heads.back().region.circle = {600, 600, 190};
+  const auto layout = geometry::make_layout("icosahedron", 1200, 416).value();
+  TableOptions options;
+  options.transition = Transition::kFeather;
+  options.undo_vignetting = false;
+  const std::vector<PixelFormat> formats{PixelFormat::kGrey8};
+  const auto table = compile_blend_table(rig, *layout, PixelFormat::kGrey8, formats, options);
+  ASSERT_TRUE(table.has_value());
+  const blend::GridTable& grid = table->grids[0];
+  std::size_t parts = 0;
+  for (int y = 0; y + 8 <= 416; y += 8) {
+    for (int x = 0; x + 8 <= 1200; x += 8) {
+      parts += static_cast<std::size_t>(connected_parts(*layout, x, y, 0.02, 1.9));
+    }
+  }
+  EXPECT_EQ(grid.records.size(), parts);
+}
+
 TEST(FitQuadratic, ValuesOfAQuadratic_GiveItBack) {
   const std::array<std::int32_t, 6> truth{1000, -300, 700, 11, -23, 5};
   PixelValues values;
