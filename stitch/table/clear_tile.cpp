@@ -6,6 +6,7 @@
 
 #include "stitch/geometry/biquadratic.h"
 #include "stitch/table/head_weight.h"
+#include "stitch/table/seam.h"
 
 namespace nodal::table {
 namespace {
@@ -68,17 +69,17 @@ std::optional<HeadIndex> only_head(const RaySampler& sampler, const Cone& cone) 
     if (seen) scores[h] = score_of(*seen, sampler.optics()[h].depth_per_px);
   }
   const auto best = static_cast<HeadIndex>(std::ranges::max_element(scores) - scores.begin());
-  const double slope = sampler.steepest(best);
-  const double least = scores[best] - slope * cone.radius, most = scores[best] + slope * cone.radius;
-  if (!(least > 0 && most * most < kEndless)) return std::nullopt;
+  // The scores that are least favourable within the cone.
+  const auto limits = [&](HeadIndex head) {
+    const double slope = sampler.steepest(head);
+    return ScoreLimits{scores[head] - slope * cone.radius, scores[head] + slope * cone.radius, slope};
+  };
+  const ScoreLimits of_best = limits(best);
+  if (!(of_best.least > 0 && of_best.most * of_best.most < kEndless)) return std::nullopt;
   const double width = sampler.options().seam_width_deg * std::numbers::pi / 180;
   for (std::size_t k = 0; k < heads; ++k) {
     const auto h = static_cast<HeadIndex>(k);
-    if (h == best || !may_see(sampler, h, cone)) continue;
-    // The condition of RowSampler::is_clear() with the scores that are least favourable within the cone.
-    const double other_slope = sampler.steepest(h);
-    const double other = scores[h] + other_slope * cone.radius;
-    if (least > other && (least - other) * (least + other) >= width * (other * slope + most * other_slope)) continue;
+    if (h == best || !may_see(sampler, h, cone) || beyond_ramp(of_best, limits(h), width)) continue;
     if (scores[h] > 0 && far_from_seam(sampler, cone, width, best, scores[best], h, scores[h])) continue;
     return std::nullopt;
   }

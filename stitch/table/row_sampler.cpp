@@ -89,12 +89,12 @@ int RowSampler::find_sights(const geometry::Ray& ray, std::array<Sight, kMaxHead
 bool RowSampler::is_clear(std::span<Sight> sights) const {
   const double width = rig_.options().seam_width_deg * std::numbers::pi / 180;
   const auto best = std::ranges::max_element(sights, {}, &Sight::weight);
-  const double a = std::sqrt(best->weight), a_slope = rig_.steepest(best->head);
+  const auto limits = [this](const Sight& one) {
+    const double score = std::sqrt(one.weight);
+    return ScoreLimits{score, score, rig_.steepest(one.head)};
+  };
   for (const Sight& one : sights) {
-    if (&one == &*best) continue;
-    const double b = std::sqrt(one.weight);
-    // See seam.cpp: b's weight is 0 from (a - b) (a + b) = width |b grad a - a grad b| on.
-    if (!(a > b && (a - b) * (a + b) >= width * (b * a_slope + a * rig_.steepest(one.head)))) return false;
+    if (&one != &*best && !beyond_ramp(limits(*best), limits(one), width)) return false;
   }
   for (Sight& one : sights) one.weight = &one == &*best ? 1 : 0;
   return true;

@@ -27,4 +27,9 @@ void apply_seam(std::span<SeamCandidate> candidates, double width) {
   }
 }
 
+bool beyond_ramp(const ScoreLimits& better, const ScoreLimits& worse, double width) {
+  const double a = better.least, b = worse.most;
+  return a > b && (a - b) * (a + b) >= width * (b * better.slope + better.most * worse.slope);
+}
+
 }  // namespace nodal::table

@@ -24,4 +24,13 @@ struct SeamCandidate {
 /// weight 0 for every width: a seam wider than the overlap fills the overlap.
 void apply_seam(std::span<SeamCandidate> candidates, double width);
 
+/// What is known of a score near a ray.
+struct ScoreLimits {
+  double least = 0, most = 0;
+  double slope = 0;  ///< the largest change per radian
+};
+/// Whether `better` has the whole weight and `worse` none, wherever their scores and slopes are within these limits:
+/// x >= 1 of apply_seam(), as (a - b) (a + b) >= width |b grad a - a grad b|. False also if it is not known.
+bool beyond_ramp(const ScoreLimits& better, const ScoreLimits& worse, double width);
+
 }  // namespace nodal::table
