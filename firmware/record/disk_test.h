@@ -24,7 +24,7 @@ struct DiskSpeed {
 
 /// A way to store pictures, [takes] mode, at the rig's heads and rate.
 struct DiskVerdict {
-  std::string mode;                  ///< "driver", "jpeg"
+  std::string mode;                  ///< "driver", "lossless", "jpeg"
   std::uint64_t bytes_a_second = 0;  ///< that it needs; of JPEGs an estimate
   bool sustained = false;
   std::string why;  ///< a sentence for people

@@ -45,7 +45,7 @@ bool TakeKeeper::step_test(Instant now) {
   if (!speed || !*speed) return true;
   TakeAnswer::DiskTested tested{**speed, {}};
   using Mode = TakesConfig::Mode;
-  for (const Mode mode : {Mode::kDriver, Mode::kJpeg}) {
+  for (const Mode mode : {Mode::kDriver, Mode::kLossless, Mode::kJpeg}) {
     const std::uint64_t needed = set_bytes(test_->heads, mode) * config_.rate.numerator / config_.rate.denominator;
     tested.modes.push_back(judge_disk(**speed, std::string(mode_name(mode)), needed, recorder_.ring().size()));
   }

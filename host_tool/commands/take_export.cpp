@@ -159,6 +159,12 @@ Status run_export(Context& context, const ExportArgs& args) {
   if (fs::equivalent(to, args.folder, error)) {
     return fail(Errc::kBadValue, fmt::format("--to {}: is the take itself; name another folder", args.to));
   }
+  for (const fs::directory_entry& entry : fs::directory_iterator(to, error)) {
+    const std::string name = entry.path().filename().string();
+    if (entry.path().extension() != ".mkv" && entry.path().extension() != ".csv") continue;
+    return fail(Errc::kExists, fmt::format("--to {}: has {} already; name another folder", args.to, name));
+  }
+  if (error) return fail(Errc::kIo, fmt::format("--to {}: {}", args.to, error.message()));
   std::string calibration;
   if (folder->has(take::kCalibrationFile)) {
     const auto text = folder->text(take::kCalibrationFile, kMaxCalibrationBytes);
@@ -227,7 +233,9 @@ void add_take_export(CLI::App& group, CommandLine& line) {
                   "Pictures are copied, not coded again. Frame i of every film belongs to row i of sets.csv, from the\n"
                   "set on in which the head first delivered.\n");
   command->add_option("FOLDER", args->folder, "The folder of the take")->required()->type_name("");
-  command->add_option("--to", args->to, "The folder to write to; it is made")->required()->type_name("DIR");
+  command->add_option("--to", args->to, "The folder to write to; it is made, and has no films or tables yet")
+      ->required()
+      ->type_name("DIR");
   line.on(command, [args](Context& context) { return run_export(context, *args); });
 }
 

@@ -69,6 +69,32 @@ class RenderTest : public RigTest {
     words.insert(words.end(), more.begin(), more.end());
     return raymaps_of(nodal_json(words));
   }
+  /// Records a take, plays it as heads, and expects only raymaps that were rendered from it.
+  void expect_heads_that_play_it_give_its_raymaps(const std::string& takes = "") {
+    with("[links]", "[exposure]\nprogram = \"each\"\nramp_stops = 0.05\n[links]");
+    head_key("exposure_us = 300");
+    film(20, takes);
+    const Raymaps first = rendered();
+    std::string toml = read("rig.toml");
+    toml = replaced(toml, "[exposure]\nprogram = \"each\"\nramp_stops = 0.05\n", "");
+    toml = replaced(toml, "[takes]\nfolder = \"takes\"", "[takes]\nfolder = \"second\"");
+    toml = replaced(toml, "[sim]\nnoise = 2\ncalibration = \"truth.json\"\n", "");
+    for (int i = 0; i < 6; ++i) {
+      const std::string name = "cam" + std::to_string(i);
+      toml = replaced(toml, "exposure_us = 300\nport = \"sim:" + name, "port = \"take:takes/000001/" + name);
+    }
+    write("rig.toml", toml);
+    fs::remove_all(path("store"));
+    start_nodald();
+    bring_up();
+    const Raymaps again =
+        raymaps_of(nodal_json({"raymap", "pull", "-n", "12", "--lossless", "--out", path("again-%04d.raw")}));
+    ASSERT_EQ(again.size(), 12U);
+    for (const auto& [name, bytes] : again) {
+      const bool known = std::any_of(first.begin(), first.end(), [&](const auto& one) { return one.second == bytes; });
+      EXPECT_TRUE(known) << "set " << name.first;
+    }
+  }
   /// Every live raymap but those from before the take is rendered with the same bytes.
   void expect_same(const Raymaps& live, const Raymaps& later) const {
     ASSERT_FALSE(later.empty());
@@ -146,6 +172,16 @@ TEST_F(RenderTest, LosslessTakes_GiveTheBytesThatTheRigMade) {
                                    "csv=p=0", take() + "/cam0-0000.mkv"})
                               .wait();
   EXPECT_NE(probed.out.find("utvideo,bt"), std::string::npos) << probed.out;
+  ASSERT_EQ(nodal({"take", "export", take(), "--to", path("out")}).code, 0);
+  const auto decoded = [&](const std::string& film) {
+    return Process({"ffmpeg", "-v", "error", "-i", film, "-map", "0:v", "-fps_mode", "passthrough", "-f", "rawvideo",
+                    "-pix_fmt", "yuv422p", "-"})
+        .wait()
+        .out;
+  };
+  const std::string exported = decoded(path("out/cam0.mkv"));
+  EXPECT_FALSE(exported.empty());
+  EXPECT_EQ(exported == decoded(take() + "/cam0-0000.mkv"), true);
 }
 
 TEST_F(RenderTest, FieldsAndExposuresThatChangeFromSetToSet_AreThoseOfTheEvidence) {
@@ -219,33 +255,17 @@ TEST_F(RenderTest, PartsOtherLayoutsAndFilms) {
 }
 
 TEST_F(RenderTest, ATakeAsHeads_GivesItsRaymapsAgain) {
-  with("[links]", "[exposure]\nprogram = \"each\"\nramp_stops = 0.05\n[links]");
-  head_key("exposure_us = 300");
-  film(20);
-  const Raymaps first = rendered();
-  std::string toml = read("rig.toml");
-  toml = replaced(toml, "[exposure]\nprogram = \"each\"\nramp_stops = 0.05\n", "");
-  toml = replaced(toml, "[takes]\nfolder = \"takes\"", "[takes]\nfolder = \"second\"");
-  toml = replaced(toml, "[sim]\nnoise = 2\ncalibration = \"truth.json\"\n", "");
-  for (int i = 0; i < 6; ++i) {
-    const std::string name = "cam" + std::to_string(i);
-    toml = replaced(toml, "exposure_us = 300\nport = \"sim:" + name, "port = \"take:takes/000001/" + name);
-  }
-  write("rig.toml", toml);
-  fs::remove_all(path("store"));
-  start_nodald();
-  bring_up();
-  const Raymaps again =
-      raymaps_of(nodal_json({"raymap", "pull", "-n", "12", "--lossless", "--out", path("again-%04d.raw")}));
-  ASSERT_EQ(again.size(), 12U);
-  for (const auto& [name, bytes] : again) {
-    const bool known = std::any_of(first.begin(), first.end(), [&](const auto& one) { return one.second == bytes; });
-    EXPECT_TRUE(known) << "set " << name.first;
-  }
+  expect_heads_that_play_it_give_its_raymaps();
+  const std::string toml = read("rig.toml");
   write("rig.toml", replaced(toml, "rate = \"25\"", "rate = \"24\""));
   const Finished check = Process({NODAL_BIN_DIR "/nodald", "--config", path("rig.toml"), "--check"}).wait();
   EXPECT_NE(check.code, 0);
   EXPECT_NE(check.err.find("write rate = \"25/1\""), std::string::npos) << check.err;
+}
+
+TEST_F(RenderTest, ALosslessTakeAsHeads_GivesItsRaymapsAgain) {
+  expect_heads_that_play_it_give_its_raymaps("mode = \"lossless\"\n");
+  EXPECT_NE(nodal({"take", "show", path("takes/000001")}).out.find("as Ut Video"), std::string::npos);
 }
 
 TEST_F(RenderTest, Shown_HasHeadsMarksAndNothingMissing) {
@@ -301,6 +321,11 @@ TEST_F(RenderTest, Exported_FilmsHaveTheSamePicturesAndTablesARowForEachFrame) {
   EXPECT_EQ(lines("out/frames.csv"), 1 + 6 * sets);
   EXPECT_EQ(read("out/sets.csv").find("index,number,mid_exposure_ns"), 0U);
   EXPECT_NE(nodal({"take", "export", take(), "--to", take()}).code, 0) << "into the take itself";
+  const std::string exported = read("out/cam0.mkv");
+  const Finished again = nodal({"take", "export", take(), "--to", path("out")});
+  EXPECT_NE(again.code, 0) << "films are there already";
+  EXPECT_NE(again.err.find("already; name another folder"), std::string::npos) << again.err;
+  EXPECT_EQ(read("out/cam0.mkv") == exported, true);
   if (Process({"sh", "-c", "command -v ffmpeg"}).wait().code != 0) GTEST_SKIP() << "ffmpeg is not installed";
   const auto decoded = [&](const std::string& film) {
     return Process({"ffmpeg", "-v", "error", "-i", path(film), "-map", "0:v", "-fps_mode", "passthrough", "-f",

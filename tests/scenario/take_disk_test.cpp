@@ -52,7 +52,8 @@ TEST(TakeDisk, RemovedWhileRecording_TheRigGoesOnAndSaysItOnce) {
   EXPECT_FALSE(status.recording().has_take());
   EXPECT_NE(status.recording().problem().find("the disk is gone"), std::string::npos) << status.recording().problem();
   EXPECT_EQ(take_news(stand), std::vector<std::string>{status.recording().problem()});
-  EXPECT_EQ(status.state(), "running");
+  EXPECT_EQ(status.state(), "degraded") << "the lamp shows it";
+  EXPECT_EQ(status.problem(), status.recording().problem());
   const std::uint64_t raymaps = status.raymaps();
   stand.run(Duration::seconds(1));
   EXPECT_GT(host.status().raymaps(), raymaps) << "nothing else stops";
