@@ -1,6 +1,7 @@
 #include "host_tool/commands/envelope_option.h"
 
 #include "host_tool/console/files.h"
+#include "stitch/mesh/mesh_file.h"
 
 namespace nodal::host {
 
@@ -10,19 +11,24 @@ CLI::Option* add_envelope_option(CLI::App& command, std::string& envelope, const
   shapes[shapes.find(" tetrahedron")] = '\n';
   return command
       .add_option("--envelope", envelope,
-                  what + ". A closed mesh around the nodal point,\nFILE.obj, or a shape about it, metres:\n" + shapes)
-      ->type_name("SHAPE|FILE.obj");
+                  what +
+                      ". A closed mesh around the nodal point,\nFILE.obj or FILE.glb, or a shape about it, metres:\n" +
+                      shapes)
+      ->type_name("SHAPE|FILE");
 }
 
 Result<geometry::Envelope> read_envelope(const std::string& text) {
-  if (!text.ends_with(".obj")) {
+  const bool glb = text.ends_with(".glb");
+  if (!glb && !text.ends_with(".obj")) {
     Result<geometry::Envelope> shape = geometry::Envelope::named(text);
     if (!shape) return fail(shape.error().in("--envelope"));
     return shape;
   }
-  const Result<std::string> bytes = read_file(text, geometry::Envelope::kMaxObjBytes);
+  const Result<std::string> bytes = read_file(text, glb ? mesh::kMaxMeshFileBytes : geometry::Envelope::kMaxObjBytes);
   if (!bytes) return fail(bytes.error().in("--envelope"));
-  Result<geometry::Envelope> envelope = geometry::Envelope::from_obj(*bytes);
+  Result<geometry::Envelope> envelope =
+      glb ? mesh::decode_envelope({reinterpret_cast<const std::uint8_t*>(bytes->data()), bytes->size()})
+          : geometry::Envelope::from_obj(*bytes);
   if (!envelope) return fail(envelope.error().in(text).in("--envelope"));
   return envelope;
 }

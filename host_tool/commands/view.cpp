@@ -105,7 +105,7 @@ void add_view(CLI::App& app, CommandLine& line) {
                   "  nodal view cube.png --from cube -o planet.png --camera stereographic --pitch -90 \\\n"
                   "      --fov 300 --size 1500x1500\n"
                   "  nodal view r-*.jpg -o v-%04d.jpg\n"
-                  "  nodal view hall.jpg -o near.jpg --envelope hall.obj --eye 0,0,3\n"
+                  "  nodal view hall.jpg -o near.jpg --envelope hall.glb --eye 0,0,3\n"
                   "  nodal view cube.jpg -o view.jpg --mesh cube.glb\n"
                   "  nodal view hall.jpg -o ball.jpg --envelope icosahedron:1 --eye 0,0,-3\n"
                   "Where the camera shows nothing, beyond 180 degrees from its axis or beside an envelope that it\n"

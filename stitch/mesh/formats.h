@@ -23,7 +23,9 @@ struct FileMesh {
 inline Eigen::Vector3d turned_over(const Eigen::Vector3d& p) { return {p.x(), -p.y(), -p.z()}; }
 
 Result<std::vector<std::uint8_t>> encode_glb(const Raymesh& mesh, const std::string& texture);
-Result<FileMesh> decode_glb(std::span<const std::uint8_t> bytes);
+/// The triangles of its scene, with the transformations of its nodes. Not `textured`: texture coordinates are not read, and
+/// those of the mesh are 0.
+Result<FileMesh> decode_glb(std::span<const std::uint8_t> bytes, bool textured);
 
 Result<std::vector<std::uint8_t>> encode_mshp(const Raymesh& mesh);
 Result<FileMesh> decode_mshp(std::span<const std::uint8_t> bytes);

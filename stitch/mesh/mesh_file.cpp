@@ -63,6 +63,32 @@ Result<FileMesh> decode_obj(std::span<const std::uint8_t> bytes) {
   return mesh;
 }
 
+Status check_size(std::span<const std::uint8_t> bytes) {
+  if (bytes.size() <= kMaxMeshFileBytes) return {};
+  return fail(Errc::kTooLarge, "more than " + std::to_string(kMaxMeshFileBytes) + " bytes: simplify the mesh");
+}
+
+/// Makes points that are equal to a millionth of the farthest one's distance one, and returns for each of the file's points
+/// which one it is.
+Result<std::vector<std::uint32_t>> weld(const FileMesh& file, std::vector<Eigen::Vector3d>& points) {
+  double reach = 0;
+  for (std::size_t k = 0; k < file.points.size(); ++k) {
+    const double far = file.points[k].cwiseAbs().maxCoeff();
+    if (!file.points[k].allFinite() || !file.textures[k].allFinite() || far > 1e6 ||
+        file.textures[k].cwiseAbs().maxCoeff() > 1e3) {
+      return fail(Errc::kBadValue, "vertex " + std::to_string(k + 1) +
+                                       ": its place must be metres up to 1e6, its texture coordinates up to 1000");
+    }
+    reach = std::max(reach, far);
+  }
+  if (file.triangles.empty()) return fail(Errc::kBadFormat, "there is no triangle in it");
+  if (reach < 1e-6) return fail(Errc::kBadValue, "all its points are at the nodal point (0, 0, 0)");
+  Welder welder(points, 1e-6 * reach);
+  std::vector<std::uint32_t> places;
+  for (const Eigen::Vector3d& point : file.points) places.push_back(welder.add(point));
+  return places;
+}
+
 }  // namespace
 
 Result<MeshFormat> mesh_format_of_name(std::string_view name) {
@@ -80,31 +106,39 @@ Result<std::vector<std::uint8_t>> encode_mesh(const Raymesh& mesh, MeshFormat fo
 }
 
 Result<Raymesh> decode_mesh(std::span<const std::uint8_t> bytes, MeshFormat format) {
-  if (bytes.size() > kMaxMeshFileBytes)
-    return fail(Errc::kTooLarge, "more than " + std::to_string(kMaxMeshFileBytes) + " bytes: simplify the mesh");
-  const Result<FileMesh> file = format == MeshFormat::kGlb    ? decode_glb(bytes)
+  if (const Status small = check_size(bytes); !small) return fail(small.error());
+  const Result<FileMesh> file = format == MeshFormat::kGlb    ? decode_glb(bytes, true)
                                 : format == MeshFormat::kMshp ? decode_mshp(bytes)
                                                               : decode_obj(bytes);
   if (!file) return fail(file.error());
-  double reach = 0;
-  for (std::size_t k = 0; k < file->points.size(); ++k) {
-    const double far = file->points[k].cwiseAbs().maxCoeff();
-    if (!file->points[k].allFinite() || !file->textures[k].allFinite() || far > 1e6 ||
-        file->textures[k].cwiseAbs().maxCoeff() > 1e3) {
-      return fail(Errc::kBadValue, "vertex " + std::to_string(k + 1) +
-                                       ": its place must be metres up to 1e6, its texture coordinates up to 1000");
-    }
-    reach = std::max(reach, far);
-  }
-  if (file->triangles.empty()) return fail(Errc::kBadFormat, "there is no triangle in it");
-  if (reach < 1e-6) return fail(Errc::kBadValue, "all its points are at the nodal point (0, 0, 0)");
   Raymesh mesh;
-  Welder welder(mesh.points, 1e-6 * reach);
-  for (std::size_t k = 0; k < file->points.size(); ++k)
-    mesh.vertices.push_back({welder.add(file->points[k]), file->textures[k]});
+  const Result<std::vector<std::uint32_t>> places = weld(*file, mesh.points);
+  if (!places) return fail(places.error());
+  for (std::size_t k = 0; k < places->size(); ++k) mesh.vertices.push_back({(*places)[k], file->textures[k]});
   mesh.triangles = file->triangles;
   if (const Status good = check_raymesh(mesh); !good) return fail(good.error());
   return mesh;
+}
+
+Result<geometry::Envelope> decode_envelope(std::span<const std::uint8_t> glb) {
+  if (const Status small = check_size(glb); !small) return fail(small.error());
+  const Result<FileMesh> file = decode_glb(glb, false);
+  if (!file) return fail(file.error());
+  geometry::ObjMesh mesh;
+  mesh.counted = "triangle";
+  const Result<std::vector<std::uint32_t>> places = weld(*file, mesh.vertices);
+  if (!places) return fail(places.error());
+  for (std::size_t k = 0; k < file->triangles.size(); ++k) {
+    geometry::ObjMesh::Triangle triangle;
+    triangle.line = static_cast<int>(k) + 1;
+    for (std::size_t c = 0; c < 3; ++c) {
+      triangle.corners[c] = {(*places)[file->triangles[k][c]], geometry::ObjMesh::kNone};
+    }
+    const auto& [a, b, c] = triangle.corners;
+    if (a.vertex != b.vertex && b.vertex != c.vertex && c.vertex != a.vertex) mesh.triangles.push_back(triangle);
+  }
+  if (mesh.triangles.empty()) return fail(Errc::kBadFormat, "none of its triangles has an area");
+  return geometry::Envelope::from_mesh(mesh);
 }
 
 }  // namespace nodal::mesh

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "protocol/base/result.h"
+#include "stitch/geometry/envelope/envelope.h"
 #include "stitch/mesh/raymesh.h"
 
 namespace nodal::mesh {
@@ -24,9 +25,13 @@ Result<MeshFormat> mesh_format_of_name(std::string_view name);
 /// indices).
 Result<std::vector<std::uint8_t>> encode_mesh(const Raymesh& mesh, MeshFormat format, const std::string& texture);
 
-/// What encode_mesh() writes, and such files of other programs: of a .glb, the first primitive of the first mesh, without
-/// its nodes; of an mshp box, its first mesh. Points that are equal to a millionth of the farthest one's distance are one.
+/// What encode_mesh() writes, and such files of other programs: of a .glb, the triangles of its scene; of an mshp box, its
+/// first mesh. Points that are equal to a millionth of the farthest one's distance are one.
 /// Errors: kBadFormat, kTruncated, kTooLarge, kUnsupported; those of check_raymesh().
 Result<Raymesh> decode_mesh(std::span<const std::uint8_t> bytes, MeshFormat format);
+
+/// The shape of a .glb, which needs no texture coordinates, as an envelope. Triangles without area are left out.
+/// Errors: those of decode_mesh() and of Envelope::from_mesh(), which then name the triangle, in the scene's order.
+Result<geometry::Envelope> decode_envelope(std::span<const std::uint8_t> glb);
 
 }  // namespace nodal::mesh

@@ -1,4 +1,4 @@
-// Envelopes: an OBJ, or a shape's name if the input begins with another letter than O. An accepted one is met once in every
+// Envelopes: an OBJ if the input begins with O, a .glb if with G, else a shape's name. An accepted one is met once in every
 // direction from the nodal point, at a positive distance, and its inside and outside are told apart.
 #include <cmath>
 #include <random>
@@ -7,6 +7,7 @@
 #include "memory_limit.h"
 #include "protocol/base/crc32c.h"
 #include "stitch/geometry/envelope/envelope.h"
+#include "stitch/mesh/mesh_file.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace nodal;
@@ -14,7 +15,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   (void)limited;
   if (size == 0 || size > (1U << 16)) return 0;
   const std::string_view text(reinterpret_cast<const char*>(data) + 1, size - 1);
-  const auto envelope = data[0] == 'O' ? geometry::Envelope::from_obj(text) : geometry::Envelope::named(text);
+  const auto envelope = data[0] == 'O'   ? geometry::Envelope::from_obj(text)
+                        : data[0] == 'G' ? mesh::decode_envelope({data + 1, size - 1})
+                                         : geometry::Envelope::named(text);
   if (!envelope) {
     NODAL_ASSERT(!envelope.error().message.empty() && envelope.error().message.size() < 2000);
     return 0;

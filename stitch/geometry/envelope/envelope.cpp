@@ -37,17 +37,24 @@ Result<Envelope> Envelope::named(std::string_view text) {
 Result<Envelope> Envelope::from_obj(std::string_view text) {
   const Result<ObjMesh> mesh = read_obj(text, kMaxObjBytes, kMaxTriangles);
   if (!mesh) return fail(mesh.error());
-  if (const Status closed = check_closed(*mesh); !closed) return fail(closed.error());
+  return from_mesh(*mesh);
+}
+
+Result<Envelope> Envelope::from_mesh(const ObjMesh& mesh) {
+  if (mesh.triangles.size() > kMaxTriangles)
+    return fail(Errc::kTooLarge, "more than " + std::to_string(kMaxTriangles) + " triangles: simplify the mesh");
+  if (const Status closed = check_closed(mesh); !closed) return fail(closed.error());
   const auto corner = [&](const ObjMesh::Triangle& triangle, std::size_t k) {
-    return mesh->vertices[triangle.corners[k].vertex];
+    return mesh.vertices[triangle.corners[k].vertex];
   };
   double inside = 0;
-  for (const ObjMesh::Triangle& triangle : mesh->triangles)
+  for (const ObjMesh::Triangle& triangle : mesh.triangles)
     inside += volume(corner(triangle, 0), corner(triangle, 1), corner(triangle, 2));
   Envelope envelope;
+  envelope.counted_ = mesh.counted;
   double seen = 0;
   std::vector<TriangleTree::Triangle> triangles;
-  for (const ObjMesh::Triangle& triangle : mesh->triangles) {
+  for (const ObjMesh::Triangle& triangle : mesh.triangles) {
     triangles.push_back(
         {corner(triangle, inside < 0 ? 2 : 0), corner(triangle, 1), corner(triangle, inside < 0 ? 0 : 2)});
     seen += solid_angle_of(triangles.back());
@@ -72,8 +79,9 @@ Status Envelope::check_eye(const Vector3d& eye) const {
     const double depth = volume(a - eye, b - eye, c - eye);
     if (depth > kInPlane * mesh_.reach() * (b - a).cross(c - a).norm()) continue;
     return fail(Errc::kBadValue, (eye.isZero(0) ? "the nodal point (0, 0, 0)" : "the eye") +
-                                     std::string(" does not see the inner side of the face of line ") +
-                                     std::to_string(lines_[k]) + ": it is outside of the mesh's kernel");
+                                     std::string(" does not see the inner side of the face of ") +
+                                     std::string(counted_) + " " + std::to_string(lines_[k]) +
+                                     ": it is outside of the mesh's kernel");
   }
   return {};
 }

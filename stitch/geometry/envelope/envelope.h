@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "protocol/base/result.h"
+#include "stitch/geometry/envelope/obj.h"
 #include "stitch/geometry/envelope/solid.h"
 #include "stitch/geometry/envelope/triangle_tree.h"
 #include "stitch/geometry/ray.h"
@@ -28,6 +29,8 @@ class Envelope {
   /// Errors: those of read_obj(); kBadValue, with the line of the face, for a mesh with a hole or a fold, or that hides a
   /// part of itself from the nodal point.
   static Result<Envelope> from_obj(std::string_view text);
+  /// The same of a mesh that was read. Errors: kTooLarge for more than kMaxTriangles.
+  static Result<Envelope> from_mesh(const ObjMesh& mesh);
 
   /// Errors: kBadValue for an eye on the surface, or inside and not in the kernel; the message names a face that it would
   /// see from behind. A solid's kernel is its whole inside.
@@ -42,7 +45,8 @@ class Envelope {
 
   std::optional<Solid> solid_;  ///< nothing: the mesh
   TriangleTree mesh_;           ///< corners counter-clockwise about outward normals
-  std::vector<int> lines_;      ///< of the triangles in the file
+  std::vector<int> lines_;      ///< of the triangles in the file; in `counted_`
+  std::string_view counted_;    ///< ObjMesh::counted
 };
 
 }  // namespace nodal::geometry

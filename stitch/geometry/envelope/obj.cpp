@@ -117,21 +117,22 @@ Result<ObjMesh> read_obj(std::string_view text, std::size_t most_bytes, std::siz
 }
 
 Status check_closed(const ObjMesh& mesh) {
+  const auto at = [&](int number) { return std::string(mesh.counted) + " " + std::to_string(number); };
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> lines;  // of the triangle that runs along an edge
   for (const ObjMesh::Triangle& triangle : mesh.triangles) {
     for (std::size_t k = 0; k < 3; ++k) {
       const auto edge = std::pair(triangle.corners[k].vertex, triangle.corners[(k + 1) % 3].vertex);
-      const auto [at, fresh] = lines.emplace(edge, triangle.line);
+      const auto [other, fresh] = lines.emplace(edge, triangle.line);
       if (!fresh) {
-        return fail(Errc::kBadValue, at_line(triangle.line) +
-                                         "the face folds over, or runs around the other way than, the one of line " +
-                                         std::to_string(at->second) + ", which has the same edge");
+        return fail(Errc::kBadValue, at(triangle.line) +
+                                         ": the face folds over, or runs around the other way than, the one of " +
+                                         at(other->second) + ", which has the same edge");
       }
     }
   }
   for (const auto& [edge, line] : lines) {
     if (!lines.contains({edge.second, edge.first})) {
-      return fail(Errc::kBadValue, at_line(line) + "a hole: no other face has the edge from vertex " +
+      return fail(Errc::kBadValue, at(line) + ": a hole: no other face has the edge from vertex " +
                                        std::to_string(edge.first + 1) + " to " + std::to_string(edge.second + 1));
     }
   }

@@ -20,11 +20,12 @@ struct ObjMesh {
   static constexpr std::uint32_t kNone = 0xFFFF'FFFF;
   struct Triangle {
     std::array<Corner, 3> corners;
-    int line = 0;
+    int line = 0;  ///< of the file; in `counted`
   };
   std::vector<Eigen::Vector3d> vertices;
   std::vector<Eigen::Vector2d> textures;
   std::vector<Triangle> triangles;
+  std::string_view counted = "line";  ///< what Triangle::line counts, for messages; another format's may be "triangle"
 };
 
 /// Reads the lines v, vt and f; others are skipped. Faces with more corners are cut into triangles.

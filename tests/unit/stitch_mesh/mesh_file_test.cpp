@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -111,6 +112,106 @@ TEST(MeshFile, AGlb_IsWhatTheSpecificationAsksFor) {
     EXPECT_NEAR(root["accessors"][0]["max"][k].get<double>(), k == 1 ? 1.5 : 2, 1e-6);
     EXPECT_NEAR(root["accessors"][0]["min"][k].get<double>(), k == 1 ? -1.5 : -2, 1e-6);
   }
+}
+
+/// A .glb by hand: its JSON, and its buffer.
+Bytes glb(const nlohmann::json& root, const std::vector<float>& numbers) {
+  std::string json = root.dump();
+  json.resize((json.size() + 3) / 4 * 4, ' ');
+  Bytes bytes;
+  const auto put = [&](std::size_t word) {
+    for (int k = 0; k < 4; ++k) bytes.push_back(static_cast<std::uint8_t>(word >> (8 * k)));
+  };
+  const std::size_t size = 4 * numbers.size();
+  for (const std::size_t word :
+       {std::size_t{0x46546C67}, std::size_t{2}, 28 + json.size() + size, json.size(), std::size_t{0x4E4F534A}})
+    put(word);
+  bytes.insert(bytes.end(), json.begin(), json.end());
+  put(size);
+  put(0x004E4942);
+  for (const float number : numbers) put(std::bit_cast<std::uint32_t>(number));
+  return bytes;
+}
+
+/// A hall as modellers write them: one wall, a square of side 2 in the plane z = 0, stands at six places. No texture
+/// coordinates, no indices. `parent` is the node that holds all walls.
+nlohmann::json hall(const nlohmann::json& parent) {
+  const double h = std::sqrt(0.5);
+  nlohmann::json nodes = nlohmann::json::array({parent});
+  const auto wall = [&](const nlohmann::json& translation, const nlohmann::json& rotation) {
+    nodes[0]["children"].push_back(nodes.size());
+    nodes.push_back({{"mesh", 0}, {"translation", translation}, {"rotation", rotation}});
+  };
+  wall({0, 0, -1}, {0, 0, 0, 1});
+  wall({0, 0, 1}, {0, 1, 0, 0});
+  wall({1, 0, 0}, {0, -h, 0, h});
+  wall({-1, 0, 0}, {0, h, 0, h});
+  wall({0, 1, 0}, {h, 0, 0, h});
+  wall({0, -1, 0}, {-h, 0, 0, h});
+  return {{"asset", {{"version", "2.0"}}},
+          {"scene", 0},
+          {"scenes", {{{"nodes", {0}}}}},
+          {"nodes", nodes},
+          {"meshes", {{{"primitives", {{{"attributes", {{"POSITION", 0}}}}}}}}},
+          {"accessors", {{{"bufferView", 0}, {"componentType", 5126}, {"count", 6}, {"type", "VEC3"}}}},
+          {"bufferViews", {{{"buffer", 0}, {"byteLength", 72}}}},
+          {"buffers", {{{"byteLength", 72}}}}};
+}
+const std::vector<float> kWall{-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, -1, 0, 1, 1, 0, -1, 1, 0};
+
+TEST(MeshFile, AGlbOfSeveralNodes_IsAnEnvelope) {
+  // Twice as high (y), moved by 0.25 upwards: 1.75 m below the nodal point, 2.25 m above it; mirrored, too.
+  for (const double across : {3, -3}) {
+    const auto envelope = decode_envelope(glb(hall({{"scale", {across, 2, 4}}, {"translation", {0, 0.25, 0}}}), kWall));
+    ASSERT_TRUE(envelope) << envelope.error().text();
+    EXPECT_NEAR(envelope->rho(geometry::Ray::towards(1, 0, 0)), 3, 1e-6);
+    EXPECT_NEAR(envelope->rho(geometry::Ray::towards(0, 1, 0)), 1.75, 1e-6);
+    EXPECT_NEAR(envelope->rho(geometry::Ray::towards(0, -1, 0)), 2.25, 1e-6);
+    EXPECT_NEAR(envelope->rho(geometry::Ray::towards(0, 0, 1)), 4, 1e-6);
+  }
+  const auto matrix = nlohmann::json::parse("[3,0,0,0, 0,2,0,0, 0,0,4,0, 0,0,0.5,1]");
+  const auto moved = decode_envelope(glb(hall({{"matrix", matrix}}), kWall));
+  ASSERT_TRUE(moved) << moved.error().text();
+  EXPECT_NEAR(moved->rho(geometry::Ray::towards(0, 0, 1)), 3.5, 1e-6) << "z is backward in glTF";
+}
+
+void expect_no_envelope(const nlohmann::json& root, Errc code, const std::string& says) {
+  const auto envelope = decode_envelope(glb(root, kWall));
+  ASSERT_FALSE(envelope) << says;
+  EXPECT_EQ(envelope.error().code, code) << says;
+  EXPECT_NE(envelope.error().message.find(says), std::string::npos) << envelope.error().message;
+}
+
+TEST(MeshFile, BadScenes_AreOneError) {
+  using Json = nlohmann::json;
+  const Json good = hall(Json::object());
+  const auto with = [&](const char* pointer, const Json& value) {
+    Json root = good;
+    root[Json::json_pointer(pointer)] = value;
+    return root;
+  };
+  expect_no_envelope(with("/nodes/3/mesh", 7), Errc::kBadFormat, "a mesh that is not there");
+  expect_no_envelope(with("/nodes/0/children/2", 70), Errc::kBadFormat, "a node that is not there: 70");
+  expect_no_envelope(with("/nodes/0/children/2", 1), Errc::kBadValue, "triangle 5: the face folds over");
+  expect_no_envelope(with("/nodes/0/children", {1, 2, 3, 4, 5}), Errc::kBadValue, "a hole");
+  expect_no_envelope(with("/nodes/0/translation", {0, 5, 0}), Errc::kBadValue, "the face of triangle");
+  expect_no_envelope(with("/nodes/0/translation", {0, 1e300, 0}), Errc::kBadFormat,
+                     "nodes[0]: its matrix, translation");
+  expect_no_envelope(with("/nodes/0/scale", {0, 1, 1}), Errc::kBadValue, "");
+  expect_no_envelope(with("/nodes/0/scale", {0, 0, 0}), Errc::kBadValue, "at the nodal point");
+  expect_no_envelope(with("/nodes/2/rotation", {0, 0, 0, 0}), Errc::kBadFormat, "nodes[2]: its rotation");
+  expect_no_envelope(with("/nodes/2/children", {0}), Errc::kBadFormat, "nested deeper");
+  expect_no_envelope(with("/nodes/2/children", 3), Errc::kBadFormat, "no lists");
+  expect_no_envelope(with("/scenes/0/nodes", Json::array()), Errc::kBadFormat, "no triangle");
+  expect_no_envelope(with("/meshes/0/primitives/0/mode", 5), Errc::kUnsupported, "meshes[0].primitives[0]: it is not");
+  expect_no_envelope(with("/meshes/0/primitives/0/attributes", {{"NORMAL", 0}}), Errc::kMissingField, "POSITION");
+  expect_no_envelope(with("/accessors/0/count", 7), Errc::kTruncated, "beyond its buffer");
+  expect_no_envelope(with("/accessors/0/count", 5), Errc::kBadFormat, "not three a triangle");
+  // Each node has two children that are the next one, so that the last would be there 2^40 times.
+  Json many = good;
+  for (int k = 0; k < 40; ++k) many["nodes"][static_cast<std::size_t>(k)] = {{"children", {k + 1, k + 1}}};
+  many["nodes"][40] = {{"mesh", 0}};
+  expect_no_envelope(many, Errc::kTooLarge, "4096 nodes and primitives");
 }
 
 void expect_refused(Bytes bytes, MeshFormat format, const std::string& says) {
