@@ -1,5 +1,8 @@
-// Heads that do not share one nodal point, in a room with people: the raymap against what the rig's nodal point sees.
-//   build/release/bin/bench_parallax [DIR]    a table; DIR gets the raymaps as PNG
+// Heads that do not share one nodal point, in a room with people: pictures for tests/bench/parallax to compare.
+//   build/release/bin/bench_parallax FOLDER
+// FOLDER gets the truth, which is what the rig's nodal point sees; for each distance of the heads from it their pictures
+// and the calibration; at infinity (-far) and at the fitted distance (-near) the raymaps of each blend, each head's own
+// picture on the raymap with its mask, and which head is best and which one placed seams show.
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -8,21 +11,23 @@
 #include <fstream>
 #include <string>
 
-#include "stitch/geometry/rotation.h"
+#include "stitch/geometry/head.h"
 #include "stitch/media/png_writer.h"
+#include "stitch/offline/best_blend.h"
+#include "stitch/offline/head_picture.h"
 #include "stitch/offline/offline_blend.h"
 #include "stitch/registration/registration.h"
+#include "stitch/seams/placement.h"
 #include "tests/support/rendered_rig.h"
 
 namespace nodal {
 namespace {
 
 constexpr int kWidth = 1024, kHeight = 512;
-constexpr double kNearSeams = 2;  // degrees
+constexpr int kSide = 480;
 
 struct Picture {
   std::vector<std::uint8_t> grey;
-  double at(int x, int y) const { return grey[static_cast<std::size_t>(y * kWidth + (x + kWidth) % kWidth)]; }
 };
 
 const geometry::RaymapLayout& layout() {
@@ -49,96 +54,113 @@ Picture truth_of(const hal::sim::ScenePtr& scene) {
   return truth;
 }
 
-/// Whether two heads' axes are about equally far from the ray.
-bool near_a_seam(const Calibration& rig, const Eigen::Vector3d& ray) {
-  Eigen::Vector3d best(0, 0, 0), second(0, 0, 0);
-  for (const HeadCalibration& head : rig.heads) {
-    const Eigen::Vector3d axis = geometry::matrix_of(head.R_head_rig).row(2).transpose();
-    if (axis.dot(ray) > best.dot(ray)) second = std::exchange(best, axis);
-    else if (axis.dot(ray) > second.dot(ray)) second = axis;
-  }
-  return std::abs(std::asin((best - second).normalized().dot(ray))) * 57.29578 < kNearSeams;
-}
-
-struct Score {
-  double all_db = 0, seam_db = 0;
-  double detail = 0;  ///< of the raymap's horizontal differences near the seams, relative to the truth's
-};
-
-Score score(const Picture& raymap, const Picture& truth, const Calibration& rig) {
-  double all = 0, all_weight = 0, seam = 0, seam_weight = 0, steps = 0, true_steps = 0;
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
-      const Eigen::Vector3d ray = layout().ray(x + 0.5, y + 0.5)->direction();
-      const double weight = std::hypot(ray.x(), ray.z());  // of the pixel's solid angle
-      const double off = std::pow(raymap.at(x, y) - truth.at(x, y), 2);
-      all += weight * off;
-      all_weight += weight;
-      if (!near_a_seam(rig, ray)) continue;
-      seam += weight * off;
-      seam_weight += weight;
-      steps += weight * std::pow(raymap.at(x + 1, y) - raymap.at(x, y), 2);
-      true_steps += weight * std::pow(truth.at(x + 1, y) - truth.at(x, y), 2);
-    }
-  }
-  const auto db = [](double square) { return 10 * std::log10(255.0 * 255.0 / square); };
-  return {db(all / all_weight), db(seam / seam_weight), std::sqrt(steps / true_steps)};
-}
-
-void save(const Picture& picture, const std::string& folder, const std::string& name) {
-  if (folder.empty()) return;
-  const auto png =
-      media::png_file({kWidth, kHeight, 1, 8, picture.grey}, {media::PngNotes::Numbers::kLinear, 0, name, {}, 6});
+void save_png(const media::PngPicture& picture, const std::string& folder, const std::string& name) {
+  const auto png = media::png_file(picture, {media::PngNotes::Numbers::kLinear, 0, name, {}, 6});
   if (!png) return;
   std::ofstream file(std::filesystem::path(folder) / (name + ".png"), std::ios::binary);
   file.write(reinterpret_cast<const char*>(png->data()), static_cast<std::streamsize>(png->size()));
 }
 
+void save(const Picture& picture, const std::string& folder, const std::string& name) {
+  save_png({kWidth, kHeight, 1, 8, picture.grey}, folder, name);
+}
+
+/// The best head of each ray, and the head that placed seams show there (255: none).
+struct Owners {
+  std::vector<std::uint8_t> best, placed;
+};
+
+/// Each head's own picture on the raymap, as layer-NAME-HEAD.png and its mask.
+Owners save_layers(const Calibration& rig, const std::vector<ImageView>& pictures, const seams::Labels& labels,
+                   bands::Grid map, const std::string& folder, const std::string& name) {
+  const bands::Grid grid{kWidth, kHeight};
+  const parallel::Workers workers(0);
+  const std::vector<geometry::Head> heads = geometry::make_heads(rig).value();
+  constexpr std::size_t kRays = std::size_t{kWidth} * kHeight;
+  Owners owners{std::vector<std::uint8_t>(kRays, 255), std::vector<std::uint8_t>(kRays, 255)};
+  std::vector<float> best(kRays);
+  std::vector<Picture> masks;
+  for (std::size_t h = 0; h < heads.size(); ++h) {
+    const offline::HeadView view(heads[h], PixelFormat::kGrey8, 1);
+    const bands::Layer seen = offline::HeadPicture(view, pictures[h]).on(grid, {0, 0, kWidth, kHeight}, workers);
+    Picture layer{std::vector<std::uint8_t>(kRays)}, mask = layer;
+    for (std::size_t k = 0; k < kRays; ++k) {
+      const float* at = seen.at(static_cast<int>(k % kWidth), static_cast<int>(k / kWidth));
+      if (!(at[1] > 0)) continue;
+      layer.grey[k] = static_cast<std::uint8_t>(std::lround(std::clamp(at[0], 0.0F, 255.0F)));
+      mask.grey[k] = 255;
+      if (at[1] > best[k]) owners.best[k] = static_cast<std::uint8_t>(h);
+      best[k] = std::max(best[k], at[1]);
+    }
+    save(layer, folder, "layer-" + name + "-" + std::to_string(h));
+    save(mask, folder, "mask-" + name + "-" + std::to_string(h));
+    masks.push_back(std::move(mask));
+  }
+  std::vector<seams::Share> shares;
+  for (std::size_t k = 0; k < kRays; ++k) {
+    const double u = static_cast<double>(k % kWidth) + 0.5, v = static_cast<double>(k / kWidth) + 0.5;
+    seams::shares_at(labels, map, u * map.width / kWidth, v * map.height / kHeight, shares);
+    const auto sees =
+        std::ranges::find_if(shares, [&](const seams::Share& share) { return masks[share.head].grey[k] > 0; });
+    owners.placed[k] = sees != shares.end() ? sees->head : owners.best[k];
+  }
+  return owners;
+}
+
+/// The raymaps of one calibration.
+bool save_raymaps(const Calibration& rig, const test::RenderedRig& seen, const std::string& folder,
+                  const std::string& name) {
+  const table::RaymapSpec spec{"equirectangular", kWidth, kHeight, PixelFormat::kGrey8};
+  const std::vector<std::pair<const char*, table::Transition>> blends{{"feather", table::Transition::kFeather},
+                                                                      {"seam", table::Transition::kSeam},
+                                                                      {"two-band", table::Transition::kTwoBand}};
+  for (const auto& [blend, transition] : blends) {
+    table::TableOptions options;
+    options.transition = transition;
+    options.cover = false;
+    const auto made = offline::OfflineBlend::make(rig, spec, options, PixelFormat::kGrey8, 0, {});
+    if (!made) return std::fprintf(stderr, "%s\n", made.error().text().c_str()), false;
+    save({made->blend(seen.frames()).value().bytes}, folder, std::string(blend) + "-" + name);
+  }
+  auto best = offline::BestBlend::make(rig, spec, 0);
+  if (!best) return std::fprintf(stderr, "%s\n", best.error().text().c_str()), false;
+  save({best->blend(seen.frames()).value().bytes}, folder, "best-" + name);
+  const Owners owners = save_layers(rig, seen.frames(), best->labels(), best->map(), folder, name);
+  save({owners.best}, folder, "owner-" + name);
+  save({owners.placed}, folder, "placed_owner-" + name);
+  return true;
+}
+
 int run(const std::string& folder) {
+  std::filesystem::create_directories(folder);
   const hal::sim::ScenePtr town = hal::sim::town_square_scene(3);
   test::Room room{test::Room::Shape::kBox, 4, {}};
   for (int k = 0; k < 8; ++k) {  // people at 1.5 m, every second one on a seam
     const double yaw = k * 0.785398;
     room.columns.push_back({1.5 * std::sin(yaw), 1.5 * std::cos(yaw), 0.25});
   }
-  const Picture truth = truth_of(test::what_a_rig_sees(room, {}, town));
-  save(truth, folder, "truth");
-  const Calibration one_point = test::six_fisheyes(480);
-  std::printf("%-6s %-9s %-10s %9s %9s %8s\n", "off", "blend", "distance", "all dB", "seams dB", "detail");
+  save(truth_of(test::what_a_rig_sees(room, {}, town)), folder, "truth");
+  const Calibration one_point = test::six_fisheyes(kSide);
   for (const double off : {0.0, 0.03, 0.1, 0.3}) {
     const Calibration rig = test::spread_out(one_point, off);
     const test::RenderedRig seen = test::render_rig_in(room, rig, town, {PixelFormat::kGrey8, 1.0, 5, 3});
+    char name[32];
+    std::snprintf(name, sizeof name, "%.2f", off);
+    for (std::size_t h = 0; h < rig.heads.size(); ++h) {
+      save_png({kSide, kSide, 1, 8, seen.bytes[h]}, folder, rig.heads[h].name + "-" + name);
+    }
+    std::ofstream(std::filesystem::path(folder) / ("rig-" + std::string(name) + ".json")) << to_json(rig);
+    if (!save_raymaps(rig, seen, folder, name + std::string("-far"))) return 1;
+    if (off == 0) continue;
     registration::Options sought;
     sought.distance = true;
+    const auto found = registration::register_heads(rig, {seen.frames()}, sought);
     Calibration fitted = rig;
-    if (off > 0) {
-      const auto found = registration::register_heads(rig, {seen.frames()}, sought);
-      // At 0.3 m nothing but a wall agrees at any one distance: the middle of the room is given.
-      fitted.distance = found ? found->calibration.distance : 3;
-      if (!found) std::printf("%.2f m: not registered, 3 m are given\n", off);
-    }
-    const std::vector<std::pair<const char*, table::Transition>> blends{{"feather", table::Transition::kFeather},
-                                                                        {"seam", table::Transition::kSeam},
-                                                                        {"two-band", table::Transition::kTwoBand}};
-    for (const auto& [name, transition] : blends) {
-      for (const Calibration* calibration : {&rig, static_cast<const Calibration*>(&fitted)}) {
-        if (calibration == &fitted && fitted.distance == 0) continue;
-        table::TableOptions options;
-        options.transition = transition;
-        options.cover = false;
-        const table::RaymapSpec spec{"equirectangular", kWidth, kHeight, PixelFormat::kGrey8};
-        const auto blend = offline::OfflineBlend::make(*calibration, spec, options, PixelFormat::kGrey8, 0, {});
-        if (!blend) return std::printf("%s\n", blend.error().text().c_str()), 1;
-        const Picture raymap{blend->blend(seen.frames()).value().bytes};
-        const Score got = score(raymap, truth, rig);
-        char distance[16] = "infinity";
-        if (calibration->distance > 0) std::snprintf(distance, sizeof distance, "%.2f m", calibration->distance);
-        std::printf("%.2f m %-9s %-10s %9.2f %9.2f %8.3f\n", off, name, distance, got.all_db, got.seam_db, got.detail);
-        char file[64];
-        std::snprintf(file, sizeof file, "%s-%.2f-%s", name, off, calibration->distance > 0 ? "near" : "far");
-        save(raymap, folder, file);
-      }
-    }
+    // At 0.3 m nothing but a wall agrees at any one distance: the middle of the room is given.
+    fitted.distance = found && found->calibration.distance > 0 ? found->calibration.distance : 3;
+    std::printf("%s m: %s %.2f m\n", name, found ? "the fitted distance is" : "not registered; given are",
+                fitted.distance);
+    if (!save_raymaps(fitted, seen, folder, name + std::string("-near"))) return 1;
   }
   return 0;
 }
@@ -146,4 +168,8 @@ int run(const std::string& folder) {
 }  // namespace
 }  // namespace nodal
 
-int main(int argc, char** argv) { return nodal::run(argc > 1 ? argv[1] : ""); }
+int main(int argc, char** argv) {
+  if (argc == 2) return nodal::run(argv[1]);
+  std::fprintf(stderr, "usage: bench_parallax FOLDER\n");
+  return 2;
+}
