@@ -380,6 +380,17 @@ Result<std::uint64_t> SimDisk::total_bytes() {
   return capacity_;
 }
 
+std::size_t SimDisk::memory() const {
+  std::set<const Inode*> all;  // removed files, too, while a power failure could bring them back
+  for (const Tree* tree : {&tree_, &lasting_})
+    for (const auto& [name, inode] : *tree) all.insert(inode.get());
+  for (const Change& change : unsynced_)
+    for (const auto& [name, inode] : change.entries) all.insert(inode.get());
+  std::size_t sum = 0;
+  for (const Inode* inode : all) sum += inode ? inode->bytes.capacity() : 0;
+  return sum;
+}
+
 std::uint64_t SimDisk::used() const {
   std::uint64_t sum = 0;
   for (const auto& [name, inode] : tree_) sum += inode->bytes.size();

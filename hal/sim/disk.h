@@ -55,8 +55,8 @@ class SimDisk final : public DiskPort {
   /// later operations fail with kIo.
   void die_at(std::uint64_t operation) { die_at_ = operation; }
   bool dead() const { return dead_; }
-  /// Of all files, as the program sees them.
-  std::uint64_t held_bytes() const { return used(); }
+  /// Of this process's memory, for the files' bytes.
+  std::size_t memory() const;
   /// The disk after the power loss; `seed` selects one of the possible states.
   std::unique_ptr<SimDisk> after_power_loss(std::uint64_t seed) const;
   /// The disk after only the program was killed: all its writes are present.

@@ -26,7 +26,7 @@ int minutes() {
 /// Without what the disk holds, which is memory here.
 std::size_t heap_bytes(const hal::sim::SimDisk& disk) {
   const struct mallinfo2 now = mallinfo2();
-  return now.uordblks + now.hblkhd - disk.held_bytes();
+  return now.uordblks + now.hblkhd - disk.memory();
 }
 
 TEST(TakeLoop, ARigThatFilmsForLong_LosesNothingKeepsMarksAndNeedsNoMoreDiskOrMemory) {
