@@ -53,28 +53,53 @@ std::vector<solve::Bound> bounds_of(const Parameters& parameters, const std::vec
   return bounds;
 }
 
-/// The objective for the descent: nothing where a lens is not monotonic over its region.
-using Evaluation = std::optional<Normal>;
-using Heads = std::vector<HeadState>;
-using Trial = solve::Trial<Heads, Evaluation>;
+/// The heads, and by how much their free parameters differ from the start of the descent.
+struct State {
+  std::vector<HeadState> heads;
+  Eigen::VectorXd change;
+};
+/// The sums with what soft priors add to them.
+struct Evaluated {
+  Normal normal;
+  Eigen::VectorXd prior_gradient;
+  double prior_cost = 0;
+};
+/// Nothing where a lens is not monotonic over its region.
+using Evaluation = std::optional<Evaluated>;
+using Trial = solve::Trial<State, Evaluation>;
 
 class LevelProblem {
  public:
-  LevelProblem(Objective& objective, const Parameters& parameters, const Sought& sought, const DescentOptions& options)
-      : objective_(objective), parameters_(parameters), sought_(sought), options_(options) {}
+  LevelProblem(Objective& objective, const Parameters& parameters, const std::vector<HeadState>& start,
+               const Sought& sought, const DescentOptions& options)
+      : objective_(objective),
+        parameters_(parameters),
+        sought_(sought),
+        options_(options),
+        weights_(options.lens_noise * parameters.lens_weights(start)) {}
 
-  Evaluation evaluate(const Heads& heads) {
-    Result<Normal> normal = objective_.evaluate(heads, sought_, true);
-    return normal ? Evaluation(std::move(*normal)) : std::nullopt;
+  Evaluated with_priors(Normal normal, const State& state) const {
+    Eigen::VectorXd gradient = weights_ * state.change;
+    const double cost = state.change.dot(gradient);
+    return {std::move(normal), std::move(gradient), cost};
   }
-  double cost(const Evaluation& at) const { return at ? at->objective() : solve::kImpossible; }
-  Eigen::VectorXd step(const Heads& heads, const Evaluation& at, double damping) const {
-    return step_to_minimum(parameters_, heads, *at, options_.curvature, damping);
+  Evaluation evaluate(const State& state) {
+    Result<Normal> normal = objective_.evaluate(state.heads, sought_, true);
+    return normal ? Evaluation(with_priors(std::move(*normal), state)) : std::nullopt;
+  }
+  double cost(const Evaluation& at) const {
+    return at ? at->normal.objective() + at->prior_cost / at->normal.measure : solve::kImpossible;
+  }
+  Eigen::VectorXd step(const State& state, const Evaluation& at, double damping) const {
+    return step_to_minimum(parameters_, state.heads, parameters_.hessian(at->normal, options_.curvature) + weights_,
+                           gradient(at), damping);
   }
   double promised(const Evaluation& at, const Eigen::VectorXd& step) const {
-    return -step.dot(parameters_.gradient(*at)) / at->cost;
+    return -step.dot(gradient(at)) / (at->normal.cost + at->prior_cost);
   }
-  Heads moved(const Heads& heads, const Eigen::VectorXd& step) const { return parameters_.moved(heads, step); }
+  State moved(const State& state, const Eigen::VectorXd& step) const {
+    return {parameters_.moved(state.heads, step), state.change + step};
+  }
 
   bool accepts(const Trial& trial) {
     if (!refused_) promised_ = trial.promised;
@@ -94,16 +119,19 @@ class LevelProblem {
     const double turn = parameters_.largest_turn(trial.step);
     const bool still = sought_.rotation && turn < options_.turn_rad;
     if (!accepted) return still || promised_ < kGrain;
-    if (options_.accepted) options_.accepted(tried_, cost(trial.there), turn);
+    if (options_.accepted) options_.accepted(tried_, trial.there->normal.objective(), turn);
     const double share = 1 - cost(trial.there) / cost(trial.here);
     return still || (options_.curvature == Curvature::kOwn && share < options_.gain);
   }
 
  private:
+  Eigen::VectorXd gradient(const Evaluation& at) const { return parameters_.gradient(at->normal) + at->prior_gradient; }
+
   Objective& objective_;
   const Parameters& parameters_;
   const Sought& sought_;
   const DescentOptions& options_;
+  const Eigen::MatrixXd weights_;  // of soft priors
   int tried_ = 0;
   bool refused_ = false;  // the latest step
   double promised_ = 0;   // the decrease that the first step from the best heads predicted
@@ -115,10 +143,9 @@ Eigen::VectorXd solve_symmetric(const Eigen::MatrixXd& H, const Eigen::VectorXd&
   return solve::solve_symmetric(H, g, {}, {.least_pivot = kLeastPivot});
 }
 
-Eigen::VectorXd step_to_minimum(const Parameters& parameters, const std::vector<HeadState>& heads, const Normal& normal,
-                                Curvature curvature, double damping) {
-  return solve::solve_bounded(parameters.hessian(normal, curvature), -parameters.gradient(normal),
-                              bounds_of(parameters, heads), {.damping = damping, .least_pivot = kLeastPivot});
+Eigen::VectorXd step_to_minimum(const Parameters& parameters, const std::vector<HeadState>& heads,
+                                const Eigen::MatrixXd& H, const Eigen::VectorXd& g, double damping) {
+  return solve::solve_bounded(H, -g, bounds_of(parameters, heads), {.damping = damping, .least_pivot = kLeastPivot});
 }
 
 Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, const Sought& sought, const Held& held,
@@ -127,9 +154,11 @@ Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, co
   Result<Normal> start = objective.evaluate(heads, sought, true);
   if (!start) return fail(start.error());
   if (options.accepted) options.accepted(0, start->objective(), 0);
-  LevelProblem problem(objective, parameters, sought, options);
+  LevelProblem problem(objective, parameters, heads, sought, options);
+  State first{std::move(heads), Eigen::VectorXd::Zero(parameters.free_count())};
+  Evaluation at = problem.with_priors(std::move(*start), first);
   constexpr double kNever = -std::numeric_limits<double>::infinity();
-  auto end = solve::descend_from(std::move(heads), Evaluation(std::move(*start)), problem,
+  auto end = solve::descend_from(std::move(first), std::move(at), problem,
                                  {.most_steps = options.most_iterations,
                                   .most_refusals = sought.rotation ? kMostRefusals : kMostRefusalsOfLight,
                                   .enough = kNever,  // ends() ends the descent
@@ -137,7 +166,7 @@ Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, co
                                   .first_damping = kFirstDamping,
                                   .least_damping = kLeastDamping,
                                   .most_damping = solve::kImpossible});
-  return Descended{std::move(end.state), std::move(*end.at), end.tried};
+  return Descended{std::move(end.state.heads), std::move(end.at->normal), end.tried};
 }
 
 }  // namespace nodal::registration

@@ -14,6 +14,9 @@ struct DescentOptions {
   int most_iterations = 25;
   double turn_rad = 3e-6;  ///< the descent ends with a step that turns every head by less than this,
   double gain = 2e-6;      ///< or that lowers the objective by a smaller fraction than this
+  /// With it, changes of lenses since the start of the descent have soft priors (Parameters::lens_weights): the part of
+  /// the objective's sum that noise alone adds for one independent sample. 0: none.
+  double lens_noise = 0;
   /// After every accepted step (and before the first, as iteration 0): the objective and the largest turn, rad.
   std::function<void(int iteration, double objective, double turn)> accepted;
 };
@@ -27,10 +30,10 @@ struct Descended {
 /// Solves a symmetric system of the objective's sums. Pivots below the rounding error of these sums count as zero.
 Eigen::VectorXd solve_symmetric(const Eigen::MatrixXd& H, const Eigen::VectorXd& g);
 
-/// The step to the minimum of the quadratic model, with plausible fall-offs only; `damping` is relative to each
-/// curvature.
-Eigen::VectorXd step_to_minimum(const Parameters& parameters, const std::vector<HeadState>& heads, const Normal& normal,
-                                Curvature curvature, double damping);
+/// The step to the minimum of a quadratic model with this matrix and gradient, with plausible fall-offs only; `damping` is
+/// relative to each curvature.
+Eigen::VectorXd step_to_minimum(const Parameters& parameters, const std::vector<HeadState>& heads,
+                                const Eigen::MatrixXd& H, const Eigen::VectorXd& g, double damping);
 
 /// Returns the best heads that were found. Errors: those of evaluating the start.
 Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, const Sought& sought, const Held& held,

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <optional>
 
 #include "stitch/registration/head_sight.h"
 
@@ -13,6 +12,16 @@ namespace {
 
 // The number of chunks depends on the number of tiles only, so the order of additions does not depend on the threads.
 int chunk_count(std::size_t tiles) { return static_cast<int>(std::clamp<std::size_t>(tiles / 32, 1, 16)); }
+
+/// The faces of a cube around the sphere, each cut into 4 x 4.
+std::size_t part_of(const Tile& tile) {
+  const Eigen::Map<const Eigen::Vector3f> axis(tile.axis);
+  Eigen::Index longest = 0;
+  const float length = axis.cwiseAbs().maxCoeff(&longest);
+  const auto cell = [&](Eigen::Index k) { return std::clamp(static_cast<int>(2 * (axis[k % 3] / length + 1)), 0, 3); };
+  const auto face = static_cast<int>(2 * longest) + (axis[longest] > 0 ? 1 : 0);
+  return static_cast<std::size_t>(16 * face + 4 * cell(longest + 1) + cell(longest + 2));
+}
 
 struct Workspace {
   std::vector<TileHead> heads;
@@ -87,14 +96,15 @@ void Normal::add(const Normal& other) {
 
 Objective::Objective(const std::vector<Tile>& tiles, std::vector<std::vector<PlaneRef>> planes, double level_scale,
                      double margin_px, ObjectiveSettings settings, const parallel::Workers& workers)
-    : tiles_(tiles),
-      planes_(std::move(planes)),
+    : planes_(std::move(planes)),
       level_scale_(level_scale),
       margin_px_(margin_px),
       settings_(settings),
       workers_(workers),
       used_(planes_.size(), true),
       tables_(planes_.size()) {
+  tiles_.reserve(tiles.size());
+  for (const Tile& tile : tiles) tiles_.push_back(&tile);
   for (std::size_t p = 0; p < planes_.front().size(); ++p) {
     channels_.push_back(static_cast<int>(p) % settings_.channels);
   }
@@ -110,7 +120,8 @@ Status Objective::tabulate(const HeadState& head, bool derivatives, KeptTable& k
   return {};
 }
 
-Result<Normal> Objective::evaluate(const std::vector<HeadState>& heads, const Sought& sought, bool derivatives) {
+Result<Objective::Sights> Objective::sights_of(const std::vector<HeadState>& heads, const Sought& sought,
+                                               bool derivatives) {
   std::vector<Status> made(heads.size());
   workers_.run(static_cast<int>(heads.size()), [&](int h) {
     const auto i = static_cast<std::size_t>(h);
@@ -119,40 +130,54 @@ Result<Normal> Objective::evaluate(const std::vector<HeadState>& heads, const So
   for (const Status& each : made) {
     if (!each) return fail(each.error());
   }
-  std::vector<HeadSight> sights;
-  std::vector<Slots> slots;
-  int K = 0;
+  Sights sights;
   for (std::size_t h = 0; h < heads.size(); ++h) {
     const KeptTable& kept = tables_[h];
-    sights.push_back(sight_of(heads[h], kept.table, kept.angle, planes_[h], level_scale_, margin_px_));
-    sights.back().channels = channels_;
-    slots.push_back(slots_of(sought, radial_count(heads[h].lens)));
-    K = std::max(K, slots.back().count);
+    sights.heads.push_back(sight_of(heads[h], kept.table, kept.angle, planes_[h], level_scale_, margin_px_));
+    sights.heads.back().channels = channels_;
+    sights.slots.push_back(slots_of(sought, radial_count(heads[h].lens)));
+    sights.stride = std::max(sights.stride, sights.slots.back().count);
   }
+  return sights;
+}
+
+Result<Normal> Objective::evaluate(const std::vector<HeadState>& heads, const Sought& sought, bool derivatives) {
+  const Result<Sights> sights = sights_of(heads, sought, derivatives);
+  if (!sights) return fail(sights.error());
   const int chunks = chunk_count(tiles_.size());
-  std::vector<Normal> sums(static_cast<std::size_t>(chunks), Normal(static_cast<int>(heads.size()), K));
+  std::vector<Normal> sums(static_cast<std::size_t>(chunks), Normal(static_cast<int>(heads.size()), sights->stride));
+  const std::span<const Tile* const> tiles(tiles_);
   workers_.run(chunks, [&](int c) {
     const auto i = static_cast<std::size_t>(c), n = static_cast<std::size_t>(chunks);
-    sum_tiles(sights, slots, tiles_.size() * i / n, tiles_.size() * (i + 1) / n, derivatives, sums[i]);
+    const std::size_t first = tiles.size() * i / n, last = tiles.size() * (i + 1) / n;
+    sum_tiles(*sights, tiles.subspan(first, last - first), derivatives, sums[i]);
   });
-  std::vector<std::vector<double>> part_gradients;
-  if (derivatives) {
-    for (const Normal& part : sums) part_gradients.push_back(part.gradient);
-  }
   for (std::size_t c = 1; c < sums.size(); ++c) sums[0].add(sums[c]);
-  sums[0].part_gradients = std::move(part_gradients);
   return std::move(sums[0]);
 }
 
-void Objective::sum_tiles(const std::vector<HeadSight>& sights, const std::vector<Slots>& slots, std::size_t first,
-                          std::size_t last, bool derivatives, Normal& sums) const {
+Result<std::vector<Normal>> Objective::evaluate_parts(const std::vector<HeadState>& heads, const Sought& sought) {
+  const Result<Sights> sights = sights_of(heads, sought, true);
+  if (!sights) return fail(sights.error());
+  std::vector<std::vector<const Tile*>> tiles(kParts);
+  for (const Tile* tile : tiles_) tiles[part_of(*tile)].push_back(tile);
+  std::vector<Normal> parts(kParts, Normal(static_cast<int>(heads.size()), sights->stride));
+  workers_.run(kParts, [&](int p) {
+    const auto i = static_cast<std::size_t>(p);
+    sum_tiles(*sights, tiles[i], true, parts[i]);
+  });
+  return parts;
+}
+
+void Objective::sum_tiles(const Sights& all, std::span<const Tile* const> tiles, bool derivatives, Normal& sums) const {
+  const std::vector<HeadSight>& sights = all.heads;
   Workspace work;
   work.heads.resize(sights.size());
   std::vector<TileHead*> seen;
   std::vector<std::size_t> near;
   const std::size_t planes = sights.front().planes.size();
-  for (std::size_t k = first; k < last; ++k) {
-    const Tile& tile = tiles_[k];
+  for (const Tile* const next : tiles) {
+    const Tile& tile = *next;
     near.clear();
     for (std::size_t h = 0; h < sights.size(); ++h) {
       if (used_[h] && may_see(sights[h], tile)) near.push_back(h);
@@ -178,7 +203,7 @@ void Objective::sum_tiles(const std::vector<HeadSight>& sights, const std::vecto
         }
       }
       if (derivatives) {
-        add_derivatives(seen, sights, slots, sights.front().channels[p], work, sums);
+        add_derivatives(seen, sights, all.slots, sights.front().channels[p], work, sums);
       }
     }
   }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <span>
 #include <vector>
 
 #include "protocol/base/result.h"
@@ -34,8 +35,6 @@ struct Normal {
   std::vector<double> common;  ///< [head][slot][slot]: a head with itself, with one gradient taken from the other heads
   std::vector<PairSums> pairs;  ///< [pair a <= b]
   std::vector<double> shared;   ///< [head] solid angle that it shares, times the number of planes, sr
-  /// The gradient of each of the parts of the sphere that evaluate() sums over, one below the other.
-  std::vector<std::vector<double>> part_gradients;
 
   Normal(int heads, int slots);
   /// Mean squared difference, levels squared; infinite if nothing is shared.
@@ -50,6 +49,9 @@ struct Normal {
   Eigen::Map<const Eigen::VectorXd> gradient_of(int head) const;
   void add(const Normal& other);
 };
+
+/// Parts of the sphere for evaluate_parts(), about 22 degrees wide.
+inline constexpr int kParts = 96;
 
 /// One level of the problem. Refers to pictures and tiles; both must outlive it.
 ///
@@ -66,8 +68,17 @@ class Objective {
 
   /// Errors: kLensDomain if a state's lens is not monotonic over its region.
   Result<Normal> evaluate(const std::vector<HeadState>& heads, const Sought& sought, bool derivatives);
+  /// The sums of each part of the sphere by itself, with derivatives; together they are evaluate()'s.
+  Result<std::vector<Normal>> evaluate_parts(const std::vector<HeadState>& heads, const Sought& sought);
 
  private:
+  /// The heads as the kernel reads them.
+  struct Sights {
+    std::vector<HeadSight> heads;
+    std::vector<Slots> slots;
+    int stride = 0;  ///< the largest number of slots
+  };
+  Result<Sights> sights_of(const std::vector<HeadState>& heads, const Sought& sought, bool derivatives);
   /// A lens's table, cached until the lens changes.
   struct KeptTable {
     LensModel lens;
@@ -76,10 +87,9 @@ class Objective {
     RadialTable table;
   };
   Status tabulate(const HeadState& head, bool derivatives, KeptTable& kept) const;
-  void sum_tiles(const std::vector<HeadSight>& sights, const std::vector<Slots>& slots, std::size_t first,
-                 std::size_t last, bool derivatives, Normal& sums) const;
+  void sum_tiles(const Sights& sights, std::span<const Tile* const> tiles, bool derivatives, Normal& sums) const;
 
-  const std::vector<Tile>& tiles_;
+  std::vector<const Tile*> tiles_;
   std::vector<std::vector<PlaneRef>> planes_;
   double level_scale_;
   double margin_px_;

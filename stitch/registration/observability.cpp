@@ -99,48 +99,4 @@ Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyram
   return detail;
 }
 
-// Fewer parts of the sphere say too little about how far their gradients spread.
-constexpr Eigen::Index kLeastParts = 8;
-
-Certainty certainty_of(const Normal& normal, const Parameters& parameters, double pixels_a_sample,
-                       const Eigen::MatrixXd& gauge) {
-  const Eigen::Index n = parameters.free_count();
-  // Where the common curvature is not positive it gives no estimate; the own curvature then gives a bound.
-  Eigen::MatrixXd H = parameters.hessian(normal, Curvature::kCommon);
-  if (n > 0 && Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(H).eigenvalues().minCoeff() <= 0) {
-    H = parameters.hessian(normal, Curvature::kOwn);
-  }
-  Eigen::MatrixXd inverse(n, n);
-  for (Eigen::Index k = 0; k < n; ++k) inverse.col(k) = solve_symmetric(H, Eigen::VectorXd::Unit(n, k));
-  std::vector<Eigen::MatrixXd> estimates{inverse * (normal.objective() * pixels_a_sample)};
-  const Eigen::MatrixXd parts = parameters.part_gradients(normal);
-  if (parts.cols() >= kLeastParts) {
-    const double unbiased = static_cast<double>(parts.cols()) / static_cast<double>(parts.cols() - 1);
-    estimates.emplace_back(inverse * (unbiased * parts * parts.transpose()) * inverse.transpose());
-  }
-  const std::size_t heads = parameters.slots().size();
-  Certainty certainty{std::vector<double>(heads), std::vector<double>(heads), 0};
-  for (const Eigen::MatrixXd& covariance : estimates) {
-    Eigen::MatrixXd all = parameters.basis() * covariance * parameters.basis().transpose();
-    if (const int slot = parameters.slots().front().nearness; slot >= 0) {
-      certainty.nearness = std::max(certainty.nearness, std::sqrt(std::max(0.0, all(slot, slot))));
-    }
-    if (gauge.size() > 0) all = gauge * all * gauge.transpose();
-    for (std::size_t h = 0; h < heads; ++h) {
-      const Slots& slots = parameters.slots()[h];
-      const auto row = static_cast<Eigen::Index>(h) * parameters.stride();
-      if (slots.rotation >= 0) {
-        const Eigen::Matrix3d block = all.block<3, 3>(row + slots.rotation, row + slots.rotation);
-        const double worst = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(block).eigenvalues().maxCoeff();
-        certainty.rotation_rad[h] = std::max(certainty.rotation_rad[h], std::sqrt(std::max(0.0, worst)));
-      }
-      if (slots.focal >= 0) {
-        const double focal = all(row + slots.focal, row + slots.focal);
-        certainty.log_focal[h] = std::max(certainty.log_focal[h], std::sqrt(std::max(0.0, focal)));
-      }
-    }
-  }
-  return certainty;
-}
-
 }  // namespace nodal::registration

@@ -37,16 +37,4 @@ std::vector<double> fall_off_seen(const std::vector<HeadState>& heads);
 /// A head with a smaller rms than this has no detail, levels.
 inline constexpr double kDullRms = 0.5;
 
-/// Standard deviations of the estimated parameters: the larger of two estimates. One is that of independent differences,
-/// as noise makes them. The other, the sandwich estimator, comes from how strongly the parts of the sphere pull in
-/// different directions at the result: also what noise does not explain (parallax, wrong lenses, moving objects) counts.
-struct Certainty {
-  std::vector<double> rotation_rad;  ///< about the worst axis, relative to the gauge
-  std::vector<double> log_focal;     ///< 0 if not estimated
-  double nearness = 0;               ///< 1/m; 0 if not estimated
-};
-/// `gauge`: the gauge's effect on small changes of the heads' parameters (gauge.h); empty if the parameters contain it.
-Certainty certainty_of(const Normal& normal, const Parameters& parameters, double pixels_a_sample,
-                       const Eigen::MatrixXd& gauge);
-
 }  // namespace nodal::registration

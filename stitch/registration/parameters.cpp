@@ -1,9 +1,13 @@
 #include "stitch/registration/parameters.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace nodal::registration {
 namespace {
+
+// Soft priors of lenses: of focal lengths, relative; of centres and radial terms, relative to the radius of the edge.
+constexpr double kLensSigma = 0.005;
 
 // Collects the columns of B: each is a list of (row, factor).
 class Basis {
@@ -112,17 +116,42 @@ Parameters::Parameters(const std::vector<HeadState>& heads, const Sought& sought
   basis_ = basis.matrix();
 }
 
-Eigen::VectorXd Parameters::gradient(const Normal& normal) const {
-  return basis_.transpose() * Eigen::Map<const Eigen::VectorXd>(normal.gradient.data(), basis_.rows());
+std::vector<bool> Parameters::part_of(const Sought& sought) const {
+  std::vector<bool> part(static_cast<std::size_t>(basis_.cols()), true);
+  for (std::size_t h = 0; h < slots_.size(); ++h) {
+    const Slots& slots = slots_[h];
+    const auto leave_out = [&](int first, int count) {
+      for (int k = 0; k < count && first >= 0; ++k) {
+        const auto row = basis_.row(static_cast<Eigen::Index>(h) * stride_ + first + k);
+        for (Eigen::Index column = 0; column < row.size(); ++column) {
+          if (row[column] != 0) part[static_cast<std::size_t>(column)] = false;
+        }
+      }
+    };
+    if (!sought.focal && !sought.lens) leave_out(slots.focal, 1);
+    if (!sought.lens) {
+      leave_out(slots.center, 2);
+      leave_out(slots.radial, slots.radials);
+    }
+    if (!sought.nearness) leave_out(slots.nearness, 1);
+  }
+  return part;
 }
 
-Eigen::MatrixXd Parameters::part_gradients(const Normal& normal) const {
-  Eigen::MatrixXd parts(basis_.cols(), static_cast<Eigen::Index>(normal.part_gradients.size()));
-  for (Eigen::Index p = 0; p < parts.cols(); ++p) {
-    const std::vector<double>& part = normal.part_gradients[static_cast<std::size_t>(p)];
-    parts.col(p) = basis_.transpose() * Eigen::Map<const Eigen::VectorXd>(part.data(), basis_.rows());
+Eigen::MatrixXd Parameters::lens_weights(const std::vector<HeadState>& heads) const {
+  Eigen::VectorXd weights = Eigen::VectorXd::Zero(basis_.rows());
+  for (std::size_t h = 0; h < heads.size(); ++h) {
+    const Eigen::Index row = static_cast<Eigen::Index>(h) * stride_;
+    const double px = 1 / std::pow(kLensSigma * heads[h].edge_radius, 2);
+    if (slots_[h].focal >= 0) weights[row + slots_[h].focal] = 1 / (kLensSigma * kLensSigma);
+    if (slots_[h].center >= 0) weights.segment<2>(row + slots_[h].center).setConstant(px);
+    if (slots_[h].radial >= 0) weights.segment(row + slots_[h].radial, slots_[h].radials).setConstant(px);
   }
-  return parts;
+  return basis_.transpose() * weights.asDiagonal() * basis_;
+}
+
+Eigen::VectorXd Parameters::gradient(const Normal& normal) const {
+  return basis_.transpose() * Eigen::Map<const Eigen::VectorXd>(normal.gradient.data(), basis_.rows());
 }
 
 Eigen::MatrixXd Parameters::hessian(const Normal& normal, Curvature curvature) const {

@@ -34,9 +34,14 @@ class Parameters {
   const Eigen::MatrixXd& basis() const { return basis_; }
   int stride() const { return stride_; }
 
+  /// Which free parameters remain if only `sought` is estimated, which must be part of what is estimated here.
+  std::vector<bool> part_of(const Sought& sought) const;
+
+  /// Soft priors, half a percent of focal lengths and of the edge's radius: the inverse variances of changes of lenses, as
+  /// a matrix of the free parameters. They matter only where the pictures say little, or contradict each other.
+  Eigen::MatrixXd lens_weights(const std::vector<HeadState>& heads) const;
+
   Eigen::VectorXd gradient(const Normal& normal) const;
-  /// The gradients of Normal::part_gradients, one per column.
-  Eigen::MatrixXd part_gradients(const Normal& normal) const;
   Eigen::MatrixXd hessian(const Normal& normal, Curvature curvature) const;
   std::vector<HeadState> moved(const std::vector<HeadState>& heads, const Eigen::VectorXd& free_step) const;
   /// The largest turn of a head in a step, rad.

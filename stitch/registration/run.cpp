@@ -7,9 +7,9 @@
 #include <numbers>
 
 #include "protocol/base/angles.h"
+#include "stitch/registration/certainty.h"
 #include "stitch/registration/check_frames.h"
 #include "stitch/registration/gauge.h"
-#include "stitch/registration/lens_misfit.h"
 #include "stitch/registration/prepare.h"
 #include "stitch/registration/search.h"
 
@@ -126,17 +126,17 @@ Status Run::descend_level(const LevelPlan& plan) {
     work_done_ += static_cast<double>(plan.width) * plan.width;
     return {};
   }
-  objective.set_huber(static_cast<float>(huber_share_ * std::sqrt(start->objective())));
+  huber_ = static_cast<float>(huber_share_ * std::sqrt(start->objective()));
+  objective.set_huber(huber_);
   DescentOptions descent;
   descent.curvature = plan.curvature;
   descent.most_iterations = plan.most_iterations;
   descent.turn_rad = plan.turn_rad;
+  if (!lenses_far_off()) descent.lens_noise = start->objective() * (*level)->pixels_a_sample();
   descent.accepted = [&](int iteration, double value, double turn) { tell(plan, iteration, value, turn); };
   Result<Descended> found = descend(objective, heads_, sought, held(plan), descent);
   if (!found) return fail(found.error());
   heads_ = std::move(found->heads);
-  last_ = std::move(found->normal);
-  last_pixels_a_sample_ = (*level)->pixels_a_sample();
   work_done_ += static_cast<double>(plan.width) * plan.width;
   return {};
 }
@@ -251,26 +251,17 @@ Status Run::light_unplaced_heads() {
 
 // Fixed lenses must fit the pictures: wrong ones are compensated by wrong rotations. Near things look like wrong lenses, so
 // they are looked for first.
-Status Run::check_lenses(Objective& objective) {
+Status Run::check_lenses(const Certainty& certainty) {
   if (options_.free == Free::kLens || !options_.geometry) return {};
-  const Sought sought = sought_of(plans_.back());
-  if (!options_.distance) {
-    const Result<Parallax> parallax = parallax_in(objective, heads_, sought, held(plans_.back()));
-    if (!parallax) return fail(parallax.error());
-    if (parallax->share > kParallax && parallax->nearness > 0) {
-      report_.warnings.push_back(near_things(1 / parallax->nearness, prior_.distance));
-      return {};
-    }
+  if (!options_.distance && certainty.by_distance > kParallax && certainty.distance_nearness > 0) {
+    report_.warnings.push_back(near_things(1 / certainty.distance_nearness, prior_.distance));
+    return {};
   }
-  const Result<double> by_lens = promised_by(objective, heads_, sought, held(plans_.back()), Free::kLens);
-  if (!by_lens) return fail(by_lens.error());
-  if (*by_lens < kLensMisfit) return {};
-  const Result<double> by_focals = promised_by(objective, heads_, sought, held(plans_.back()), Free::kFocals);
-  if (!by_focals) return fail(by_focals.error());
-  const bool focals = options_.free == Free::kRotations && *by_focals > 0.7 * *by_lens;
+  if (certainty.by_lenses < kLensMisfit) return {};
+  const bool focals = options_.free == Free::kRotations && certainty.by_focals > 0.7 * certainty.by_lenses;
   focals_doubtful_ = options_.free == Free::kRotations;
   if (loose_heads_ > 0) return fail(Errc::kHeadMismatch, wrong_lenses(focals));
-  report_.warnings.push_back(lens_misfit(focals, *by_lens));
+  report_.warnings.push_back(lens_misfit(focals, certainty.by_lenses));
   return {};
 }
 
@@ -292,12 +283,14 @@ Result<Report> Run::report() {
   if (!detail) return fail(detail.error());
   report_.objective_before = before->objective();
   report_.objective_after = after->objective();
-  const Parameters parameters(heads_, sought_of(finest), held(plans_.back()));
-  Eigen::MatrixXd gauge;
-  if (options_.gauge != Gauge::kFirstHead) gauge = mean_taken_out(heads_, used(), parameters);
-  const Certainty certainty = certainty_of(*last_, parameters, last_pixels_a_sample_, gauge);
   (*level)->objective().set_used(used());
-  if (Status fit = check_lenses((*level)->objective()); !fit) return fail(fit.error());
+  (*level)->objective().set_huber(huber_);
+  const Result<Certainty> sure =
+      certainty_of((*level)->objective(), heads_, sought_of(finest), held(finest), (*level)->pixels_a_sample(),
+                   options_.gauge == Gauge::kFirstHead ? std::vector<bool>() : used(), workers_);
+  if (!sure) return fail(sure.error());
+  const Certainty& certainty = *sure;
+  if (Status fit = check_lenses(certainty); !fit) return fail(fit.error());
   report_.calibration = prior_;
   if (options_.distance) {
     const double nearness = heads_.front().nearness;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "stitch/parallel/workers.h"
+#include "stitch/registration/certainty.h"
 #include "stitch/registration/head_state.h"
 #include "stitch/registration/level.h"
 #include "stitch/registration/observability.h"
@@ -45,7 +46,7 @@ class Run {
   Result<double> least_agreement() const;
   Status check_placed(bool& changed);
   Status light_unplaced_heads();
-  Status check_lenses(Objective& objective);
+  Status check_lenses(const Certainty& certainty);
   Result<Report> report();
 
   void unplace(std::size_t head, std::string why);
@@ -79,9 +80,8 @@ class Run {
   std::vector<std::size_t> wrong_;                        // by the latest check_agreement()
   std::ptrdiff_t apart_ = 0;  // pairs of heads whose common detail did not agree in that check
   bool focals_doubtful_ = false;
-  int loose_heads_ = 0;         // heads whose detail does not determine their rotation
-  std::optional<Normal> last_;  // from the end of the latest level
-  double last_pixels_a_sample_ = 1;
+  int loose_heads_ = 0;  // heads whose detail does not determine their rotation
+  float huber_ = 0;      // of the latest level
   Report report_;
   double work_done_ = 0, work_all_ = 1;
 };

@@ -27,7 +27,6 @@ Status Run::choose_valley(std::size_t first, std::size_t last) {
   struct Valley {
     std::vector<HeadState> heads;
     std::vector<Step> steps;
-    std::optional<Normal> normal;
     double huber_share = kHuberShare, agreement = -2;
   } best;
   const std::vector<HeadState> start = heads_;
@@ -41,12 +40,11 @@ Status Run::choose_valley(std::size_t first, std::size_t last) {
     for (std::size_t p = first; done && p < last; ++p) done = descend_level(plans_[p]);
     if (!done) continue;
     const Result<double> agreement = least_agreement();
-    if (agreement && *agreement > best.agreement) best = {heads_, report_.steps, last_, huber_share, *agreement};
+    if (agreement && *agreement > best.agreement) best = {heads_, report_.steps, huber_share, *agreement};
   }
   if (best.heads.empty()) return done;
   heads_ = std::move(best.heads);
   report_.steps = std::move(best.steps);
-  last_ = std::move(best.normal);
   huber_share_ = best.huber_share;
   return {};
 }

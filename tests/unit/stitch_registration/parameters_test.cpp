@@ -77,7 +77,9 @@ TEST(StepToMinimum, AFallOffThatWouldBrighten_StopsAtTheBestPlaceThatIsPlausible
   const Eigen::Vector4d goal(0.3, 0.2, -0.2, -0.05);
   Eigen::Map<Eigen::Vector2d>(normal.gradient.data()) = -bowl * goal.head<2>();
   Eigen::Map<Eigen::Vector2d>(normal.gradient.data() + 2) = -bowl * goal.tail<2>();
-  const Eigen::VectorXd step = parameters.basis() * step_to_minimum(parameters, heads, normal, Curvature::kOwn, 0);
+  const Eigen::VectorXd step =
+      parameters.basis() *
+      step_to_minimum(parameters, heads, parameters.hessian(normal, Curvature::kOwn), parameters.gradient(normal), 0);
   // The minimum over a fine grid of plausible fall-offs, tested one by one.
   double best = 1e9;
   for (double a = -0.3; a < 0.3; a += 0.001) {

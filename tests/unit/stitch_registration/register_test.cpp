@@ -45,7 +45,7 @@ TEST(Register, HeadsTurnedByDegrees_StandToAFractionOfAPixelAndTheirLightIsFound
   EXPECT_LT(report->objective_after, 0.02 * report->objective_before);
   for (std::size_t h = 0; h < 6; ++h) {
     EXPECT_TRUE(report->heads[h].placed);
-    EXPECT_LT(report->heads[h].sigma_deg, 0.02 * kRegisterPixelDeg);
+    EXPECT_LT(report->heads[h].sigma_deg, 0.04 * kRegisterPixelDeg);
     // Gains are relative to their geometric mean; the truth's is 0.989.
     EXPECT_NEAR(report->calibration.heads[h].gain[0] / town().truth.heads[h].gain[0], 1 / 0.9886, 0.01);
   }

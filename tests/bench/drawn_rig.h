@@ -1,0 +1,56 @@
+// Rigs drawn by a seed, with faults that real rigs have, and whether registration's claims about them are true.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "stitch/registration/registration.h"
+#include "tests/support/rendered_rig.h"
+
+namespace nodal::bench {
+
+enum class Fault : std::uint8_t {
+  kNone,
+  kWeakHead,    ///< one head is out of focus, or has little contrast and much noise
+  kSmoothHead,  ///< most of what one head sees is sky, and its neighbours see that sky, too
+  kFirstBlind,  ///< the first head sees only sky
+  kParallax,    ///< heads 2 to 15 cm off the nodal point, in a room with columns
+  kWrongLens,   ///< focal lengths, centres and radial coefficients differ from the calibration's
+  kAll,         ///< a weak and a smooth head, parallax, and slightly wrong lenses
+};
+inline constexpr int kFaults = 7;
+const char* name_of(Fault fault);
+
+/// A rig, its pictures and how it is to be registered.
+struct DrawnRig {
+  Fault fault = Fault::kNone;
+  Calibration prior;
+  test::RenderedRig seen;   ///< what registration gets; `truth` holds the true rotations and lenses
+  test::RenderedRig again;  ///< the same scene with other noise
+  registration::Options options;
+};
+/// The fault and all numbers depend only on the seed; faults take turns.
+DrawnRig draw_rig(std::uint64_t seed);
+
+struct HeadClaim {
+  std::string name;
+  double error_deg = 0;    ///< of its rotation relative to the head that is held
+  double claimed_deg = 0;  ///< the reported standard deviation
+  double ratio() const { return error_deg / claimed_deg; }
+};
+
+struct Verdict {
+  std::string refused;            ///< the error; empty if the rig was registered
+  std::vector<HeadClaim> placed;  ///< without the head that is held
+  std::vector<std::string> not_placed;
+  std::vector<std::string> warnings;
+  bool named = false;  ///< a warning, a reason or the error names the fault; true without a fault
+  /// Heads of which a drift measurement with `again` says that they moved, though none did.
+  int false_moves = 0;
+  std::string drift_refused;
+};
+/// Registers the rig. `with_drift`: measures drift from the result, too.
+Verdict judge(const DrawnRig& rig, bool with_drift);
+
+}  // namespace nodal::bench
