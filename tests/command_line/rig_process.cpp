@@ -73,8 +73,9 @@ RigTest::~RigTest() {
 }
 
 void RigTest::start_nodald() {
-  nodald_ =
-      std::make_unique<Process>(Words{NODAL_BIN_DIR "/nodald", "--config", path("rig.toml"), "--blend-threads", "1"});
+  Words words = under_;
+  words.insert(words.end(), {NODAL_BIN_DIR "/nodald", "--config", path("rig.toml"), "--blend-threads", "1"});
+  nodald_ = std::make_unique<Process>(words, environment_);
   const bool up = wait_until([this] { return nodal({"status"}).code == 0; });
   ASSERT_TRUE(up) << nodald_->wait(std::chrono::seconds(1)).err;
 }
@@ -83,6 +84,7 @@ Finished RigTest::nodal(Words words) const { return start(std::move(words))->wai
 
 std::unique_ptr<Process> RigTest::start(Words words) const {
   words.insert(words.begin(), NODAL_BIN_DIR "/nodal");
+  words.insert(words.begin(), under_.begin(), under_.end());
   return std::make_unique<Process>(words, environment_);
 }
 

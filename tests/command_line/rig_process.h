@@ -48,7 +48,8 @@ class RigTest : public ::testing::Test {
   std::string write(const std::string& name, const std::string& content) const;
   std::string read(const std::string& name) const;
 
-  std::map<std::string, std::string> environment_;
+  std::map<std::string, std::string> environment_;  ///< of nodal and nodald
+  Words under_;                                     ///< words before every command, such as those of a debugger
 
  private:
   std::filesystem::path folder_;
