@@ -20,6 +20,11 @@ CLI::Option* add_envelope_option(CLI::App& command, std::string& envelope, const
 Result<geometry::Envelope> read_envelope(const std::string& text) {
   const bool glb = text.ends_with(".glb");
   if (!glb && !text.ends_with(".obj")) {
+    if (text.find(':') == std::string::npos && text.find_first_of("./") != std::string::npos) {
+      return fail(Errc::kUnsupported,
+                  "--envelope: " + text.substr(0, 256) +
+                      ": the name of a mesh ends with .obj or .glb; convert other files to one of them");
+    }
     Result<geometry::Envelope> shape = geometry::Envelope::named(text);
     if (!shape) return fail(shape.error().in("--envelope"));
     return shape;

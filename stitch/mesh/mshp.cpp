@@ -18,7 +18,7 @@ namespace {
 constexpr std::uint32_t kMostCoordinates = 10'000, kMostVertices = 32'000, kMostIndices = 128'000;
 
 /// Bits of the difference of two indices of `count` things, zig-zag: ceil(log2(2 count)).
-int bits_for(std::uint32_t count) { return std::bit_width(2 * count - 1); }
+int bits_for(std::uint32_t count) { return static_cast<int>(std::bit_width(2 * count - 1)); }
 
 class BitWriter {
  public:

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <sstream>
 
 #include "rig_process.h"
 #include "stitch/geometry/raymap/layout.h"
@@ -242,6 +243,36 @@ TEST_F(ViewCommand, AMeshOfALayout_ShowsWhatTheLayoutShows) {
   }
 }
 
+TEST_F(ViewCommand, AnMshpBox_IsReadByAReaderWrittenFromItsSpecification) {
+  const std::string reader = NODAL_SOURCE_DIR "/tests/reference/mshp_reader.py";
+  for (const auto& [layout, size] : {std::pair("cube", "96x64"), {"icosahedron", "128x44"}, {"hammersley", "40x20"}}) {
+    for (const std::string ending : {"obj", "mshp"}) {
+      ASSERT_EQ(nodal({"mesh", "--layout", layout, "--size", size, "-o", path("m." + ending)}).code, 0);
+    }
+    const auto compared = [&](const std::string& box) {
+      const Finished run = Process({"/usr/bin/python3", reader, "compare", path(box), path("m.obj")}).wait();
+      EXPECT_EQ(run.code, 0) << layout << ": " << run.err;
+      std::istringstream words(run.out);
+      std::size_t triangles = 0;
+      double difference = 1;
+      words >> triangles >> difference;
+      EXPECT_GT(triangles, 0U);
+      EXPECT_LT(difference, 1e-7) << "a float's rounding";
+    };
+    compared("m.mshp");
+    ASSERT_EQ(Process({"/usr/bin/python3", reader, "deflate", path("m.mshp"), path("small.mshp")}).wait().code, 0);
+    compared("small.mshp");
+    if (std::string(layout) == "hammersley") continue;  // its raymap cannot be looked up between corners
+    write_sphere("s.png", 64);
+    for (const std::string box : {"m", "small"}) {
+      const Finished run =
+          nodal({"view", path("s.png"), "-o", path(box + ".png"), "--size", "64x48", "--mesh", path(box + ".mshp")});
+      EXPECT_EQ(run.code, 0) << run.err;
+    }
+    EXPECT_EQ(read("m.png"), read("small.png"));
+  }
+}
+
 TEST_F(ViewCommand, MeshesThatCannotBeMadeOrShown_AreRefusedInOneSentence) {
   write_sphere("s.png", 64);
   const std::string glb = path("m.glb");
@@ -281,6 +312,9 @@ TEST_F(ViewCommand, EnvelopesThatAreNone_AreRefusedInOneSentence) {
   expect_refused(with({"--envelope", "sphere:x"}), "write sphere:RADIUS");
   expect_refused(with({"--envelope", "torus:1"}), "--envelope: no envelope is called 'torus'");
   expect_refused(with({"--envelope", path("none.obj")}), "none.obj");
+  expect_refused(with({"--envelope", path("s.gltf")}), "ends with .obj or .glb");
+  write("picture.glb", read("s.png"));
+  expect_refused(with({"--envelope", path("picture.glb")}), "picture.glb: it is no binary glTF");
   expect_refused(with({"--envelope", path("hole.obj")}), "line 2");
 }
 
