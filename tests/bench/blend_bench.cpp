@@ -44,10 +44,11 @@ struct Variant {
   std::string peer = "OpenCV remap + blend";
 };
 
-/// A layout's size with about as many pixels as another raymap.
+/// A layout's size with about as many pixels as another raymap; faces are multiples of 16 pixels, as RIG.md advises.
 geometry::RaymapSize size_for_pixels(const geometry::LayoutName& name, double pixels) {
   const geometry::RaymapSize large = name.size_for_width(4000);
-  return name.size_for_width(std::round(std::sqrt(pixels * large.width / large.height)) - 0.5 * name.kind().step.width);
+  const double unit = 16.0 * name.kind().step.width;
+  return name.size_for_width(unit * std::round(std::sqrt(pixels * large.width / large.height) / unit));
 }
 
 /// One workload with its variants.
