@@ -8,6 +8,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <random>
 #include <string>
 #include <utility>
 #include <variant>
@@ -226,6 +227,29 @@ TEST(FlightRecord, WithOneEventChanged_ThatIsTheFirstDifference) {
   ASSERT_TRUE(other.result && *other.result);
   EXPECT_TRUE((*other.result)->place.starts_with("head cam")) << (*other.result)->text();
   EXPECT_NE((*other.result)->recorded.find("gets an exposure of "), std::string::npos) << (*other.result)->text();
+}
+
+/// Bytes of a few records changed, with right checksums: values at their ends, other events, other heads, times that fall.
+TEST(FlightRecord, WithBytesChanged_IsPlayedOrRefusedAndNeverEndsTheProgram) {
+  const Bytes good = bytes_of(filmed().path / "000001" / take::kFlightFile);
+  int refused = 0, different = 0;
+  for (std::uint32_t seed = 0; seed < 500; ++seed) {
+    std::mt19937 random(seed);
+    const Bytes bytes = edited(good, [&](take::flight::Record& record) {
+      if (random() % 150 != 0 || record.events_size() == 0) return;
+      auto& event = *record.mutable_events(static_cast<int>(random() % static_cast<unsigned>(record.events_size())));
+      std::string stored = event.SerializeAsString();
+      for (unsigned k = 0; k <= random() % 3 && !stored.empty(); ++k)
+        stored[random() % stored.size()] = static_cast<char>(random() % 2 == 0 ? 0xff : random());
+      take::flight::Event changed;
+      if (changed.ParseFromString(stored)) event = changed;
+    });
+    const Played played = play(bytes);
+    refused += !played.result;
+    different += played.result && *played.result;
+  }
+  EXPECT_GT(refused, 10);
+  EXPECT_GT(different, 50);
 }
 
 TEST(FlightRecord, ThatIsHostile_IsRefusedWithItsRecord) {
