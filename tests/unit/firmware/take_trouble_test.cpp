@@ -112,6 +112,25 @@ TEST(TakeTrouble, ASlowDisk_LosesWholeSetsWhichAreCountedAndGoesOn) {
   EXPECT_EQ(account.sets, stage.list()[0].sets);
 }
 
+/// Rows always wait then, and must not keep a person from ending the take.
+TEST(TakeTrouble, ADiskThatIsAlwaysBusy_RequestsAreAnsweredAndTheTakeEndsOnceTheBufferIsWritten) {
+  hal::sim::SimClock clock;
+  hal::sim::SimDisk disk;
+  TakeStage stage(disk, clock, TakeStage::large_pictures());
+  ASSERT_TRUE(stage.start().result);
+  disk.set_speed(&clock, 2'000'000);  // of 4.6 MB/s
+  stage.run(Duration::seconds(30));
+  const auto took = [&](TakeCommand what) {
+    const Instant asked = clock.now();
+    EXPECT_TRUE(stage.ask(std::move(what)).result);
+    return clock.now() - asked;
+  };
+  EXPECT_LT(took(TakeRequest::Mark{"here"}), Duration::seconds(5));
+  EXPECT_LT(took(TakeRequest::List{}), Duration::seconds(5));
+  EXPECT_LT(took(TakeRequest::Stop{}), Duration::seconds(15)) << "16 MB wait for the disk";
+  EXPECT_EQ(stage.list().at(0).state, TakeState::kComplete);
+}
+
 TEST(TakeTrouble, AStallOfFiveSeconds_LosesNothingThatTheBufferHolds) {
   for (const bool large : {false, true}) {
     SCOPED_TRACE(large ? "the buffer holds three and a half seconds" : "the buffer holds all");
