@@ -64,6 +64,7 @@ Result<std::size_t> LocalFile::read(std::uint64_t offset, std::span<std::uint8_t
 }
 
 Status LocalFile::write(std::uint64_t offset, std::span<const std::uint8_t> bytes) {
+  const std::uint64_t from = offset;
   while (!bytes.empty()) {
     const ssize_t wrote = ::pwrite(fd_, bytes.data(), bytes.size(), static_cast<off_t>(offset));
     if (wrote < 0 && errno == EINTR) continue;
@@ -71,6 +72,8 @@ Status LocalFile::write(std::uint64_t offset, std::span<const std::uint8_t> byte
     offset += static_cast<std::uint64_t>(wrote);
     bytes = bytes.subspan(static_cast<std::size_t>(wrote));
   }
+  // The disk begins now, so that sync() has less to wait for.
+  (void)::sync_file_range(fd_, static_cast<off_t>(from), static_cast<off_t>(offset - from), SYNC_FILE_RANGE_WRITE);
   return {};
 }
 
