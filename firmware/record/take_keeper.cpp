@@ -134,7 +134,8 @@ std::uint64_t TakeKeeper::bytes_a_second() const {
 }
 
 std::uint64_t TakeKeeper::room_to_start() const {
-  return bytes_a_second() * static_cast<std::uint64_t>(kLeastRoom.ns() / 1'000'000'000) + 2 * kReserveBytes;
+  const Duration least = config_.takes->loop ? kLeastLoopRoom : kLeastRoom;
+  return bytes_a_second() * static_cast<std::uint64_t>(least.ns() / 1'000'000'000) + 2 * kReserveBytes;
 }
 
 Status TakeKeeper::check_room() {

@@ -155,6 +155,8 @@ class TakeKeeper {
   static constexpr std::size_t kMostTakes = 1000;
   /// A take starts only if the disk has room for so long, and for kReserveBytes.
   static constexpr Duration kLeastRoom = Duration::seconds(60);
+  /// The same in a loop: only a finished segment, of a minute, can be deleted for the one that is being written.
+  static constexpr Duration kLeastLoopRoom = Duration::seconds(150);
   /// Left free for finishing the files.
   static constexpr std::uint64_t kReserveBytes = std::uint64_t{64} << 20;
   /// A still ends after this time, whatever it has; the recorder ends it earlier when sets come.

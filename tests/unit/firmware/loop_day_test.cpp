@@ -89,6 +89,24 @@ TEST(LoopDay, ADiskOfAnHour_IsBoundedUnbrokenAndKeepsTheMarks) {
   }));
 }
 
+TEST(LoopDay, ACardOfLessThanTwoSegments_IsRefusedAndOneOfMoreNeverEnds) {
+  TakeStage::Options options = TakeStage::large_pictures();  // 4.6 MB/s
+  options.takes.loop = true;
+  constexpr std::uint64_t kSecond = 2 * 320 * 240 * 30;
+  hal::sim::SimClock clock;
+  hal::sim::SimDisk disk(1, 2 * TakeKeeper::kReserveBytes + 140 * kSecond);
+  TakeStage stage(disk, clock, options);
+  const auto refused = stage.start();
+  ASSERT_FALSE(refused.result);
+  EXPECT_EQ(refused.result.error().code, Errc::kDiskFull);
+  disk.set_capacity(2 * TakeKeeper::kReserveBytes + 155 * kSecond);
+  ASSERT_TRUE(stage.start().result);
+  stage.run(Duration::seconds(600));
+  EXPECT_TRUE(stage.report().recording) << stage.report().problem;
+  EXPECT_GT(stage.report().deleted_segments, 5U);
+  EXPECT_EQ(stage.report().lost_sets, 0U);
+}
+
 TEST(LoopDay, WhenNothingMayBeDeleted_TheTakeEndsAndSaysWhy) {
   hal::sim::SimClock clock;
   hal::sim::SimDisk disk(1, capacity_for(2'000'000));
