@@ -1,5 +1,7 @@
 #include "firmware/record/recovery.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <limits>
 #include <utility>
@@ -335,6 +337,11 @@ Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& fold
   for (std::size_t k = 0; k < segments.size(); ++k) {
     auto done =
         recover_segment(place, segments[k], k + 1 < segments.size() ? Trust::kAll : Trust::kChecked, "recovered");
+    if (!done && done.error().code == Errc::kNotFound) {  // exFAT can lose the entry of a durable file
+      constexpr std::size_t kLongest = 200;               // of a text that a manifest may have 256 of
+      if (manifest.ended.size() < kLongest) manifest.ended += fmt::format(", without segment {}", segments[k]);
+      continue;
+    }
     if (!done) return fail(done.error());
     if (!*done) continue;
     recorded = (*done)->first_set + (*done)->sets;

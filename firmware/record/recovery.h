@@ -40,7 +40,8 @@ Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, s
 /// Whether the power failed while the documents of a take were written, so that it has no set. Errors: the disk's.
 Result<bool> nothing_recorded(hal::DiskPort& disk, const std::string& folder);
 
-/// Recovers every segment of a take and writes its manifest. The take's calibration and take.json are read from its folder.
+/// Recovers every segment of a take and writes its manifest. A segment of which a file is missing is left out: its other files stay,
+/// and the manifest says so in `ended`. The take's calibration and take.json are read from its folder.
 Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& folder);
 
 /// Cuts the flight record of a take after its last whole record. Nothing if there is none, or none is whole; its file is removed

@@ -36,12 +36,14 @@ HeadDrift drift_of(const HeadCalibration& was, const HeadCalibration& is, const 
   drift.up_deg = about.x();
   drift.right_deg = about.y();
   drift.roll_deg = about.z();
-  if (kKnownWell * drift.sigma_px > tolerance_px) {
+  // A large movement is certain, also where a small one could not be told.
+  const bool beyond_chance = drift.moved_deg > kByChance * drift.sigma_deg;
+  if (drift.moved_px > tolerance_px && beyond_chance) {
+    drift.standing = Standing::kMoved;
+  } else if (kKnownWell * drift.sigma_px > tolerance_px) {
     drift.why = "the detail it shares with other heads does not determine it accurately enough";
   } else if (drift.moved_px <= tolerance_px) {
     drift.standing = Standing::kStands;
-  } else if (drift.moved_deg > kByChance * drift.sigma_deg) {
-    drift.standing = Standing::kMoved;
   } else {
     drift.why = "the measured movement may be chance; take more frames, or another scene";
   }

@@ -161,12 +161,13 @@ struct TakeAccount {
   std::uint64_t cut = 0;     ///< between segments, after a failed sync
   std::vector<std::pair<std::uint64_t, std::uint64_t>> segments{};  ///< first set, and behind the last
 };
-inline TakeAccount account_of(hal::DiskPort& disk, std::uint64_t take) {
+/// `most`: segments that are read.
+inline TakeAccount account_of(hal::DiskPort& disk, std::uint64_t take, std::size_t most = ~std::size_t{0}) {
   TakeAccount account;
   const std::string folder = take::take_folder(take);
   std::optional<std::uint64_t> next;
   for (const std::string& name : disk.list(folder).value_or(std::vector<std::string>())) {
-    if (!name.starts_with("evidence-")) continue;
+    if (!name.starts_with("evidence-") || account.segments.size() == most) continue;
     const auto bytes = disk.read(folder + "/" + name, take::kMaxEvidenceBytes);
     const auto segment = take::read_evidence(bytes.value_or(std::vector<std::uint8_t>()), name);
     EXPECT_TRUE(segment) << segment.error().text();

@@ -297,6 +297,24 @@ TEST(TakeTrouble, TheLastBytesOfAFileCannotBeRead_TheTakeIsCutBeforeThem) {
   }
 }
 
+TEST(TakeTrouble, AFileOfASegmentIsGone_TheOtherSegmentsAreTheTakeAndItSaysSo) {
+  hal::sim::SimDisk disk;
+  {
+    hal::sim::SimClock clock;
+    TakeStage stage(disk, clock, {});
+    ASSERT_TRUE(stage.start().result);
+    stage.run(Duration::seconds(70));
+  }
+  ASSERT_TRUE(disk.remove("000001/cam0-0001.mkv"));
+  const std::vector<TakeEntry> takes = takes_after_restart(disk);
+  ASSERT_EQ(takes.size(), 1U);
+  EXPECT_EQ(takes[0].state, TakeState::kComplete) << takes[0].problem;
+  EXPECT_EQ(takes[0].ended, "recovered, without segment 1");
+  EXPECT_EQ(takes[0].sets, account_of(disk, 1, 1).sets);
+  EXPECT_GE(takes[0].sets, 300U) << "a minute";
+  EXPECT_TRUE(disk.size("000001/cam1-0001.mkv")) << "what is left of it stays";
+}
+
 TEST(TakeTrouble, WhatWasDurableCannotBeRead_TheTakeIsDamagedAndNothingIsCut) {
   for (const std::string name : {"000001/cam1-0000.mkv", "000001/evidence-0000"}) {
     SCOPED_TRACE(name);

@@ -76,6 +76,20 @@ TEST(Drift, OneHeadBumped_ItAloneIsNamedWithItsWayAndTheOthersDoNotTurn) {
   }
 }
 
+/// No frame determines a ten-thousandth of a pixel; half a degree is certain all the same.
+TEST(Drift, TheToleranceIsFinerThanTheMeasurement_WhatMovedFarIsNamedAndTheRestIsUnknown) {
+  Calibration truth = calibrated();
+  bump(truth.heads[2], 0.5, 0, 0);
+  const auto rig = filmed(truth);
+  DriftOptions options;
+  options.tolerance_px = 0.0001;
+  const auto drift = measure_drift(calibrated(), {rig.frames()}, options);
+  ASSERT_TRUE(drift) << drift.error().text();
+  for (std::size_t h = 0; h < drift->heads.size(); ++h) {
+    EXPECT_EQ(drift->heads[h].standing, h == 2 ? Standing::kMoved : Standing::kUnknown) << h;
+  }
+}
+
 TEST(Drift, AHeadThatSeesNothing_IsUnknownAndSaysWhyAndTheRestIsJudged) {
   Calibration truth = calibrated();
   bump(truth.heads[1], 0, 0.4, 0);
