@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
@@ -50,6 +51,36 @@ class TenHeads : public testing::Test {
     const Finished done = run(words);
     if (done.code != 0) throw std::runtime_error(words[4] + ": " + done.out + done.err);
     return Json::parse(done.out.substr(0, done.out.find('\n')));
+  }
+  /// How often each thread of a process has slept so far, by name; threads of one name are added up.
+  static std::map<std::string, std::int64_t> sleeps(pid_t process) {
+    std::map<std::string, std::int64_t> all;
+    for (const auto& task : std::filesystem::directory_iterator("/proc/" + std::to_string(process) + "/task")) {
+      std::ifstream status(task.path() / "status");
+      std::string key, name;
+      status >> key >> name;
+      std::int64_t count = 0;
+      while (status >> key && key != "voluntary_ctxt_switches:") continue;
+      if (status >> count) all[name] += count;
+    }
+    return all;
+  }
+  /// How often each thread wakes in a second, in 10 s without a host, or with one that pulls raymaps.
+  static Json wakes_a_second(pid_t process, bool pulled) {
+    const auto before = sleeps(process);
+    const Json from = nodal({"status"});
+    if (pulled) {
+      nodal({"raymap", "pull", "--for", "10s", "--out", kScratch + "/raymap.jpg"});
+    } else {
+      run({"sleep", "10"});
+    }
+    const double seconds = (nodal({"status"})["uptime_ns"].get<double>() - from["uptime_ns"].get<double>()) / 1e9;
+    Json wakes;
+    for (const auto& [name, count] : sleeps(process)) {
+      const auto old = before.find(name);
+      wakes[name] = static_cast<double>(count - (old == before.end() ? 0 : old->second)) / seconds;
+    }
+    return wakes;
   }
   static std::int64_t sum(const Json& counts) {
     std::int64_t all = 0;
@@ -123,6 +154,30 @@ TEST_F(TenHeads, TenSecondsOfRaymaps_EveryFrameAndEverySetIsAccountedFor) {
   const Finished ended = rig.wait();
   std::ofstream("nodald.log") << ended.err;
   EXPECT_EQ(ended.code, 0) << ended.err;
+}
+
+// The guest's clock stands while it computes, so these counts depend on events alone.
+TEST_F(TenHeads, ThreadsWakeForFramesAndSetsAndForNothingElse) {
+  ASSERT_EQ(nodald_check(rig_toml(kHeads)).code, 0);
+  std::filesystem::remove(kScratch + "/nodal.sock");
+  Process rig({NODAL_BIN_DIR "/nodald", "--config", kScratch + "/rig.toml"});
+  ASSERT_TRUE(test::wait_until([] { return std::filesystem::exists(kScratch + "/nodal.sock"); })) << rig.complained();
+  ASSERT_TRUE(test::wait_until([] { return nodal({"status"})["frames_taken"].get<int>() > 300; }));
+  const Json idle = wakes_a_second(rig.pid(), false);
+  nodal({"--timeout", "2min", "calibration", "upload", NODAL_SOURCE_DIR "/host_tool/example/ten_heads.json"});
+  ASSERT_TRUE(test::wait_until([] { return nodal({"status"})["full_sets"].get<int>() > 30; }));
+  const Json filming = wakes_a_second(rig.pid(), true);
+  std::ofstream("wakes.json") << idle.dump() << "\n" << filming.dump() << "\n";
+
+  // Before a calibration, capture wakes for frames (at most once for each), sets and returned buffers; then also for raymaps.
+  const auto rate = [](const Json& wakes, const char* thread) { return wakes.value(thread, 0.0); };
+  EXPECT_GE(rate(idle, "nodal-capture"), kRate * 0.9);
+  EXPECT_LE(rate(idle, "nodal-capture"), (kHeads + 2) * kRate);
+  EXPECT_LE(rate(filming, "nodal-capture"), (kHeads + 4) * kRate);
+  EXPECT_LE(rate(idle, "nodal-blend") + rate(idle, "nodal-encode"), kRate * 2.2);  // each set passes both, at most
+  EXPECT_LE(rate(filming, "nodal-blend") + rate(filming, "nodal-encode"), kRate * 8);
+  EXPECT_LE(rate(idle, "nodal-control"), 50 + kRate * 1.2);  // every 20 ms, and the bell of a set
+  EXPECT_LE(rate(filming, "nodal-control"), 50 + kRate * 4);
 }
 
 }  // namespace
