@@ -39,7 +39,10 @@ std::string rig_toml(int heads) {
 
 class TenHeads : public testing::Test {
  protected:
-  TenHeads() { std::filesystem::create_directories(kScratch); }
+  TenHeads() {
+    std::filesystem::remove_all(kScratch);  // with the calibration that another test's rig stored
+    std::filesystem::create_directories(kScratch);
+  }
 
   static Finished run(std::vector<std::string> words) { return Process(words).wait(); }
   static Finished nodald_check(const std::string& toml) {
@@ -159,7 +162,6 @@ TEST_F(TenHeads, TenSecondsOfRaymaps_EveryFrameAndEverySetIsAccountedFor) {
 // The guest's clock stands while it computes, so these counts depend on events alone.
 TEST_F(TenHeads, ThreadsWakeForFramesAndSetsAndForNothingElse) {
   ASSERT_EQ(nodald_check(rig_toml(kHeads)).code, 0);
-  std::filesystem::remove(kScratch + "/nodal.sock");
   Process rig({NODAL_BIN_DIR "/nodald", "--config", kScratch + "/rig.toml"});
   ASSERT_TRUE(test::wait_until([] { return std::filesystem::exists(kScratch + "/nodal.sock"); })) << rig.complained();
   ASSERT_TRUE(test::wait_until([] { return nodal({"status"})["frames_taken"].get<int>() > 300; }));
