@@ -51,6 +51,8 @@ class Video final : public media::TakeFile {
       : source_(std::move(source)), name_(std::move(name)), size_(size) {}
   std::uint64_t size() const override { return size_; }
   Status read(std::uint64_t at, std::span<std::uint8_t> bytes) override {
+    if (at > size_ || bytes.size() > size_ - at)
+      return fail(Errc::kTruncated, fmt::format("{}: ends at byte {}", source_->shown(name_), size_));
     while (!bytes.empty()) {
       if (at < from_ || at >= from_ + window_.size()) {
         if (const Status fetched = fetch(at); !fetched) return fetched;
@@ -72,12 +74,16 @@ class Video final : public media::TakeFile {
     from_ = at / take::PieceHashes::kPiece * take::PieceHashes::kPiece;
     window_.clear();
     bool full = false;
-    const Status fetched = fetch_file(*source_->rig, source_->take, name_, from_,
-                                      [&](std::uint64_t, std::span<const std::uint8_t> piece) -> Status {
-                                        window_.insert(window_.end(), piece.begin(), piece.end());
-                                        full = window_.size() >= kWindow && from_ + window_.size() < size_;
-                                        return full ? fail(Errc::kCancelled, "enough") : Status();
-                                      });
+    const OnPiece keep = [&](std::uint64_t, std::span<const std::uint8_t> piece) -> Status {
+      if (piece.size() > size_ - from_ - window_.size()) {
+        return fail(Errc::kProtocol,
+                    fmt::format("{}: the rig sends more than the manifest says", source_->shown(name_)));
+      }
+      window_.insert(window_.end(), piece.begin(), piece.end());
+      full = window_.size() >= kWindow && from_ + window_.size() < size_;
+      return full ? fail(Errc::kCancelled, "enough") : Status();
+    };
+    const Status fetched = fetch_file(*source_->rig, source_->take, name_, from_, keep);
     return full ? Status() : fetched;
   }
 

@@ -22,7 +22,7 @@ inline constexpr std::size_t kMaxManifestBytes = std::size_t{32} << 20;
 inline constexpr std::size_t kMostMarks = 10'000;
 inline constexpr std::size_t kMaxMarkBytes = 200;
 /// After the first.
-inline constexpr std::size_t kMostCalibrations = 1000;
+inline constexpr std::size_t kMostCalibrations = 100;
 
 /// File names in the folder of a take.
 inline const std::string kTakeFile = "take.json", kManifestFile = "manifest", kProtectedFile = "protected",
