@@ -141,6 +141,12 @@ TEST_F(WholeSession, CommandsOfTheReadme_SucceedAndFitTheTerminal) {
       }
     }
     if (command.find("take start") != std::string::npos) {
+      // A person takes longer than the first set to come; without one there is nothing to render.
+      EXPECT_TRUE(wait_until([this] {
+        const auto status =
+            Process({NODAL_BIN_DIR "/nodal", "--rig", "unix:" + path("nodal.sock"), "--json", "status"}).wait();
+        return status.code == 0 && Json::parse(status.out)["recording"].value("sets", 0) > 0;
+      }));
       for (const char* more :
            {"nodal status", "nodal take stop", "nodal take list", "nodal take still", "nodal take list"}) {
         type(more);
