@@ -62,7 +62,7 @@ std::string too_slow(const HealthInputs& inputs) {
          hertz(inputs.rate_wanted_millihertz) + "; the board is too slow for this raymap size, or busy" + shed;
 }
 
-/// What the disk is too slow for now, or why the newest take ended; empty: nothing.
+/// What is lost because the disk is too slow, or why the newest take ended; empty: nothing.
 std::string take_trouble(const RigConfig& config, const HealthInputs& inputs) {
   if (!inputs.takes) return "";
   const TakeReport& takes = *inputs.takes;

@@ -9,7 +9,7 @@
 
 namespace nodal::host {
 
-/// Documents and evidence are fetched whole when they are opened, video as far as it is read, kWindow bytes at once. For a take of
+/// Documents and evidence are fetched whole when they are opened, video in windows of 8 MiB, when it is read. For a take of
 /// more than some seconds a copy (TakeCopy) is faster.
 ///
 /// Threading: thread-bound.

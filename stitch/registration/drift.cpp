@@ -36,7 +36,7 @@ HeadDrift drift_of(const HeadCalibration& was, const HeadCalibration& is, const 
   drift.up_deg = about.x();
   drift.right_deg = about.y();
   drift.roll_deg = about.z();
-  // A large movement is certain, also where a small one could not be told.
+  // A movement of many standard deviations is certain, even if the measurement is too inaccurate to show a small one.
   const bool beyond_chance = drift.moved_deg > kByChance * drift.sigma_deg;
   if (drift.moved_px > tolerance_px && beyond_chance) {
     drift.standing = Standing::kMoved;
