@@ -177,7 +177,16 @@ void read_sim(TomlReader reader, SimConfig& sim) {
       reader.choice<SimConfig::Clock>("clock", {{"real", SimConfig::Clock::kReal}, {"fast", SimConfig::Clock::kFast}});
 }
 
-void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
+TakeMode read_take_mode(TomlReader& reader, std::string_view key, TakeMode fallback) {
+  if (!reader.has(key)) return fallback;
+  return reader.choice<TakeMode>(key, {{"driver", TakeMode::kDriver},
+                                       {"raw", TakeMode::kRaw},
+                                       {"jpeg", TakeMode::kJpeg},
+                                       {"lossless", TakeMode::kLossless}});
+}
+
+/// `mode`: of heads without take_mode.
+void read_heads(TomlReader& file, RigConfig& config, TakeMode mode, FirstError& error) {
   const toml::array* heads = file.array("heads");
   if (!heads || heads->empty()) {
     file.refuse("heads", "is missing; write one [[heads]] for every head of the rig", Errc::kMissingField);
@@ -200,9 +209,13 @@ void read_heads(TomlReader& file, RigConfig& config, FirstError& error) {
                       {"name",     "port",  "format",       "exposure_us",   "gain_mdb",         "red_q12",
                        "blue_q12", "gamma", "fields",       "trigger_mode",  "trigger_delay_us", "trigger",
                        "size",     "input", "standard",     "gain_step_mdb", "readout_us",       "separate_fields",
-                       "left",     "top",   "packet_bytes", "exposure_by"},
+                       "left",     "top",   "packet_bytes", "exposure_by",   "take_mode"},
                       error);
     HeadConfig head = read_head(reader, config.rate);
+    head.take_mode = read_take_mode(reader, "take_mode", mode);
+    if (reader.has("take_mode") && !config.takes) {
+      reader.refuse("take_mode", "is for rigs that record; write [takes] folder, too");
+    }
     if (!names.insert(head.name).second)
       reader.refuse("name", "\"" + head.name + "\" is the name of a head above, too");
     if (!ports.insert({head.port.kind, head.port.name}).second)
@@ -238,6 +251,7 @@ RigConfig read_file(const toml::table& root, FirstError& error, const ReadRayFil
   TomlReader store(section("store"), "store", {"folder"}, error);
   config.store = store.text("folder", config.store);
   if (config.store.empty()) store.refuse("folder", "must not be empty");
+  TakeMode mode = TakeMode::kDriver;
   if (file.has("takes")) {
     TomlReader takes(
         section("takes"), "takes",
@@ -250,17 +264,18 @@ RigConfig read_file(const toml::table& root, FirstError& error, const ReadRayFil
     to.raymap = takes.boolean("raymap", to.raymap);
     to.at_start = takes.choice<bool>("start", {{"request", false}, {"boot", true}});
     to.loop = takes.choice<bool>("when_full", {{"stop", false}, {"loop", true}});
-    using Mode = TakesConfig::Mode;
-    to.mode =
-        takes.choice<Mode>("mode", {{"driver", Mode::kDriver}, {"jpeg", Mode::kJpeg}, {"lossless", Mode::kLossless}});
+    mode = read_take_mode(takes, "mode", mode);
     to.quality = static_cast<int>(takes.integer("quality", 1, 100, to.quality));
     to.flight_recorder = takes.boolean("flight_recorder", to.flight_recorder);
-    if (to.mode != Mode::kJpeg && takes.has("quality")) takes.refuse("quality", "is for mode = \"jpeg\" only");
   }
   TomlReader calibration(section("calibration"), "calibration", {"signers"}, error);
   config.signers_file = calibration.text("signers", "");
   if (calibration.has("signers") && config.signers_file.empty()) calibration.refuse("signers", "must not be empty");
-  read_heads(file, config, error);
+  read_heads(file, config, mode, error);
+  const bool jpegs = std::ranges::count(config.heads, TakeMode::kJpeg, &HeadConfig::take_mode) > 0;
+  if (file.has("takes") && section("takes").contains("quality") && !jpegs) {
+    file.refuse("takes", "has a quality, which is for mode = \"jpeg\" only");
+  }
   check_formats(raymap, config.heads, config.raymap.format);
   for (const HeadConfig& head : config.heads) {
     if (config.trigger.source != SyncSource::kNone) continue;

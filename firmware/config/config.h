@@ -67,6 +67,14 @@ struct DeviceConfig {
   friend bool operator==(const DeviceConfig&, const DeviceConfig&) = default;
 };
 
+/// How a take stores the pictures of a head.
+enum class TakeMode : std::uint8_t {
+  kDriver,    ///< as the head delivers them
+  kRaw,       ///< MJPEG is decoded to what the blend reads
+  kJpeg,      ///< those that are not coded become JPEGs
+  kLossless,  ///< those that are not coded become Ut Video, which decodes to the same bytes
+};
+
 /// One [[heads]] entry; its position among them is its HeadIndex.
 struct HeadConfig {
   std::string name;  ///< as in the calibration
@@ -82,7 +90,8 @@ struct HeadConfig {
   Duration trigger_delay;                ///< from the trigger to this head's pulse; `wired`: to its exposure
   std::optional<GpioLine> trigger;       ///< the line that its pulses leave by; empty: TriggerConfig::port
   DeviceConfig device;                   ///< of a v4l2: or iidc: port
-  int line = 0;                          ///< line number in rig.toml, for error messages
+  TakeMode take_mode = TakeMode::kDriver;
+  int line = 0;  ///< line number in rig.toml, for error messages
 };
 
 /// What synchronizes the exposures of the heads.
@@ -144,19 +153,13 @@ struct PanelConfig {
 
 /// [takes]
 struct TakesConfig {
-  std::string folder;     ///< where takes are stored
-  bool mounted = false;   ///< the folder must be the root of a mounted file system, such as a card
-  int buffer_mb = 256;    ///< pictures on their way to the disk
-  bool raymap = true;     ///< raymaps are recorded, too
-  bool at_start = false;  ///< a take begins when nodald starts
-  bool loop = false;      ///< when the disk is full, the oldest segments are deleted; else the take ends
-  enum class Mode : std::uint8_t {
-    kDriver,    ///< pictures are stored as the heads deliver them
-    kJpeg,      ///< those that are not coded become JPEGs
-    kLossless,  ///< those that are not coded become Ut Video, which decodes to the same bytes
-  };
-  Mode mode = Mode::kDriver;
-  int quality = 90;              ///< kJpeg: 1 .. 100
+  std::string folder;            ///< where takes are stored
+  bool mounted = false;          ///< the folder must be the root of a mounted file system, such as a card
+  int buffer_mb = 256;           ///< pictures on their way to the disk
+  bool raymap = true;            ///< raymaps are recorded, too
+  bool at_start = false;         ///< a take begins when nodald starts
+  bool loop = false;             ///< when the disk is full, the oldest segments are deleted; else the take ends
+  int quality = 90;              ///< of JPEGs: 1 .. 100
   bool flight_recorder = false;  ///< what capture's ports answer is recorded, too
 };
 

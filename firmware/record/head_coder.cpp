@@ -1,6 +1,9 @@
 #include "firmware/record/head_coder.h"
 
+#include <algorithm>
+
 #include "protocol/base/field.h"
+#include "stitch/decode/frame_decoder.h"
 #include "stitch/media/jpeg_writer.h"
 #include "stitch/media/ut_video.h"
 
@@ -20,16 +23,56 @@ std::vector<FieldParity> parities_of(Fields fields) {
   return {};
 }
 
+bool becomes_jpeg(const HeadStream& delivered) {
+  if (!media::JpegWriter::writes(delivered.format)) return false;
+  if (delivered.fields == Fields::kProgressive) return true;
+  // Both fields must have the same rows, of chroma, too.
+  const bool halved = delivered.format == PixelFormat::kI420 || delivered.format == PixelFormat::kNv12;
+  return delivered.height % (halved ? 4 : 2) == 0;
+}
+
 }  // namespace
 
-std::string_view mode_name(TakesConfig::Mode mode) {
-  constexpr std::array<std::string_view, 3> kNames = {"driver", "jpeg", "lossless"};
+std::string_view mode_name(TakeMode mode) {
+  constexpr std::array<std::string_view, 4> kNames = {"driver", "raw", "jpeg", "lossless"};
   return kNames[static_cast<std::size_t>(mode)];
 }
 
-HeadCoder::HeadCoder(const HeadStream& delivered, Mode mode) : parities_(parities_of(delivered.fields)) {
-  if (mode == Mode::kLossless) {
+std::string mode_names(std::span<const HeadConfig> heads) {
+  std::string names;
+  for (const TakeMode mode : {TakeMode::kDriver, TakeMode::kRaw, TakeMode::kJpeg, TakeMode::kLossless}) {
+    if (std::ranges::count(heads, mode, &HeadConfig::take_mode) == 0) continue;
+    names += (names.empty() ? "" : ", ") + std::string(mode_name(mode));
+  }
+  return names;
+}
+
+HeadStream stored_stream(HeadStream delivered, TakeMode mode, PixelFormat raymap) {
+  HeadStream stored = delivered;
+  switch (mode) {
+    case TakeMode::kDriver: break;
+    case TakeMode::kRaw:
+      if (delivered.format != PixelFormat::kMjpeg) break;
+      stored.format = blended_format(PixelFormat::kMjpeg, raymap).value_or(PixelFormat::kI420);
+      stored.coding = {};
+      break;
+    case TakeMode::kJpeg:
+      if (becomes_jpeg(delivered)) stored.format = PixelFormat::kMjpeg;
+      break;
+    case TakeMode::kLossless:
+      stored.lossless = media::ut_video_codes(delivered.format, delivered.width, delivered.height);
+      break;
+  }
+  return stored;
+}
+
+HeadCoder::HeadCoder(const HeadStream& delivered, const HeadStream& stored) : parities_(parities_of(delivered.fields)) {
+  if (stored.lossless) {
     lossless_ = std::make_unique<media::UtVideoEncoder>();
+    return;
+  }
+  if (stored.format != PixelFormat::kMjpeg) {
+    raw_ = std::make_unique<decode::FrameDecoder>(delivered.format, stored.format, stored.width, stored.height);
     return;
   }
   media::JpegSpec spec{.format = delivered.format, .width = delivered.width, .height = delivered.height};
@@ -44,21 +87,19 @@ HeadCoder::HeadCoder(const HeadStream& delivered, Mode mode) : parities_(paritie
 HeadCoder::HeadCoder(HeadCoder&& other) noexcept = default;
 HeadCoder::~HeadCoder() = default;
 
-bool HeadCoder::codes(const HeadStream& delivered, Mode mode) {
-  if (mode == Mode::kDriver) return false;
-  if (mode == Mode::kLossless) return media::ut_video_codes(delivered.format, delivered.width, delivered.height);
-  if (!media::JpegWriter::writes(delivered.format)) return false;
-  if (delivered.fields == Fields::kProgressive) return true;
-  // Both fields must have the same rows, of chroma, too.
-  const bool halved = delivered.format == PixelFormat::kI420 || delivered.format == PixelFormat::kNv12;
-  return delivered.height % (halved ? 4 : 2) == 0;
-}
-
-Result<HeadCoder::Parts> HeadCoder::encode(const ImageView& picture, int quality) {
+Result<HeadCoder::Parts> HeadCoder::code(const ImageView& picture, int quality) {
   Parts parts;
   if (lossless_) {
     lossless_->encode(picture, fields_[0].bytes);
     parts[0] = fields_[0].bytes;
+    return parts;
+  }
+  if (raw_) {
+    ImageView decoded;
+    const decode::DecodeFault fault = raw_->decode(picture, decoded);
+    if (fault != decode::DecodeFault::kNone)
+      return fail(Errc::kBadFormat, "its pictures " + std::string(decode::decode_fault_text(fault)));
+    parts[0] = {decoded.planes[0].data, packed_size(decoded.format, decoded.width, decoded.height)};
     return parts;
   }
   for (std::size_t k = 0; k < fields_.size(); ++k) {

@@ -34,6 +34,7 @@ std::string_view placeholder_name(Placeholder reason) {
 Recorder::Recorder(const RigConfig& config, Outlet<SetLoan>& sets_in, EncodeStage& encoder)
     : heads_(config.heads.size()),
       raymaps_a_set_(config.raymap.raymaps_a_set()),
+      raymap_format_(config.raymap.format),
       takes_(*config.takes),
       sets_in_(sets_in),
       encoder_(encoder),
@@ -42,6 +43,7 @@ Recorder::Recorder(const RigConfig& config, Outlet<SetLoan>& sets_in, EncodeStag
       rows_(kRows + 1),
       rows_back_(kRows + 1),
       ring_(static_cast<std::size_t>(config.takes->buffer_mb) << 20) {
+  std::ranges::transform(config.heads, modes_.begin(), &HeadConfig::take_mode);
   for (std::size_t k = 0; k < kRows; ++k) {
     spare_.push_back(std::make_unique<TakeRow>());
     spare_.back()->sets.reserve(TakeRow::kMostSets);
@@ -142,7 +144,7 @@ bool Recorder::changes_streams(const FrameSet& set) {
   bool changed = false;
   for (std::size_t head = 0; head < heads_; ++head) {
     if (!set.has(head)) continue;
-    const HeadStream stream = stream_of(set.frames[head]);
+    const HeadStream stream = stream_of(set.frames[head], head);
     if (streams_[head] == stream) continue;
     if (streams_[head] && set.mid_exposure - stream_since_[head] < kFormatStays) continue;
     streams_[head] = stream;
@@ -159,7 +161,7 @@ void Recorder::record(const FrameSet& set) {
     bool full = changed || row_->sets.size() == TakeRow::kMostSets || since >= kLongestRow;
     for (std::size_t head = 0; head < heads_; ++head) {
       if (!set.has(head)) continue;
-      full |= row_bytes_[head] + most_bytes(set.frames[head]) > take::MatroskaWriter::kLargestCluster;
+      full |= row_bytes_[head] + most_bytes(set.frames[head], head) > take::MatroskaWriter::kLargestCluster;
     }
     if (full) close_row(false);
   }
@@ -186,21 +188,19 @@ void Recorder::record(const FrameSet& set) {
   if (!row_->sets.empty()) close_row(false);  // what is in it leaves the ring
 }
 
-bool Recorder::encodes(const HeadStream& delivered) const { return HeadCoder::codes(delivered, takes_.mode); }
-
-HeadStream Recorder::stream_of(const hal::FrameView& frame) const {
-  const HeadStream delivered = delivered_stream(frame);
-  return encodes(delivered) ? HeadCoder::coded(delivered, takes_.mode) : delivered;
+/// What the files of a head with such frames hold.
+HeadStream Recorder::stream_of(const hal::FrameView& frame, std::size_t head) const {
+  return stored_stream(delivered_stream(frame), modes_[head], raymap_format_);
 }
 
-std::size_t Recorder::most_bytes(const hal::FrameView& frame) const {
+std::size_t Recorder::most_bytes(const hal::FrameView& frame, std::size_t head) const {
   const ImageView& picture = frame.image;
+  const HeadStream stored = stream_of(frame, head);
+  if (stored.lossless) return media::ut_video_most_bytes(stored.format, stored.width, stored.height);
+  if (stored.format != PixelFormat::kMjpeg) return packed_size(stored.format, stored.width, stored.height);
   if (picture.format == PixelFormat::kMjpeg) return picture.bytes;
   const std::size_t raw = packed_size(picture.format, picture.width, picture.height);
-  if (!encodes(delivered_stream(frame))) return raw;
-  return takes_.mode == TakesConfig::Mode::kJpeg
-             ? raw + raw / 2
-             : media::ut_video_most_bytes(picture.format, picture.width, picture.height);
+  return raw + raw / 2;
 }
 
 int Recorder::quality_now() const {
@@ -211,14 +211,14 @@ int Recorder::quality_now() const {
 bool Recorder::store(const hal::FrameView& view, std::size_t head, RecordedFrame& to) {
   const ImageView& picture = view.image;
   HeadCoder::Parts parts{};
-  std::size_t bytes = most_bytes(view);
-  const HeadStream delivered = delivered_stream(view);
-  const bool encoded = encodes(delivered);
-  if (encoded) {
+  std::size_t bytes = most_bytes(view, head);
+  const HeadStream delivered = delivered_stream(view), stored = stream_of(view, head);
+  const bool recoded = stored != delivered;
+  if (recoded) {
     std::optional<Coder>& coder = coders_[head];
-    if (!coder || coder->delivered != delivered) coder.emplace(Coder{delivered, HeadCoder(delivered, takes_.mode)});
-    if (takes_.mode == TakesConfig::Mode::kJpeg) to.quality = quality_now();
-    const auto coded = coder->coder.encode(picture, to.quality);
+    if (!coder || coder->delivered != delivered) coder.emplace(Coder{delivered, HeadCoder(delivered, stored)});
+    if (stored.format == PixelFormat::kMjpeg) to.quality = quality_now();
+    const auto coded = coder->coder.code(picture, to.quality);
     if (!coded) {
       to.placeholder = Placeholder::kEncoder;
       return true;
@@ -228,7 +228,7 @@ bool Recorder::store(const hal::FrameView& view, std::size_t head, RecordedFrame
   }
   const auto place = ring_.take(bytes);
   if (!place) return false;
-  if (encoded) std::ranges::copy(parts[1], std::ranges::copy(parts[0], place->begin()).out);
+  if (recoded) std::ranges::copy(parts[1], std::ranges::copy(parts[0], place->begin()).out);
   else if (picture.format == PixelFormat::kMjpeg) std::memcpy(place->data(), picture.planes[0].data, bytes);
   else pack_picture(picture, place->data());
   to.placeholder = Placeholder::kNone;
@@ -253,7 +253,8 @@ bool Recorder::copy(const FrameSet& set, RecordedSet& to) {
     frame.in_effect = view.in_effect;
     frame.sequence = view.sequence;
     frame.placeholder = Placeholder::kFormat;
-    const bool fits = streams_[head] == stream_of(view) && most_bytes(view) <= take::MatroskaWriter::kLargestFrame;
+    const bool fits =
+        streams_[head] == stream_of(view, head) && most_bytes(view, head) <= take::MatroskaWriter::kLargestFrame;
     if (fits && !store(view, head, frame)) return false;
     if (frame.placeholder != Placeholder::kNone) ++placeholders;
   }

@@ -85,10 +85,8 @@ class Recorder {
   bool open_row();
   void close_row(bool last);
   bool changes_streams(const FrameSet& set);
-  /// What the files of a head with such frames hold.
-  HeadStream stream_of(const hal::FrameView& frame) const;
-  bool encodes(const HeadStream& delivered) const;
-  std::size_t most_bytes(const hal::FrameView& frame) const;
+  HeadStream stream_of(const hal::FrameView& frame, std::size_t head) const;
+  std::size_t most_bytes(const hal::FrameView& frame, std::size_t head) const;
   /// False if the ring has no room.
   bool store(const hal::FrameView& view, std::size_t head, RecordedFrame& to);
   bool not_for_still(const FrameSet& set);
@@ -96,7 +94,9 @@ class Recorder {
 
   const std::size_t heads_;
   const int raymaps_a_set_;
+  const PixelFormat raymap_format_;
   const TakesConfig takes_;
+  std::array<TakeMode, kMaxHeads> modes_{};
   Outlet<SetLoan>& sets_in_;
   EncodeStage& encoder_;
   Outlet<Raymap>& raymaps_in_;

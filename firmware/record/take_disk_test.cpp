@@ -7,19 +7,20 @@
 
 namespace nodal::firmware {
 
-/// Of a set as the mode stores it.
-std::uint64_t TakeKeeper::set_bytes(const HeadShapes& heads, TakesConfig::Mode mode) const {
+/// Of a set as the mode stores it, or, without one, as each head's own mode does. Lossless as raw: noise may leave nothing for
+/// Ut Video to save.
+std::uint64_t TakeKeeper::set_bytes(const HeadShapes& heads, std::optional<TakeMode> mode) const {
   std::uint64_t sum = 0;
-  for (const auto& head : heads) {
-    if (!head) continue;
-    const bool jpeg = head->format == PixelFormat::kMjpeg;
-    const bool coded =
-        HeadCoder::codes({head->format, head->width, head->height, {}, Fields::kProgressive, false}, mode) &&
-        mode == TakesConfig::Mode::kJpeg;  // noise may leave nothing for Ut Video to save
+  for (std::size_t k = 0; k < heads.size(); ++k) {
+    if (!heads[k]) continue;
+    const HeadStream delivered{heads[k]->format, heads[k]->width, heads[k]->height, {}, Fields::kProgressive, false};
+    const HeadStream stored =
+        stored_stream(delivered, mode.value_or(config_.heads[k].take_mode), config_.raymap.format);
     // A camera's JPEG has about one bit per sample, one of quality 90 about two; the first sets tell more.
-    sum += packed_size(jpeg ? PixelFormat::kI420 : head->format, head->width, head->height) / (jpeg    ? 8
-                                                                                               : coded ? 4
-                                                                                                       : 1);
+    const bool as_sent = delivered.format == PixelFormat::kMjpeg;
+    if (stored.format != PixelFormat::kMjpeg) sum += packed_size(stored.format, stored.width, stored.height);
+    else if (as_sent) sum += packed_size(PixelFormat::kI420, stored.width, stored.height) / 8;
+    else sum += packed_size(delivered.format, delivered.width, delivered.height) / 4;
   }
   return sum;
 }
@@ -27,7 +28,7 @@ std::uint64_t TakeKeeper::set_bytes(const HeadShapes& heads, TakesConfig::Mode m
 Status TakeKeeper::begin_test(std::uint64_t ticket, const TakeRequest::TestDisk& what, Instant now) {
   if (writing_) return fail(Errc::kBusy, "a take is being recorded; test the disk when none is");
   if (test_) return fail(Errc::kBusy, "the disk is being tested; try again in a minute");
-  if (set_bytes(what.heads, TakesConfig::Mode::kDriver) == 0) {
+  if (set_bytes(what.heads) == 0) {
     return fail(Errc::kNotReady,
                 "no head has delivered a picture yet, so nothing is known of what they need; `nodal "
                 "heads` says why");
@@ -44,8 +45,7 @@ bool TakeKeeper::step_test(Instant now) {
   if (!speed) end_test(fail(speed.error()));
   if (!speed || !*speed) return true;
   TakeAnswer::DiskTested tested{**speed, {}};
-  using Mode = TakesConfig::Mode;
-  for (const Mode mode : {Mode::kDriver, Mode::kLossless, Mode::kJpeg}) {
+  for (const TakeMode mode : {TakeMode::kDriver, TakeMode::kRaw, TakeMode::kLossless, TakeMode::kJpeg}) {
     const std::uint64_t needed = set_bytes(test_->heads, mode) * config_.rate.numerator / config_.rate.denominator;
     tested.modes.push_back(judge_disk(**speed, std::string(mode_name(mode)), needed, recorder_.ring().size()));
   }

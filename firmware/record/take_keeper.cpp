@@ -162,7 +162,7 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
     return fail(Errc::kTooLarge,
                 fmt::format("the disk has {} takes, the most that there may be; delete some", takes_.size()));
   }
-  expected_set_bytes_ = set_bytes(start.heads, config_.takes->mode);
+  expected_set_bytes_ = set_bytes(start.heads);
   if (expected_set_bytes_ > recorder_.ring().size() / 4) {
     return fail(Errc::kBadValue, fmt::format("a set of pictures has {} MB; [takes] buffer_mb must be at least {}",
                                              expected_set_bytes_ >> 20, (expected_set_bytes_ >> 18) + 1));
@@ -180,7 +180,7 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
   documents.about.software = software_;
   documents.about.started_utc_ns = utc_();
   documents.about.rate = config_.rate;
-  documents.about.mode = mode_name(config_.takes->mode);
+  documents.about.mode = mode_names(config_.heads);
   if (start.calibration) documents.about.calibration_id = to_hex(*start.calibration);
   documents.calibration = start.calibration;
   for (const HeadConfig& head : config_.heads) documents.about.heads.push_back(head.name);
@@ -330,7 +330,7 @@ void TakeKeeper::publish(Instant now) {
   report_.sets = writing_ ? writing_->sets() : 0;
   report_.lost_sets = writing_ ? counts.lost_sets.load() - lost_before_ + dropped_sets_ : 0;
   report_.lost_raymaps = writing_ ? counts.lost_raymaps.load() - raymaps_lost_before_ : 0;
-  const bool encodes = writing_ && config_.takes->mode == TakesConfig::Mode::kJpeg;
+  const bool encodes = writing_ && std::ranges::count(config_.heads, TakeMode::kJpeg, &HeadConfig::take_mode) > 0;
   report_.quality = encodes ? recorder_.quality_now() : 0;
   report_.leaves_out_raymaps = writing_ && config_.takes->raymap && recorder_.leaves_out_raymaps();
   report_.buffer_percent = static_cast<std::uint32_t>(recorder_.ring().used() * 100 / recorder_.ring().size());

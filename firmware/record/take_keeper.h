@@ -183,7 +183,7 @@ class TakeKeeper {
   Status begin_test(std::uint64_t ticket, const TakeRequest::TestDisk& what, Instant now);
   bool step_test(Instant now);
   void end_test(Result<TakeAnswer::DiskTested> result);
-  std::uint64_t set_bytes(const HeadShapes& heads, TakesConfig::Mode mode) const;
+  std::uint64_t set_bytes(const HeadShapes& heads, std::optional<TakeMode> mode = std::nullopt) const;
   Status remove(const TakeRequest::Delete& what);
   Result<TakeEntry*> finished(std::uint64_t take);
   std::uint64_t bytes_a_second() const;

@@ -33,7 +33,7 @@ enum class Placeholder : std::uint8_t {
   kNone,     ///< it is a picture
   kMissing,  ///< the head has no frame in the set; the head's losses say why
   kFormat,   ///< its size or format differs from that of the segment, which has just begun
-  kEncoder,  ///< it could not be encoded
+  kEncoder,  ///< it could not be encoded, or decoded to be stored raw
 };
 std::string_view placeholder_name(Placeholder reason);
 

@@ -36,7 +36,7 @@ struct TakeDocument {
   std::string software;             ///< that recorded it
   std::int64_t started_utc_ns = 0;  ///< since 1970 by the board's clock; 0: unknown
   FrameRate rate;
-  std::string mode;            ///< how heads' pictures are stored: "driver", "jpeg", "lossless"
+  std::string mode;            ///< how heads' pictures are stored: such as "jpeg"; "driver, raw" if heads differ
   std::string calibration_id;  ///< 64 hexadecimal digits; empty: none was in force
   std::string layout;          ///< of the raymaps; empty: they are not recorded
   int raymap_width = 0;        ///< px; 0 without raymaps

@@ -184,6 +184,22 @@ TEST_F(RenderTest, LosslessTakes_GiveTheBytesThatTheRigMade) {
   EXPECT_EQ(exported == decoded(take() + "/cam0-0000.mkv"), true);
 }
 
+TEST_F(RenderTest, HeadsStoredInModesOfTheirOwn_GiveTheBytesThatTheRigMade) {
+  head_key("format = \"MJPEG\"");
+  with("name = \"cam0\"\n", "name = \"cam0\"\ntake_mode = \"driver\"\n");
+  const Raymaps live = film(20, "mode = \"raw\"\n");
+  expect_same(live, rendered());
+  const Json shown = nodal_json({"take", "show", take()}).at(0);
+  EXPECT_EQ(shown["mode"], "driver, raw");
+  if (Process({"sh", "-c", "command -v ffprobe"}).wait().code != 0) GTEST_SKIP() << "ffprobe is not installed";
+  for (const auto& [head, codec] : {std::pair{"cam0", "mjpeg"}, std::pair{"cam1", "rawvideo"}}) {
+    const Finished probed = Process({"ffprobe", "-v", "error", "-show_entries", "stream=codec_name", "-of", "csv=p=0",
+                                     take() + "/" + head + "-0000.mkv"})
+                                .wait();
+    EXPECT_NE(probed.out.find(codec), std::string::npos) << head << ": " << probed.out;
+  }
+}
+
 TEST_F(RenderTest, FieldsAndExposuresThatChangeFromSetToSet_AreThoseOfTheEvidence) {
   with("height = 128\n", "height = 128\nfields = \"separate\"\n");
   with("[links]", "[exposure]\nprogram = \"each\"\nramp_stops = 0.05\n[links]");

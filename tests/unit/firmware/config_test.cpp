@@ -152,6 +152,19 @@ TEST(RigConfig, Takes_EndOrLoopOnAFullDisk) {
   EXPECT_TRUE(loop->takes->loop);
   EXPECT_TRUE(loop->takes->at_start);
   EXPECT_FALSE(parse_rig_config(takes + "when_full = \"stop\"\n", "rig.toml")->takes->loop);
+  EXPECT_EQ(usual->heads[0].take_mode, TakeMode::kDriver);
+  const auto raw = parse_rig_config(takes + "mode = \"raw\"\n", "rig.toml");
+  ASSERT_TRUE(raw) << raw.error().text();
+  EXPECT_EQ(raw->heads[0].take_mode, TakeMode::kRaw);
+  const std::string own = kSmall + "take_mode = \"jpeg\"\n";
+  const std::string table = "[takes]\nfolder = \"takes\"\nmode = \"raw\"\n";
+  const auto jpeg = parse_rig_config(own + table + "quality = 80\n", "rig.toml");
+  ASSERT_TRUE(jpeg) << jpeg.error().text();
+  EXPECT_EQ(jpeg->heads[0].take_mode, TakeMode::kJpeg);
+  expect_refused(own, Errc::kBadValue, "heads[0].take_mode is for rigs that record");
+  expect_refused(kSmall + table + "quality = 80\n", Errc::kBadValue, "takes has a quality");
+  expect_refused(kSmall + "take_mode = \"mp4\"\n" + table, Errc::kBadValue,
+                 "allowed is one of driver, raw, jpeg, lossless");
   expect_refused(takes + "when_full = \"delete\"\n", Errc::kBadValue, "allowed is one of stop, loop");
   expect_refused(kSmall + "[takes]\n", Errc::kMissingField, "takes.folder");
 }

@@ -50,13 +50,15 @@ TEST_F(DiskSpeedTest, AFastDisk_HasItsSpeedAndSustainsEveryMode) {
   EXPECT_GE(found.speed.took, Duration::seconds(10));
   EXPECT_LT(found.speed.took, Duration::seconds(11));
   EXPECT_EQ(found.speed.worst_sync, Duration()) << "writing takes the time on this disk";
-  ASSERT_EQ(found.modes.size(), 3U);
+  ASSERT_EQ(found.modes.size(), 4U);
   EXPECT_EQ(found.modes[0].mode, "driver");
   EXPECT_EQ(found.modes[0].bytes_a_second, kDriverNeeds);
-  EXPECT_EQ(found.modes[1].mode, "lossless");
-  EXPECT_EQ(found.modes[1].bytes_a_second, kDriverNeeds) << "noise leaves nothing to save";
-  EXPECT_EQ(found.modes[2].mode, "jpeg");
-  EXPECT_EQ(found.modes[2].bytes_a_second, kDriverNeeds / 4);
+  EXPECT_EQ(found.modes[1].mode, "raw");
+  EXPECT_EQ(found.modes[1].bytes_a_second, kDriverNeeds);
+  EXPECT_EQ(found.modes[2].mode, "lossless");
+  EXPECT_EQ(found.modes[2].bytes_a_second, kDriverNeeds) << "noise leaves nothing to save";
+  EXPECT_EQ(found.modes[3].mode, "jpeg");
+  EXPECT_EQ(found.modes[3].bytes_a_second, kDriverNeeds / 4);
   for (const DiskVerdict& mode : found.modes) EXPECT_TRUE(mode.sustained) << mode.why;
   EXPECT_EQ(found.modes[0].why, "needs 4.6 MB/s, and the disk takes 12.0");
 }
@@ -64,10 +66,10 @@ TEST_F(DiskSpeedTest, AFastDisk_HasItsSpeedAndSustainsEveryMode) {
 TEST_F(DiskSpeedTest, ASlowDisk_SustainsJpegsOnly) {
   disk.set_speed(&clock, 4'000'000);
   const TakeAnswer::DiskTested found = tested();
-  ASSERT_EQ(found.modes.size(), 3U);
+  ASSERT_EQ(found.modes.size(), 4U);
   EXPECT_FALSE(found.modes[0].sustained) << found.modes[0].why;
   EXPECT_EQ(found.modes[0].why, "needs 4.6 MB/s, and the disk takes 4.0");
-  EXPECT_TRUE(found.modes[2].sustained) << found.modes[2].why;
+  EXPECT_TRUE(found.modes[3].sustained) << found.modes[3].why;
   disk.set_speed(&clock, 5'000'000);
   const TakeAnswer::DiskTested barely = tested();
   EXPECT_FALSE(barely.modes.at(0).sustained);

@@ -32,6 +32,10 @@ Bytes flash(PixelFormat format) {
   return bytes;
 }
 
+HeadCoder coder_of(const HeadStream& delivered, TakeMode mode) {
+  return HeadCoder(delivered, stored_stream(delivered, mode, PixelFormat::kI420));
+}
+
 struct Case {
   PixelFormat format;
   Fields fields;
@@ -44,7 +48,7 @@ TEST_P(HeadCoderFiles, FfmpegShowsTheRowsWhereTheyWere) {
   const auto [format, fields] = GetParam();
   const Bytes bytes = flash(format);
   const ImageView picture = packed_image(format, kCodedWidth, kCodedHeight, bytes.data());
-  HeadCoder coder(HeadStream{format, kCodedWidth, kCodedHeight, {}, fields}, HeadCoder::Mode::kJpeg);
+  HeadCoder coder = coder_of({format, kCodedWidth, kCodedHeight, {}, fields}, TakeMode::kJpeg);
   take::VideoTrack track;
   track.width = kCodedWidth;
   track.height = kCodedHeight;
@@ -53,7 +57,7 @@ TEST_P(HeadCoderFiles, FfmpegShowsTheRowsWhereTheyWere) {
   take::MatroskaWriter writer(track);
   Bytes file = writer.head();
   for (int k = 0; k < 3; ++k) {
-    const auto parts = coder.encode(picture, 95);
+    const auto parts = coder.code(picture, 95);
     ASSERT_TRUE(parts) << parts.error().text();
     EXPECT_EQ((*parts)[1].empty(), fields == Fields::kProgressive);
     Bytes packet((*parts)[0].begin(), (*parts)[0].end());
@@ -92,14 +96,66 @@ INSTANTIATE_TEST_SUITE_P(
                     Case{PixelFormat::kNv12, Fields::kBottomFirst}, Case{PixelFormat::kI422, Fields::kProgressive},
                     Case{PixelFormat::kGrey8, Fields::kProgressive}));
 
+ImageView mjpeg(const Bytes& bytes) {
+  ImageView view{PixelFormat::kMjpeg, kCodedWidth, kCodedHeight, {}, bytes.size(), {}};
+  const int length = static_cast<int>(bytes.size());
+  view.planes[0] = {bytes.data(), length, 1, length, 1};
+  return view;
+}
+
+TEST(HeadCoder, RawOfMjpeg_IsThePictureThatFfmpegDecodes) {
+  if (test::Process({"sh", "-c", "command -v ffmpeg"}).wait().code != 0) GTEST_SKIP() << "ffmpeg is not installed";
+  const Bytes bytes = flash(PixelFormat::kI420);
+  HeadCoder jpegs =
+      coder_of({PixelFormat::kI420, kCodedWidth, kCodedHeight, {}, Fields::kProgressive}, TakeMode::kJpeg);
+  const auto coded =
+      (*jpegs.code(packed_image(PixelFormat::kI420, kCodedWidth, kCodedHeight, std::as_const(bytes).data()), 95))[0];
+  const Bytes jpeg(coded.begin(), coded.end());
+  const test::TemporaryFolder folder;
+  test::write_bytes(folder / "picture.jpg", jpeg);
+  const test::Finished decoded = test::Process({"ffmpeg", "-v", "error", "-i", (folder / "picture.jpg").string(),
+                                                "-pix_fmt", "yuvj420p", "-f", "rawvideo", (folder / "raw").string()})
+                                     .wait();
+  ASSERT_EQ(decoded.code, 0) << decoded.err;
+  const Bytes expected = test::read_bytes(folder / "raw");
+
+  const HeadStream delivered{PixelFormat::kMjpeg, kCodedWidth, kCodedHeight, {}, Fields::kProgressive};
+  EXPECT_EQ(stored_stream(delivered, TakeMode::kRaw, PixelFormat::kI420).format, PixelFormat::kI420);
+  EXPECT_EQ(stored_stream(delivered, TakeMode::kRaw, PixelFormat::kGrey16).format, PixelFormat::kGrey8);
+  EXPECT_EQ(stored_stream(delivered, TakeMode::kJpeg, PixelFormat::kI420), delivered);
+  EXPECT_EQ(stored_stream(delivered, TakeMode::kLossless, PixelFormat::kI420), delivered);
+  HeadCoder coder = coder_of(delivered, TakeMode::kRaw);
+  const auto parts = coder.code(mjpeg(jpeg), 0);
+  ASSERT_TRUE(parts) << parts.error().text();
+  ASSERT_EQ((*parts)[0].size(), expected.size());
+  int worst = 0;
+  for (std::size_t k = 0; k < expected.size(); ++k) worst = std::max(worst, std::abs((*parts)[0][k] - expected[k]));
+  EXPECT_LE(worst, 2) << "two decoders round differently";
+}
+
+TEST(HeadCoder, AnMjpegThatLies_IsNotDecoded) {
+  HeadCoder coder =
+      coder_of({PixelFormat::kMjpeg, kCodedWidth, kCodedHeight, {}, Fields::kProgressive}, TakeMode::kRaw);
+  const Bytes bytes = flash(PixelFormat::kGrey8);
+  HeadCoder jpegs =
+      coder_of({PixelFormat::kGrey8, kCodedWidth, kCodedHeight / 2, {}, Fields::kProgressive}, TakeMode::kJpeg);
+  const auto coded =
+      (*jpegs.code(packed_image(PixelFormat::kGrey8, kCodedWidth, kCodedHeight / 2, bytes.data()), 95))[0];
+  Bytes jpeg(coded.begin(), coded.end());
+  EXPECT_NE(coder.code(mjpeg(jpeg), 0).error().text().find("another size"), std::string::npos);
+  jpeg.resize(jpeg.size() / 2);
+  EXPECT_FALSE(coder.code(mjpeg(jpeg), 0));
+  EXPECT_FALSE(coder.code(mjpeg({}), 0));
+}
+
 TEST(HeadCoder, ALowerQuality_GivesFewerBytes) {
   const Bytes bytes = flash(PixelFormat::kI420);
   const ImageView picture = packed_image(PixelFormat::kI420, kCodedWidth, kCodedHeight, bytes.data());
-  HeadCoder coder(HeadStream{PixelFormat::kI420, kCodedWidth, kCodedHeight, {}, Fields::kProgressive},
-                  HeadCoder::Mode::kJpeg);
-  const std::size_t good = (*coder.encode(picture, 90))[0].size();
-  EXPECT_LT((*coder.encode(picture, 45))[0].size(), good);
-  EXPECT_EQ((*coder.encode(picture, 90))[0].size(), good);
+  HeadCoder coder =
+      coder_of({PixelFormat::kI420, kCodedWidth, kCodedHeight, {}, Fields::kProgressive}, TakeMode::kJpeg);
+  const std::size_t good = (*coder.code(picture, 90))[0].size();
+  EXPECT_LT((*coder.code(picture, 45))[0].size(), good);
+  EXPECT_EQ((*coder.code(picture, 90))[0].size(), good);
 }
 
 }  // namespace

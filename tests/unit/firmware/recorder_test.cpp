@@ -12,18 +12,19 @@ namespace {
 
 constexpr int kHeadWidth = 640, kHeadHeight = 480;
 
-RigConfig config(int heads, TakesConfig::Mode mode) {
+RigConfig config(int heads, TakeMode mode) {
   RigConfig config;
   config.heads.resize(static_cast<std::size_t>(heads));
+  for (HeadConfig& head : config.heads) head.take_mode = mode;
   config.raymap.width = 64;
   config.raymap.height = 32;
-  config.takes = TakesConfig{.folder = "takes", .buffer_mb = 16, .mode = mode};
+  config.takes = TakesConfig{.folder = "takes", .buffer_mb = 16};
   return config;
 }
 
 class Stand {
  public:
-  explicit Stand(int heads, TakesConfig::Mode mode = TakesConfig::Mode::kDriver)
+  explicit Stand(int heads, TakeMode mode = TakeMode::kDriver)
       : heads_(heads), config_(config(heads, mode)), recorder_(config_, sets_in_, encoder_) {
     for (int head = 0; head < heads; ++head)
       pixels_.emplace_back(kHeadWidth * kHeadHeight, static_cast<std::uint8_t>(head + 1));
@@ -235,7 +236,7 @@ TEST(Recorder, AStillWithoutAHeadOrARaymap_EndsAfterItsTime) {
 }
 
 TEST(Recorder, PicturesBecomeJpegsWhoseQualityFallsAsTheRingFills) {
-  Stand stand(2, TakesConfig::Mode::kJpeg);
+  Stand stand(2, TakeMode::kJpeg);
   std::vector<std::unique_ptr<TakeRow>> rows;
   int last = 100;
   for (int k = 0; k < 20'000 && stand.recorder().counts().lost_sets.load() == 0; ++k) {

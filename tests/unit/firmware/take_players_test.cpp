@@ -28,7 +28,7 @@ struct Mode {
   const char* name;
   PixelFormat format;
   Fields fields;
-  HeadCoder::Mode stored;
+  TakeMode stored;
   bool in_vlc = true;
 };
 void PrintTo(const Mode& mode, std::ostream* out) { *out << mode.name; }
@@ -45,9 +45,9 @@ Bytes ramp(PixelFormat format, int frame) {
 Bytes film(const Mode& mode) {
   take::VideoTrack track;
   track.codec = "V_UNCOMPRESSED";
-  if (mode.stored == HeadCoder::Mode::kDriver) track.fourcc = take::fourcc_of(mode.format);
-  if (mode.stored == HeadCoder::Mode::kJpeg) track.codec = "V_MJPEG";
-  if (mode.stored == HeadCoder::Mode::kLossless) {
+  if (mode.stored == TakeMode::kDriver) track.fourcc = take::fourcc_of(mode.format);
+  if (mode.stored == TakeMode::kJpeg) track.codec = "V_MJPEG";
+  if (mode.stored == TakeMode::kLossless) {
     track.codec = media::kUtVideoCodec;
     track.codec_private = media::ut_video_private(mode.format, kWide, kHigh, {});
   }
@@ -59,12 +59,13 @@ Bytes film(const Mode& mode) {
   take::MatroskaWriter writer(track);
   Bytes file = writer.head();
   std::optional<HeadCoder> coder;
-  if (mode.stored != HeadCoder::Mode::kDriver)
-    coder.emplace(HeadStream{mode.format, kWide, kHigh, {}, mode.fields}, mode.stored);
+  const HeadStream delivered{mode.format, kWide, kHigh, {}, mode.fields};
+  if (mode.stored != TakeMode::kDriver)
+    coder.emplace(delivered, stored_stream(delivered, mode.stored, PixelFormat::kI420));
   for (int k = 0; k < kFrames; ++k) {
     Bytes packet = ramp(mode.format, k);
     if (coder) {
-      const auto parts = coder->encode(packed_image(mode.format, kWide, kHigh, std::as_const(packet).data()), 90);
+      const auto parts = coder->code(packed_image(mode.format, kWide, kHigh, std::as_const(packet).data()), 90);
       if (!parts) throw std::runtime_error(parts.error().text());
       Bytes both((*parts)[0].begin(), (*parts)[0].end());
       both.insert(both.end(), (*parts)[1].begin(), (*parts)[1].end());
@@ -150,21 +151,21 @@ TEST_P(TakePlayers, Vlc_ShowsIt) {
 
 INSTANTIATE_TEST_SUITE_P(
     All, TakePlayers,
-    testing::Values(Mode{"grey", PixelFormat::kGrey8, Fields::kProgressive, HeadCoder::Mode::kDriver},
-                    Mode{"i420", PixelFormat::kI420, Fields::kProgressive, HeadCoder::Mode::kDriver},
-                    Mode{"i420_interlaced", PixelFormat::kI420, Fields::kBottomFirst, HeadCoder::Mode::kDriver},
-                    Mode{"nv12", PixelFormat::kNv12, Fields::kProgressive, HeadCoder::Mode::kDriver},
-                    Mode{"yuyv_interlaced", PixelFormat::kYuyv, Fields::kTopFirst, HeadCoder::Mode::kDriver},
-                    Mode{"uyvy_interlaced", PixelFormat::kUyvy, Fields::kTopFirst, HeadCoder::Mode::kDriver},
-                    Mode{"i422", PixelFormat::kI422, Fields::kProgressive, HeadCoder::Mode::kDriver},
-                    Mode{"yuv411", PixelFormat::kYuv411, Fields::kProgressive, HeadCoder::Mode::kDriver, false},
-                    Mode{"rgb24", PixelFormat::kRgb24, Fields::kProgressive, HeadCoder::Mode::kDriver, false},
-                    Mode{"bayer", PixelFormat::kRggb8, Fields::kProgressive, HeadCoder::Mode::kDriver, false},
-                    Mode{"jpeg", PixelFormat::kI420, Fields::kProgressive, HeadCoder::Mode::kJpeg},
-                    Mode{"jpeg_interlaced", PixelFormat::kYuyv, Fields::kTopFirst, HeadCoder::Mode::kJpeg},
-                    Mode{"lossless", PixelFormat::kI420, Fields::kProgressive, HeadCoder::Mode::kLossless},
-                    Mode{"lossless_interlaced", PixelFormat::kYuyv, Fields::kTopFirst, HeadCoder::Mode::kLossless},
-                    Mode{"lossless_rgb", PixelFormat::kRgb24, Fields::kProgressive, HeadCoder::Mode::kLossless}),
+    testing::Values(Mode{"grey", PixelFormat::kGrey8, Fields::kProgressive, TakeMode::kDriver},
+                    Mode{"i420", PixelFormat::kI420, Fields::kProgressive, TakeMode::kDriver},
+                    Mode{"i420_interlaced", PixelFormat::kI420, Fields::kBottomFirst, TakeMode::kDriver},
+                    Mode{"nv12", PixelFormat::kNv12, Fields::kProgressive, TakeMode::kDriver},
+                    Mode{"yuyv_interlaced", PixelFormat::kYuyv, Fields::kTopFirst, TakeMode::kDriver},
+                    Mode{"uyvy_interlaced", PixelFormat::kUyvy, Fields::kTopFirst, TakeMode::kDriver},
+                    Mode{"i422", PixelFormat::kI422, Fields::kProgressive, TakeMode::kDriver},
+                    Mode{"yuv411", PixelFormat::kYuv411, Fields::kProgressive, TakeMode::kDriver, false},
+                    Mode{"rgb24", PixelFormat::kRgb24, Fields::kProgressive, TakeMode::kDriver, false},
+                    Mode{"bayer", PixelFormat::kRggb8, Fields::kProgressive, TakeMode::kDriver, false},
+                    Mode{"jpeg", PixelFormat::kI420, Fields::kProgressive, TakeMode::kJpeg},
+                    Mode{"jpeg_interlaced", PixelFormat::kYuyv, Fields::kTopFirst, TakeMode::kJpeg},
+                    Mode{"lossless", PixelFormat::kI420, Fields::kProgressive, TakeMode::kLossless},
+                    Mode{"lossless_interlaced", PixelFormat::kYuyv, Fields::kTopFirst, TakeMode::kLossless},
+                    Mode{"lossless_rgb", PixelFormat::kRgb24, Fields::kProgressive, TakeMode::kLossless}),
     [](const auto& mode) { return mode.param.name; });
 
 }  // namespace
