@@ -175,6 +175,7 @@ class TakeKeeper {
   void load(const std::string& folder);
   bool recover_one();
   bool recover(TakeEntry& entry);
+  bool being_deleted(std::uint64_t take);
   Status make_room(std::uint64_t needed);
   Result<std::optional<std::uint64_t>> delete_oldest();
   bool take_request(Instant now);

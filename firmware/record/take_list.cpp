@@ -6,6 +6,7 @@
 
 #include "firmware/record/recovery.h"
 #include "firmware/record/take_keeper.h"
+#include "firmware/storage/durable_file.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
 
@@ -71,7 +72,7 @@ void TakeKeeper::load(const std::string& folder) {
     entry.raymap_height = about->raymap_height;
   }
   const auto stored = disk_.read(folder + "/" + take::kManifestFile, take::kMaxManifestBytes);
-  if (!stored && stored.error().code == Errc::kNotFound) {
+  if ((!stored && stored.error().code == Errc::kNotFound) || being_deleted(entry.number)) {
     entry.state = TakeState::kUnfinished;
     to_recover_.push_back(entry.number);
     return;
@@ -92,13 +93,19 @@ bool TakeKeeper::recover_one() {
   return true;
 }
 
-/// False if it held nothing and is gone.
+bool TakeKeeper::being_deleted(std::uint64_t take) {
+  return disk_.size(take::take_folder(take) + "/" + take::kDeletedFile).has_value();
+}
+
+/// False if it held nothing, or was being deleted, and is gone.
 bool TakeKeeper::recover(TakeEntry& entry) {
   std::erase(to_recover_, entry.number);
-  if (const auto nothing = nothing_recorded(disk_, take::take_folder(entry.number)); nothing && *nothing) {
+  const bool deleted = being_deleted(entry.number);
+  if (const auto nothing = nothing_recorded(disk_, take::take_folder(entry.number)); deleted || (nothing && *nothing)) {
     const std::uint64_t number = entry.number;  // its entry goes
     entry.state = TakeState::kDamaged;          // if it cannot be removed
-    entry.problem = "the power failed when it began; it holds nothing";
+    entry.problem = deleted ? "the power failed while it was deleted; delete it again"
+                            : "the power failed when it began; it holds nothing";
     return !remove({number});
   }
   const auto manifest = recover_take(disk_, take::take_folder(entry.number));
@@ -141,13 +148,17 @@ Status TakeKeeper::remove(const TakeRequest::Delete& what) {
   }
   const auto names = disk_.list(folder);
   if (!names) return fail(names.error());
-  // If this is interrupted, the take is still whole without its manifest, and shown as damaged without its take.json.
-  std::vector<std::string> order = *names;
-  for (const std::string& first : {take::kTakeFile, take::kManifestFile}) {
-    std::ranges::stable_partition(order, [&](const std::string& name) { return name == first; });
-  }
-  for (const std::string& name : order) {
+  // While this file is there, the next start goes on. On a disk without room for it, the take is deleted as well.
+  const std::string mark = folder + "/" + take::kDeletedFile;
+  const Status marked = write_durably(disk_, folder, mark, "");
+  if (!marked && marked.error().code != Errc::kDiskFull) return marked;
+  for (const std::string& name : *names) {
+    if (name == take::kDeletedFile) continue;
     if (const Status removed = disk_.remove(folder + "/" + name); !removed) return removed;
+  }
+  if (marked) {
+    if (const Status synced = disk_.sync_folder(folder); !synced) return synced;
+    if (const Status removed = disk_.remove(mark); !removed) return removed;
   }
   if (const Status removed = disk_.remove(folder); !removed) return removed;
   takes_.erase(take);

@@ -241,7 +241,7 @@ Status check_next(const Manifest::Calibration& calibration, std::span<const Mani
 
 bool is_take_file(std::string_view name) {
   for (const std::string& each :
-       {kTakeFile, kManifestFile, kProtectedFile, kCalibrationFile, kRigFile, kThumbFile, kFlightFile}) {
+       {kTakeFile, kManifestFile, kProtectedFile, kCalibrationFile, kRigFile, kThumbFile, kFlightFile, kDeletedFile}) {
     if (name == each) return true;
   }
   const auto digits = [&](std::size_t least) {

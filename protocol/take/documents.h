@@ -27,7 +27,7 @@ inline constexpr std::size_t kMostCalibrations = 100;
 /// File names in the folder of a take.
 inline const std::string kTakeFile = "take.json", kManifestFile = "manifest", kProtectedFile = "protected",
                          kCalibrationFile = "calibration.json", kRigFile = "rig.toml", kThumbFile = "thumb.jpg",
-                         kFlightFile = "flight";
+                         kFlightFile = "flight", kDeletedFile = "deleted";
 
 /// take.json.
 struct TakeDocument {

@@ -140,35 +140,6 @@ TEST(RigConfig, AUsbCable_IsTheFolderOfItsGadget) {
   EXPECT_FALSE(parse_rig_config(kSmall + "[links]\nusb = true\n", "rig.toml"));
 }
 
-TEST(RigConfig, Takes_EndOrLoopOnAFullDisk) {
-  const std::string takes = kSmall + "[takes]\nfolder = \"takes\"\n";
-  const auto usual = parse_rig_config(takes, "rig.toml");
-  ASSERT_TRUE(usual) << usual.error().text();
-  EXPECT_EQ(usual->takes->folder, "takes");
-  EXPECT_FALSE(usual->takes->loop);
-  EXPECT_FALSE(usual->takes->at_start);
-  const auto loop = parse_rig_config(takes + "when_full = \"loop\"\nstart = \"boot\"\n", "rig.toml");
-  ASSERT_TRUE(loop) << loop.error().text();
-  EXPECT_TRUE(loop->takes->loop);
-  EXPECT_TRUE(loop->takes->at_start);
-  EXPECT_FALSE(parse_rig_config(takes + "when_full = \"stop\"\n", "rig.toml")->takes->loop);
-  EXPECT_EQ(usual->heads[0].take_mode, TakeMode::kDriver);
-  const auto raw = parse_rig_config(takes + "mode = \"raw\"\n", "rig.toml");
-  ASSERT_TRUE(raw) << raw.error().text();
-  EXPECT_EQ(raw->heads[0].take_mode, TakeMode::kRaw);
-  const std::string own = kSmall + "take_mode = \"jpeg\"\n";
-  const std::string table = "[takes]\nfolder = \"takes\"\nmode = \"raw\"\n";
-  const auto jpeg = parse_rig_config(own + table + "quality = 80\n", "rig.toml");
-  ASSERT_TRUE(jpeg) << jpeg.error().text();
-  EXPECT_EQ(jpeg->heads[0].take_mode, TakeMode::kJpeg);
-  expect_refused(own, Errc::kBadValue, "heads[0].take_mode is for rigs that record");
-  expect_refused(kSmall + table + "quality = 80\n", Errc::kBadValue, "takes has a quality");
-  expect_refused(kSmall + "take_mode = \"mp4\"\n" + table, Errc::kBadValue,
-                 "allowed is one of driver, raw, jpeg, lossless");
-  expect_refused(takes + "when_full = \"delete\"\n", Errc::kBadValue, "allowed is one of stop, loop");
-  expect_refused(kSmall + "[takes]\n", Errc::kMissingField, "takes.folder");
-}
-
 TEST(RigConfig, ATriggerToFollowAndAHeadsDelay_AreReadAndHeldToTheirLimits) {
   const std::string text = kSmall + "trigger_delay_us = 1500\n[trigger]\nsource = \"external\"\n";
   const auto config = parse_rig_config(text, "rig.toml");
