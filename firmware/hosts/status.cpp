@@ -283,7 +283,7 @@ void fill_takes(const TakeAnswer::Listed& listed, wire::Takes& into) {
     take.set_bytes(entry.bytes);
     take.set_length_ns(static_cast<std::uint64_t>(entry.length.ns()));
     take.set_is_protected(entry.is_protected);
-    take.set_ended(printable(entry.ended, 40));
+    take.set_ended(printable(entry.ended, 256));
     take.set_problem(printable(entry.problem, 160));  // kMostTakes of them fit one reply
     take.set_width(static_cast<std::uint32_t>(entry.raymap_width));
     take.set_height(static_cast<std::uint32_t>(entry.raymap_height));

@@ -62,6 +62,7 @@ Status fetch_file(RigConnection& rig, std::uint64_t take, const std::string& fil
       bytes.add(*piece);
       if (!piece->last) continue;
       const std::span<const std::uint8_t> whole = bytes.bytes();
+      if (whole.empty()) return fail(Errc::kProtocol, fmt::format("the rig sent a piece of {} without bytes", file));
       if (const Status taken = on_piece(offset, whole); !taken) {
         rig.stop_stream(*stream);
         return taken;
