@@ -1,15 +1,18 @@
 // Heads that do not share one nodal point, in a room with people: pictures for tests/bench/parallax to compare.
-//   build/release/bin/bench_parallax FOLDER
+//   build/release/bin/bench_parallax FOLDER [DEGREES...]
 // FOLDER gets the truth, which is what the rig's nodal point sees; for each distance of the heads from it their pictures
 // and the calibration; at infinity (-far) and at the fitted distance (-near) the raymaps of each blend, each head's own
-// picture on the raymap with its mask, and which head is best and which one placed seams show.
+// picture on the raymap with its mask, and which head is best and which one placed seams show. With DEGREES, also seam and
+// two bands with ramps of these widths.
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <vector>
 
 #include "stitch/geometry/head.h"
 #include "stitch/media/png_writer.h"
@@ -107,20 +110,32 @@ Owners save_layers(const Calibration& rig, const std::vector<ImageView>& picture
   return owners;
 }
 
+/// A blend that the board can do; `degrees`: the width of its ramp as on the command line, empty for the default.
+struct OnBoard {
+  std::string name;
+  table::Transition transition;
+  std::string degrees;
+};
+
 /// The raymaps of one calibration.
-bool save_raymaps(const Calibration& rig, const test::RenderedRig& seen, const std::string& folder,
-                  const std::string& name) {
+bool save_raymaps(const Calibration& rig, const test::RenderedRig& seen, const std::vector<std::string>& widths,
+                  const std::string& folder, const std::string& name) {
   const table::RaymapSpec spec{"equirectangular", kWidth, kHeight, PixelFormat::kGrey8};
-  const std::vector<std::pair<const char*, table::Transition>> blends{{"feather", table::Transition::kFeather},
-                                                                      {"seam", table::Transition::kSeam},
-                                                                      {"two-band", table::Transition::kTwoBand}};
-  for (const auto& [blend, transition] : blends) {
+  std::vector<OnBoard> blends{{"feather", table::Transition::kFeather, {}},
+                              {"seam", table::Transition::kSeam, {}},
+                              {"two-band", table::Transition::kTwoBand, {}}};
+  for (const std::string& width : widths) {
+    blends.push_back({"seam-" + width, table::Transition::kSeam, width});
+    blends.push_back({"two-band-" + width, table::Transition::kTwoBand, width});
+  }
+  for (const auto& [blend, transition, degrees] : blends) {
     table::TableOptions options;
     options.transition = transition;
     options.cover = false;
+    if (!degrees.empty()) options.seam_width_deg = std::strtod(degrees.c_str(), nullptr);
     const auto made = offline::OfflineBlend::make(rig, spec, options, PixelFormat::kGrey8, 0, {});
     if (!made) return std::fprintf(stderr, "%s\n", made.error().text().c_str()), false;
-    save({made->blend(seen.frames()).value().bytes}, folder, std::string(blend) + "-" + name);
+    save({made->blend(seen.frames()).value().bytes}, folder, blend + "-" + name);
   }
   auto best = offline::BestBlend::make(rig, spec, 0);
   if (!best) return std::fprintf(stderr, "%s\n", best.error().text().c_str()), false;
@@ -131,7 +146,7 @@ bool save_raymaps(const Calibration& rig, const test::RenderedRig& seen, const s
   return true;
 }
 
-int run(const std::string& folder) {
+int run(const std::string& folder, const std::vector<std::string>& widths) {
   std::filesystem::create_directories(folder);
   const hal::sim::ScenePtr town = hal::sim::town_square_scene(3);
   test::Room room{test::Room::Shape::kBox, 4, {}};
@@ -150,7 +165,7 @@ int run(const std::string& folder) {
       save_png({kSide, kSide, 1, 8, seen.bytes[h]}, folder, rig.heads[h].name + "-" + name);
     }
     std::ofstream(std::filesystem::path(folder) / ("rig-" + std::string(name) + ".json")) << to_json(rig);
-    if (!save_raymaps(rig, seen, folder, name + std::string("-far"))) return 1;
+    if (!save_raymaps(rig, seen, widths, folder, name + std::string("-far"))) return 1;
     if (off == 0) continue;
     registration::Options sought;
     sought.distance = true;
@@ -160,7 +175,7 @@ int run(const std::string& folder) {
     fitted.distance = found && found->calibration.distance > 0 ? found->calibration.distance : 3;
     std::printf("%s m: %s %.2f m\n", name, found ? "the fitted distance is" : "not registered; given are",
                 fitted.distance);
-    if (!save_raymaps(fitted, seen, folder, name + std::string("-near"))) return 1;
+    if (!save_raymaps(fitted, seen, widths, folder, name + std::string("-near"))) return 1;
   }
   return 0;
 }
@@ -169,7 +184,7 @@ int run(const std::string& folder) {
 }  // namespace nodal
 
 int main(int argc, char** argv) {
-  if (argc == 2) return nodal::run(argv[1]);
-  std::fprintf(stderr, "usage: bench_parallax FOLDER\n");
+  if (argc >= 2) return nodal::run(argv[1], {argv + 2, argv + argc});
+  std::fprintf(stderr, "usage: bench_parallax FOLDER [DEGREES...]\n");
   return 2;
 }
