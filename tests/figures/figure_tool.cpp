@@ -19,6 +19,7 @@
 #include "stitch/geometry/head.h"
 #include "stitch/media/image_file.h"
 #include "stitch/media/png_writer.h"
+#include "stitch/mesh/mesh_file.h"
 #include "stitch/parallel/workers.h"
 #include "stitch/view/resampler.h"
 #include "tests/reference/discrepancy.h"
@@ -223,13 +224,37 @@ void raymesh(const std::string& sphere, const std::string& out) {
   canvas.write(out);
 }
 
+/// The edges of a raymesh's triangles in its raymap, yellow. To the right of the right edge goes on at the left.
+void wireframe(const std::string& raymap, const std::string& mesh_file, const std::string& out) {
+  const mesh::MeshFormat format = must(mesh::mesh_format_of_name(mesh_file));
+  std::ifstream in(mesh_file, std::ios::binary);
+  const std::vector<std::uint8_t> bytes{std::istreambuf_iterator<char>(in), {}};
+  const mesh::Raymesh mesh = must(mesh::decode_mesh(bytes, format));
+  Canvas canvas{must(media::read_image(raymap, PixelFormat::kRgb24))};
+  const int width = canvas.image.width, height = canvas.image.height;
+  const Eigen::Vector2d size(width, height);
+  for (const auto& triangle : mesh.triangles) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Eigen::Vector2d from = mesh.vertices[triangle[k]].texture.cwiseProduct(size);
+      const Eigen::Vector2d to = mesh.vertices[triangle[(k + 1) % 3]].texture.cwiseProduct(size);
+      const int steps = 1 + static_cast<int>(2 * (to - from).norm());
+      for (int step = 0; step <= steps; ++step) {
+        const Eigen::Vector2d at = from + (to - from) * step / steps;
+        const int x = static_cast<int>(std::floor(at.x())), y = std::min(static_cast<int>(at.y()), height - 1);
+        canvas.paint((x % width + width) % width, y, 255, 255, 0);
+      }
+    }
+  }
+  canvas.write(out);
+}
+
 }  // namespace
 }  // namespace nodal::figures
 
 int main(int argc, char** argv) {
   CLI::App app{"Draws what the figures of the paper show beside the raymaps themselves"};
   app.require_subcommand(1);
-  std::string rig, raymap, layout, out;
+  std::string rig, raymap, layout, mesh_file, out;
   int count = 10000;
   CLI::App* bordered = app.add_subcommand("borders", "Figure 4: the heads' fields, outlined in red");
   bordered->add_option("RIG", rig)->required();
@@ -242,10 +267,15 @@ int main(int argc, char** argv) {
   CLI::App* dots = app.add_subcommand("points", "Figure 6: random and Hammersley points");
   dots->add_option("OUT", out)->required();
   dots->add_option("--count", count)->check(CLI::Range(1, 30000));
+  CLI::App* wires = app.add_subcommand("wireframe", "A raymesh over its raymap");
+  wires->add_option("RAYMAP", raymap)->required();
+  wires->add_option("MESH", mesh_file)->required();
+  wires->add_option("OUT", out)->required();
   CLI11_PARSE(app, argc, argv);
   try {
     if (*bordered) nodal::figures::borders(rig, raymap, layout, out);
     if (*mesh) nodal::figures::raymesh(raymap, out);
+    if (*wires) nodal::figures::wireframe(raymap, mesh_file, out);
     if (*dots) nodal::figures::points(out, count);
   } catch (const std::exception& wrong) {
     std::fprintf(stderr, "figure_tool: %s\n", wrong.what());
