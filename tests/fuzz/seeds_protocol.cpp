@@ -178,9 +178,15 @@ Bytes take_records() {
     clusters.mutable_clusters()->add_hashes("");
   }
   add_record(all, clusters);
+  take::wire::Record calibration;
+  calibration.mutable_calibration()->set_file(take::calibration_file(1));
+  calibration.mutable_calibration()->set_id(std::string(64, 'a'));
+  calibration.mutable_calibration()->set_set(8);
+  add_record(all, calibration);
   take::wire::Record mark;
   mark.mutable_mark()->set_set(1);
   mark.mutable_mark()->set_text("bus");
+  add_record(all, mark);
   take::wire::Record end;
   end.mutable_end()->set_sets(2);
   end.mutable_end()->set_reason("stopped");
@@ -244,6 +250,7 @@ int main(int argc, char** argv) {
   manifest.sets = 4;
   manifest.ended = "stopped";
   manifest.marks.push_back({2, "bus"});
+  manifest.calibrations.push_back({take::calibration_file(1), std::string(64, 'a'), 8});
   manifest.files.push_back({"cam0-0000.mkv", 100, {}});
   write(corpus / "take/manifest", with_front(1, text(take::manifest_json(manifest))));
   write(corpus / "upload/whole", Bytes{0, 2, 0, 0, 1, 2, 0, 40, 0, 2, 0, 0, 1, 2, 40, 37, 3, 2, 0, 0});
