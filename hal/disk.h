@@ -38,7 +38,8 @@ class DiskPort {
   virtual Status overwrite(FileHandle file, std::uint64_t offset, std::span<const std::uint8_t> bytes) = 0;
   /// Shortens a file that is open for appending. kBadValue if it is shorter than `size`.
   virtual Status truncate(FileHandle file, std::uint64_t size) = 0;
-  /// Asks the disk to begin writing what was appended, without waiting for it: less is left for sync().
+  /// Asks the disk to begin writing what was appended, without waiting for it: less is left for sync(). What was appended long
+  /// before is no longer kept in memory, because a recording is not read again soon.
   virtual void start_write_out(FileHandle file) = 0;
   /// Asks for room behind the end of a file that is open for appending, which keeps its length, so that it lies in one piece.
   /// A file system that cannot do it, or has no room, does nothing. truncate() gives back what was not used.

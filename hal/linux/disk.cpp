@@ -236,9 +236,15 @@ Status LinuxDisk::truncate(FileHandle handle, std::uint64_t size) {
 }
 
 void LinuxDisk::start_write_out(FileHandle handle) {
-  if (const auto file = file_of(handle, false)) {
-    (void)::sync_file_range((*file)->descriptor, 0, 0, SYNC_FILE_RANGE_WRITE);
-  }
+  const auto file = file_of(handle, false);
+  if (!file) return;
+  (void)::sync_file_range((*file)->descriptor, 0, 0, SYNC_FILE_RANGE_WRITE);
+  // Memory that goes back to the kernel is used again for the next bytes, instead of the memory of everything else on the board.
+  const std::uint64_t begin = (*file)->let_go, end = (*file)->end;
+  if (end < begin + 2 * kKeptInMemory) return;
+  (*file)->let_go = end - kKeptInMemory;
+  (void)::posix_fadvise((*file)->descriptor, static_cast<off_t>(begin), static_cast<off_t>((*file)->let_go - begin),
+                        POSIX_FADV_DONTNEED);
 }
 
 void LinuxDisk::preallocate(FileHandle handle, std::uint64_t bytes) {

@@ -48,9 +48,12 @@ class LinuxDisk final : public DiskPort {
   struct File {
     int descriptor = -1;
     std::string name;
-    bool to_read = false;   ///< opened for reading, else for appending
-    std::uint64_t end = 0;  ///< where the next byte is appended
+    bool to_read = false;      ///< opened for reading, else for appending
+    std::uint64_t end = 0;     ///< where the next byte is appended
+    std::uint64_t let_go = 0;  ///< bytes before it are not kept in memory
   };
+  /// Of what was appended to a file last: more than is written out at any time, as TakeKeeper syncs twice a second.
+  static constexpr std::uint64_t kKeptInMemory = std::uint64_t{8} << 20;
   LinuxDisk(int root, std::string path) : root_(root), path_(std::move(path)) {}
   /// Opens a descriptor beneath the root; -1 with errno on failure.
   int open_beneath(const std::string& name, int flags) const;

@@ -1,10 +1,15 @@
 // Tests that need a real file system.
 #include "hal/linux/disk.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <linux/magic.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
+#include <sys/vfs.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <thread>
 
@@ -44,6 +49,41 @@ TEST(LinuxDisk, RoomBehindTheEnd_IsTakenAndGivenBackByTruncate) {
   ASSERT_TRUE(disk->truncate(file, 2 * kBytes.size()));
   EXPECT_LT(blocks(), 1 << 20);
   EXPECT_EQ(disk->read("film", 100).value(), (std::vector<std::uint8_t>{'x', 'y', 'x', 'y'}));
+}
+
+TEST(LinuxDisk, WhatWasWrittenOutLongAgo_IsNotKeptInMemory) {
+  const test::TemporaryFolder folder;
+  const auto disk = LinuxDisk::open(folder.path().string());
+  ASSERT_TRUE(disk);
+  const auto file = (*disk)->create("film");
+  ASSERT_TRUE(file);
+  constexpr std::size_t kLength = std::size_t{64} << 20;
+  std::vector<std::uint8_t> mebibyte(1 << 20);
+  for (std::size_t at = 0; at < kLength; at += mebibyte.size()) {
+    std::ranges::fill(mebibyte, static_cast<std::uint8_t>(at >> 20));
+    ASSERT_TRUE((*disk)->write(*file, mebibyte));
+    ASSERT_TRUE((*disk)->sync(*file));
+    (*disk)->start_write_out(*file);
+  }
+  const int descriptor = ::open((folder / "film").c_str(), O_RDONLY | O_CLOEXEC);
+  void* const mapped = ::mmap(nullptr, kLength, PROT_READ, MAP_SHARED, descriptor, 0);
+  ASSERT_NE(mapped, MAP_FAILED);
+  std::vector<unsigned char> resident(kLength / static_cast<std::size_t>(::sysconf(_SC_PAGESIZE)));
+  ASSERT_EQ(::mincore(mapped, kLength, resident.data()), 0);
+  ::munmap(mapped, kLength);
+  struct statfs kind = {};
+  ASSERT_EQ(::fstatfs(descriptor, &kind), 0);
+  ::close(descriptor);
+  if (kind.f_type == TMPFS_MAGIC) GTEST_SKIP() << "files of this file system are only in memory";
+  const auto kept = std::ranges::count_if(resident, [](unsigned char page) { return (page & 1) != 0; });
+  EXPECT_LE(static_cast<std::size_t>(kept), resident.size() / 4) << "16 MiB of 64";
+  mebibyte.assign(mebibyte.size(), 0);
+  const auto reading = (*disk)->open_read("film");
+  ASSERT_TRUE(reading);
+  for (std::size_t at = 0; at < kLength; at += mebibyte.size()) {
+    ASSERT_EQ((*disk)->read_at(*reading, at, mebibyte).value_or(0), mebibyte.size());
+    EXPECT_EQ(std::ranges::count(mebibyte, static_cast<std::uint8_t>(at >> 20)), 1 << 20);
+  }
 }
 
 TEST(LinuxDisk, SymbolicLinkOutOfTheFolder_IsNotFollowed) {
