@@ -25,7 +25,8 @@ tl::unexpected<Error> refuse(const std::filesystem::path& path, const char* what
 }  // namespace
 
 LocalFile::LocalFile(int fd, std::filesystem::path path) : fd_(fd), path_(std::move(path)) {}
-LocalFile::LocalFile(LocalFile&& other) noexcept : fd_(std::exchange(other.fd_, -1)), path_(std::move(other.path_)) {}
+LocalFile::LocalFile(LocalFile&& other) noexcept
+    : fd_(std::exchange(other.fd_, -1)), path_(std::move(other.path_)), let_go_(other.let_go_) {}
 LocalFile::~LocalFile() {
   if (fd_ >= 0) ::close(fd_);
 }
@@ -74,6 +75,12 @@ Status LocalFile::write(std::uint64_t offset, std::span<const std::uint8_t> byte
   }
   // The disk begins now, so that sync() has less to wait for.
   (void)::sync_file_range(fd_, static_cast<off_t>(from), static_cast<off_t>(offset - from), SYNC_FILE_RANGE_WRITE);
+  // Memory of what is on the disk is used again for the next bytes: faster than new memory, and other programs keep theirs.
+  constexpr std::uint64_t kKept = std::uint64_t{16} << 20;
+  if (from >= let_go_ + 2 * kKept) {
+    const std::uint64_t begin = std::exchange(let_go_, from - kKept);
+    (void)::posix_fadvise(fd_, static_cast<off_t>(begin), static_cast<off_t>(let_go_ - begin), POSIX_FADV_DONTNEED);
+  }
   return {};
 }
 

@@ -26,6 +26,7 @@ class LocalFile {
   Result<std::uint64_t> size() const;
   /// Reads `bytes` from `offset` on; less at the file's end. Returns their number.
   Result<std::size_t> read(std::uint64_t offset, std::span<std::uint8_t> bytes) const;
+  /// What was written long before is not kept in memory.
   Status write(std::uint64_t offset, std::span<const std::uint8_t> bytes);
   Status truncate(std::uint64_t size);
   /// What is written is on the disk when it returns.
@@ -38,6 +39,7 @@ class LocalFile {
 
   int fd_;
   std::filesystem::path path_;
+  std::uint64_t let_go_ = 0;  ///< bytes before it are not kept in memory
 };
 
 /// Makes renames and new files in the folder durable.
