@@ -224,24 +224,35 @@ inline std::array<std::ptrdiff_t, kTilePixels> places_in(const MutablePlaneView&
   return to;
 }
 
-/// Writes a strip whose pixels have positions of their own (GridTable::places); t: the strip's first tile.
+/// Fetches the cache lines into which scatter_tile() will store: they are as many as pixels, all over the raymap, and while
+/// a tile is blended they can arrive at the same time.
+template <int N>
+void prefetch_places(const BlendJob& job, std::size_t t) {
+  const std::uint32_t* places = job.grid->places.data() + t * kTilePixels;
+  for (std::size_t c = 0; c < N; ++c) {
+    const std::array<std::ptrdiff_t, kTilePixels> to = places_in(job.out[c], places);
+    for (std::size_t p = 0; p < kTilePixels; ++p) {
+      if (places[p] != GridTable::kNowhere) __builtin_prefetch(job.out[c].data + to[p], 1);
+    }
+  }
+}
+
+/// Writes tile t, whose pixels have positions of their own (GridTable::places); component c is at tile + c * kStrip.
 template <int N, class Number>
-void scatter_strip(const BlendJob& job, std::size_t t, int row, const Number* strip) {
+void scatter_tile(const BlendJob& job, std::size_t t, int row, const Number* tile) {
   const auto begin = static_cast<std::size_t>(std::max(0, job.row_begin - row * kTile) * kTile);
   const auto end = static_cast<std::size_t>(std::min(kTile, job.row_end - row * kTile) * kTile);
   const std::uint32_t* places = job.grid->places.data() + t * kTilePixels;
-  for (std::size_t k = 0; k < 8; ++k, places += kTilePixels, strip += kTilePixels) {
-    const bool whole = places[kTilePixels - 1] != GridTable::kNowhere;
-    for (std::size_t c = 0; c < N; ++c) {
-      const std::array<std::ptrdiff_t, kTilePixels> to = places_in(job.out[c], places);
-      std::uint8_t* data = job.out[c].data;
-      const Number* from = strip + c * kStrip;
-      if (whole) {
-        for (std::size_t p = begin; p < end; ++p) put_pixel(job, from, p, data + to[p]);
-      } else {
-        for (std::size_t p = begin; p < end; ++p) {
-          if (places[p] != GridTable::kNowhere) put_pixel(job, from, p, data + to[p]);
-        }
+  const bool whole = places[kTilePixels - 1] != GridTable::kNowhere;
+  for (std::size_t c = 0; c < N; ++c) {
+    const std::array<std::ptrdiff_t, kTilePixels> to = places_in(job.out[c], places);
+    std::uint8_t* data = job.out[c].data;
+    const Number* from = tile + c * kStrip;
+    if (whole) {
+      for (std::size_t p = begin; p < end; ++p) put_pixel(job, from, p, data + to[p]);
+    } else {
+      for (std::size_t p = begin; p < end; ++p) {
+        if (places[p] != GridTable::kNowhere) put_pixel(job, from, p, data + to[p]);
       }
     }
   }
@@ -287,13 +298,14 @@ void blend_grid(const BlendJob& job) {
         const std::size_t t = grid.tile_index(column, row);
         for (std::size_t k = 0; k < GridTable::kBlockTiles; ++k) {
           if (job.low_band != nullptr) job.low_band->begin_tile(static_cast<int>(k), row - block);
-          blend_tile<Kernel, N, Number>(job, t + k, strip.data() + k * kTilePixels);
+          Number* const tile = strip.data() + k * kTilePixels;
+          if (!grid.places.empty()) prefetch_places<N>(job, t + k);
+          blend_tile<Kernel, N, Number>(job, t + k, tile);
+          if (!grid.places.empty()) scatter_tile<N, Number>(job, t + k, row, tile);
         }
         if (grid.places.empty()) {
           write_strip<Kernel, N>(job, column, row, strip.data(),
                                  ends.data() + static_cast<std::size_t>(row - block) * kEnds);
-        } else {
-          scatter_strip<N, Number>(job, t, row, strip.data());
         }
       }
     }
