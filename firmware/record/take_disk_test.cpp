@@ -45,9 +45,14 @@ bool TakeKeeper::step_test(Instant now) {
   if (!speed) end_test(fail(speed.error()));
   if (!speed || !*speed) return true;
   TakeAnswer::DiskTested tested{**speed, {}};
-  for (const TakeMode mode : {TakeMode::kDriver, TakeMode::kRaw, TakeMode::kLossless, TakeMode::kJpeg}) {
+  const auto judge = [&](const std::string& name, std::optional<TakeMode> mode) {
     const std::uint64_t needed = set_bytes(test_->heads, mode) * config_.rate.numerator / config_.rate.denominator;
-    tested.modes.push_back(judge_disk(**speed, std::string(mode_name(mode)), needed, recorder_.ring().size()));
+    tested.modes.push_back(judge_disk(**speed, name, needed, recorder_.ring().size()));
+  };
+  const std::string own = mode_names(config_.heads);
+  if (own.find(',') != std::string::npos) judge(own, std::nullopt);
+  for (const TakeMode mode : {TakeMode::kDriver, TakeMode::kRaw, TakeMode::kLossless, TakeMode::kJpeg}) {
+    judge(std::string(mode_name(mode)), mode);
   }
   end_test(std::move(tested));
   return true;

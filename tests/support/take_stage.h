@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -26,6 +27,7 @@ class TakeStage {
     FrameRate rate{5, 1};
     int width = 32;  ///< of the pictures, px
     int height = 16;
+    std::array<TakeMode, kStageHeads> modes{};  ///< of the heads
   };
 
   /// 153600 bytes a set, 30 a second: 4.6 MB/s.
@@ -99,7 +101,10 @@ class TakeStage {
     config.name = "test";
     config.rate = options.rate;
     config.heads.resize(kStageHeads);
-    for (std::size_t k = 0; k < kStageHeads; ++k) config.heads[k].name = "head" + std::to_string(k);
+    for (std::size_t k = 0; k < kStageHeads; ++k) {
+      config.heads[k].name = "head" + std::to_string(k);
+      config.heads[k].take_mode = options.modes[k];
+    }
     config.raymap.width = 64;
     config.raymap.height = 32;
     config.takes = options.takes;

@@ -63,6 +63,19 @@ TEST_F(DiskSpeedTest, AFastDisk_HasItsSpeedAndSustainsEveryMode) {
   EXPECT_EQ(found.modes[0].why, "needs 4.6 MB/s, and the disk takes 12.0");
 }
 
+TEST_F(DiskSpeedTest, HeadsOfDifferentModes_AreJudgedTogetherFirst) {
+  TakeStage::Options options = TakeStage::large_pictures();
+  options.modes = {TakeMode::kJpeg, TakeMode::kDriver};
+  TakeStage mixed(disk, clock, options);
+  disk.set_speed(&clock, 12'000'000);
+  const TakeAnswer answer = mixed.ask(test_of(Duration::seconds(2)));
+  ASSERT_TRUE(answer.result) << answer.result.error().text();
+  const auto& modes = std::get<TakeAnswer::DiskTested>(*answer.result).modes;
+  ASSERT_EQ(modes.size(), 5U);
+  EXPECT_EQ(modes[0].mode, "driver, jpeg");
+  EXPECT_EQ(modes[0].bytes_a_second, kDriverNeeds / 2 + kDriverNeeds / 8);
+}
+
 TEST_F(DiskSpeedTest, ASlowDisk_SustainsJpegsOnly) {
   disk.set_speed(&clock, 4'000'000);
   const TakeAnswer::DiskTested found = tested();
