@@ -13,6 +13,7 @@
 #include "stitch/geometry/raymap/registry.h"
 #include "stitch/mesh/of_layout.h"
 #include "stitch/view/resampler.h"
+#include "tests/support/layouts.h"
 
 namespace nodal::mesh {
 namespace {
@@ -21,14 +22,9 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using geometry::Envelope;
 using geometry::Ray;
+using test::layout_of;
 
 constexpr double kDegree = std::numbers::pi / 180;
-
-std::unique_ptr<geometry::RaymapLayout> layout_of(const std::string& name, int width) {
-  const geometry::LayoutName kind = geometry::LayoutName::parse(name).value();
-  const geometry::RaymapSize size = kind.size_for_width(width);
-  return std::move(geometry::make_layout(kind, size.width, size.height).value());
-}
 
 view::CameraSpec camera_of(double yaw, double pitch, double fov) {
   return {view::Projection::kPerspective, {yaw, pitch, 10}, fov, 120, 90};

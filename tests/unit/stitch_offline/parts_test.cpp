@@ -10,17 +10,15 @@
 
 #include "stitch/geometry/head.h"
 #include "stitch/offline/offline_blend.h"
+#include "tests/support/layouts.h"
 #include "tests/support/rendered_rig.h"
 
 namespace nodal::offline {
 namespace {
 
-constexpr int kPartsWidth = 512;
+using test::layout_of;
 
-std::unique_ptr<geometry::RaymapLayout> layout_of(const std::string& name, int width) {
-  const geometry::RaymapSize size = geometry::LayoutName::parse(name).value().size_for_width(width);
-  return geometry::make_layout(name, size.width, size.height).value();
-}
+constexpr int kPartsWidth = 512;
 
 test::RenderedRig town(const Calibration& rig, PixelFormat format) {
   return test::render_rig(rig, hal::sim::town_square_scene(3), {format, 0, 5, 2});

@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "rigs.h"
-#include "stitch/geometry/raymap/registry.h"
 #include "stitch/table/ray_sampler.h"
+#include "tests/support/layouts.h"
 
 namespace nodal::table {
 namespace {
@@ -35,9 +35,7 @@ struct Compared {
 
 /// Compares every sample of a layout.
 Compared compare(const Calibration& given, const std::string& layout_name, int width, TableOptions options) {
-  const geometry::LayoutName name = geometry::LayoutName::parse(layout_name).value();
-  const geometry::RaymapSize size = name.size_for_width(width);
-  const auto layout = geometry::make_layout(name, size.width, size.height).value();
+  const auto layout = test::layout_of(layout_name, width);
   const Calibration rig = inset(given);
   const std::vector<PixelFormat> formats(rig.heads.size(), PixelFormat::kRgb24);
   const auto fast = RaySampler::make(rig, *layout, PixelFormat::kRgb24, formats, options);
@@ -50,11 +48,11 @@ Compared compare(const Calibration& given, const std::string& layout_name, int w
     return compared;
   }
   RowSampler fast_rows(*fast), slow_rows(*slow), all_rows(*all);
-  for (int y = 0; y < size.height; ++y) {
+  for (int y = 0; y < layout->height(); ++y) {
     fast_rows.sample(0, y);
     slow_rows.sample(0, y);
     all_rows.sample(0, y);
-    for (int x = 0; x < size.width; ++x) {
+    for (int x = 0; x < layout->width(); ++x) {
       const std::span<const RaySample> a = fast_rows.at(x), b = slow_rows.at(x);
       if (a.size() != b.size()) {
         ADD_FAILURE() << layout_name << " " << x << "," << y << ": " << a.size() << " heads, not " << b.size();

@@ -4,11 +4,13 @@
 #include <cmath>
 
 #include "rigs.h"
-#include "stitch/geometry/raymap/registry.h"
 #include "stitch/table/clear_tile.h"
+#include "tests/support/layouts.h"
 
 namespace nodal::table {
 namespace {
+
+using test::layout_of;
 
 constexpr int kTileSide = blend::kTile;
 
@@ -80,12 +82,6 @@ class Comparison {
   RowSampler pixels_, heads_;
   Tally tally_;
 };
-
-std::unique_ptr<geometry::RaymapLayout> layout_of(std::string_view text, int width) {
-  const geometry::LayoutName name = geometry::LayoutName::parse(text).value();
-  const geometry::RaymapSize size = name.size_for_width(width);
-  return geometry::make_layout(name, size.width, size.height).value();
-}
 
 TableOptions seams(double width_deg) {
   TableOptions options;

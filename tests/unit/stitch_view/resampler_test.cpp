@@ -3,25 +3,22 @@
 #include <gtest/gtest.h>
 
 #include "scene.h"
+#include "tests/support/layouts.h"
 
 namespace nodal::view {
 namespace {
 
-std::unique_ptr<geometry::RaymapLayout> made(std::string_view text, double width) {
-  const geometry::LayoutName name = geometry::LayoutName::parse(text).value();
-  const geometry::RaymapSize size = name.size_for_width(width);
-  return geometry::make_layout(name, size.width, size.height).value();
-}
+using test::layout_of;
 
 /// As fine as an equirectangular raymap of this width.
 std::unique_ptr<geometry::RaymapLayout> as_fine_as(std::string_view text, double width) {
-  return made(text, geometry::LayoutName::parse(text).value().width_for_resolution(width / 6.283));
+  return layout_of(text, geometry::LayoutName::parse(text).value().width_for_resolution(width / 6.283));
 }
 
 std::vector<std::string> whole_spheres() {
   std::vector<std::string> texts{"cube:pad=3", "equiangular_cube:pad=2", "cube_cross:pad=1"};
   for (const geometry::LayoutKind& kind : geometry::layout_kinds()) {
-    if (kind.name != "central_cylinder") texts.emplace_back(kind.name);
+    if (test::holds_whole_sphere(kind)) texts.emplace_back(kind.name);
   }
   return texts;
 }
@@ -32,7 +29,7 @@ class Resampling : public testing::TestWithParam<Filter> {
 };
 
 TEST_P(Resampling, EveryLayout_ToEquirectangular_ShowsTheSceneWhereItWas) {
-  const auto sphere = made("equirectangular", 160);
+  const auto sphere = layout_of("equirectangular", 160);
   for (const std::string& text : whole_spheres()) {
     const auto from = as_fine_as(text, 320);
     const Resampler resampler(*from, GetParam(), workers_);
@@ -47,7 +44,7 @@ TEST_P(Resampling, EveryLayout_ToEquirectangular_ShowsTheSceneWhereItWas) {
 }
 
 TEST_P(Resampling, EquirectangularToEveryLayout_ShowsTheSceneWhereItWas) {
-  const auto sphere = made("equirectangular", 320);
+  const auto sphere = layout_of("equirectangular", 320);
   const Resampler resampler(*sphere, GetParam(), workers_);
   const DecodedImage picture = picture_of(Target::of(*sphere));
   for (const std::string& text : whole_spheres()) {
@@ -62,7 +59,7 @@ INSTANTIATE_TEST_SUITE_P(Filters, Resampling,
                          testing::Values(Filter::kNearest, Filter::kBilinear, Filter::kBicubic, Filter::kLanczos));
 
 TEST(Resampler, AnyNumberOfThreads_GivesTheSameBytes) {
-  const auto from = made("icosahedron", 200), to = made("healpix", 96);
+  const auto from = layout_of("icosahedron", 200), to = layout_of("healpix", 96);
   const DecodedImage picture = picture_of(Target::of(*from));
   const parallel::Workers one(1), three(3);
   const Resampler resampler(*from, Filter::kBicubic, one), same(*from, Filter::kBicubic, three);
@@ -72,11 +69,11 @@ TEST(Resampler, AnyNumberOfThreads_GivesTheSameBytes) {
 
 TEST(Resampler, LargerPixels_AreTheMeanOfWhatTheyCover) {
   const parallel::Workers workers(2);
-  const auto fine = made("equirectangular", 512);
+  const auto fine = layout_of("equirectangular", 512);
   DecodedImage board{PixelFormat::kGrey8, 512, 256, {}};
   for (int k = 0; k < 512 * 256; ++k) board.bytes.push_back((k % 512 + k / 512) % 2 == 0 ? 40 : 200);
   for (const char* text : {"equirectangular", "cylinder_equal_area", "hammersley"}) {
-    const auto coarse = made(text, 128);
+    const auto coarse = layout_of(text, 128);
     const DecodedImage small =
         Resampler(*fine, Filter::kBilinear, workers).resample(board.view(), Target::of(*coarse), workers);
     // The middle rows; a picture of every fourth pixel would be 40 or 200 throughout.
@@ -96,10 +93,8 @@ TEST(Resampler, LargerPixels_AreTheMeanOfWhatTheyCover) {
 TEST(Resampler, SmallestRaymaps_AreSampledWithoutReadingOutside) {
   const parallel::Workers workers(1);
   for (const std::string& text : whole_spheres()) {
-    const geometry::LayoutName name = geometry::LayoutName::parse(text).value();
-    const geometry::RaymapSize size = name.size_for_width(1);
-    const auto from = geometry::make_layout(name, size.width, size.height).value();
-    const auto to = made("cube", 24);
+    const auto from = layout_of(text, 1);
+    const auto to = layout_of("cube", 24);
     const DecodedImage picture = picture_of(Target::of(*from));
     for (const Filter filter : {Filter::kNearest, Filter::kBilinear, Filter::kBicubic}) {
       const DecodedImage made = Resampler(*from, filter, workers).resample(picture.view(), Target::of(*to), workers);
