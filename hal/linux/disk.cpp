@@ -116,14 +116,16 @@ Result<FileHandle> LinuxDisk::open_file(const std::string& name, int flags) {
   if (fd < 0)
     return fail(errno == EISDIR ? Error{Errc::kExists, "file '" + name + "': is a folder"}
                                 : failure("opening it", name, errno));
+  const bool to_read = (flags & O_ACCMODE) == O_RDONLY;
   struct stat about {};
-  if (::fstat(fd, &about) < 0) {
-    const int error = errno;
+  const int error = ::fstat(fd, &about) < 0 ? errno : 0;
+  if (error != 0 || (to_read && !S_ISREG(about.st_mode))) {
     ::close(fd);
-    return fail(failure("opening it", name, error));
+    if (error != 0) return fail(failure("opening it", name, error));
+    return fail(Errc::kIo, "file '" + path_ + "/" + name + "': is not a file");
   }
   const FileHandle handle = next_++;
-  files_[handle] = {fd, name, (flags & O_ACCMODE) == O_RDONLY, static_cast<std::uint64_t>(about.st_size)};
+  files_[handle] = {fd, name, to_read, static_cast<std::uint64_t>(about.st_size)};
   return handle;
 }
 
@@ -142,16 +144,7 @@ Result<FileHandle> LinuxDisk::create(const std::string& name) { return open_file
 Result<FileHandle> LinuxDisk::open_append(const std::string& name) { return open_file(name, O_WRONLY); }
 
 Result<FileHandle> LinuxDisk::open_read(const std::string& name) {
-  // Non-blocking: opening a FIFO would wait for its other end.
-  const auto handle = open_file(name, O_RDONLY | O_NONBLOCK);
-  if (!handle) return handle;
-  struct stat about {};
-  const bool known = ::fstat(files_.at(*handle).descriptor, &about) == 0;
-  if (known && S_ISREG(about.st_mode)) return handle;
-  const int error = errno;
-  close(*handle);
-  if (!known) return fail(failure("reading it", name, error));
-  return fail(Errc::kIo, "file '" + path_ + "/" + name + "': is not a file");
+  return open_file(name, O_RDONLY | O_NONBLOCK);  // opening a FIFO would wait for its other end
 }
 
 Result<std::size_t> LinuxDisk::read_at(FileHandle handle, std::uint64_t offset, std::span<std::uint8_t> bytes) {
