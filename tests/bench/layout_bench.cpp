@@ -310,7 +310,7 @@ void run(bool quick, const std::string& only, const std::vector<std::string>& la
     }
     const Job job{name, scene, still, filmed, workers, only};
     for (const geometry::LayoutKind& kind : geometry::layout_kinds()) {
-      if (kind.name == "central_cylinder") continue;  // it holds no whole sphere
+      if (kind.name == "central_cylinder" || kind.name == "mercator") continue;  // they hold no whole sphere
       if (!layouts.empty() && std::ranges::find(layouts, kind.name) == layouts.end()) continue;
       for (const int rays : sizes) {
         if (rays != coded && !job.wants("raw")) continue;

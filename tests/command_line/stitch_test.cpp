@@ -372,7 +372,7 @@ TEST_F(StitchCommand, WhatCannotBeDone_IsSaidInOneSentence) {
   expect_refused({rig, path("gone.png")}, "1 pictures for 6 heads");
   expect_refused({rig, pictures, "-o", path("out.tga")}, "end it in .jpg, .png, .tif or .raw");
   expect_refused({rig, pictures, "--bits", "16", "-o", path("out.jpg")}, "a JPEG has 8 bits");
-  expect_refused({rig, pictures, "--layout", "mercator"}, "equirectangular, cube");
+  expect_refused({rig, pictures, "--layout", "gnomonic"}, "equirectangular, cube");
   expect_refused({rig, pictures, "--width", "40000"}, "--width");
   const std::string before = read("pictures/cam2.png");
   expect_refused({rig, pictures, "-o", pictures + "/../pictures/cam2.png"}, "cam2.png is one of the pictures");

@@ -135,7 +135,7 @@ TEST_F(ViewCommand, WhatCannotBeDone_IsSaidInOneSentence) {
     EXPECT_FALSE(std::filesystem::exists(path("out.png")));
   };
   refused({"--from", "cube"}, "63x42 would be");
-  refused({"--from", "mercator"}, "there are: equirectangular, cube");
+  refused({"--from", "gnomonic"}, "there are: equirectangular, cube");
   refused({"--from", "equirectangular", "--layout", "cube:pad=99"}, "from 0 to 64");
   refused({"--from", "equirectangular", "--filter", "sinc"}, "nearest, bilinear, bicubic");
   expect_refused({"convert", sphere, "-o", sphere, "--from", "equirectangular"}, "is one of the pictures");

@@ -51,16 +51,22 @@ struct EqualArea {
   }
 };
 
+/// Rays at the very edge of the picture count as inside, whatever rounding does.
+double within(double at) { return std::abs(at) <= 1 + 1e-12 ? std::clamp(at, -1.0, 1.0) : at; }
+
 struct Central {
   static constexpr std::string_view kName = "central_cylinder";
   double half;  ///< tan(fov / 2)
   static double spread(double v) { return v; }
   double sine(double at) const { return half * at / std::sqrt(1 + half * half * at * at); }
-  double height_at(const Ray& ray) const {
-    // Rays at the very edge of the picture count as inside, whatever rounding does.
-    const double at = ray.y() / std::hypot(ray.x(), ray.z()) / half;
-    return std::abs(at) <= 1 + 1e-12 ? std::clamp(at, -1.0, 1.0) : at;
-  }
+  double height_at(const Ray& ray) const { return within(ray.y() / std::hypot(ray.x(), ray.z()) / half); }
+};
+
+struct Mercator {
+  static constexpr std::string_view kName = "mercator";
+  static double spread(double v) { return v; }
+  static double sine(double at) { return std::tanh(kPi * at); }
+  static double height_at(const Ray& ray) { return within(std::asinh(ray.y() / std::hypot(ray.x(), ray.z())) / kPi); }
 };
 
 }  // namespace
@@ -71,6 +77,10 @@ Result<std::unique_ptr<RaymapLayout>> make_cylinder_equal_area(RaymapSize size, 
 
 Result<std::unique_ptr<RaymapLayout>> make_central_cylinder(RaymapSize size, std::int64_t fov_deg) {
   return std::make_unique<Cylinder<Central>>(size, Central{std::tan(static_cast<double>(fov_deg) * kPi / 360)});
+}
+
+Result<std::unique_ptr<RaymapLayout>> make_mercator(RaymapSize size, std::int64_t) {
+  return std::make_unique<Cylinder<Mercator>>(size, Mercator{});
 }
 
 }  // namespace nodal::geometry

@@ -13,6 +13,7 @@
 #include "stitch/geometry/raymap/dual_disc.h"
 #include "stitch/geometry/raymap/dymaxion.h"
 #include "stitch/geometry/raymap/equirectangular.h"
+#include "stitch/geometry/raymap/hammer.h"
 #include "stitch/geometry/raymap/healpix.h"
 #include "stitch/geometry/raymap/listed_rays.h"
 #include "stitch/geometry/raymap/point_sequence.h"
@@ -63,6 +64,7 @@ const std::array kKinds{
                {2, 2},
                &of_central_cylinder,
                kFov},
+    LayoutKind{"mercator", "a cylinder that keeps angles; up to 85.05 degrees", &make_mercator, 2 * kPi, {2, 2}},
     LayoutKind{
         "dual_fisheye", "two equidistant fisheyes of 180 degrees: front, back", &make_dual_fisheye, 2 * kPi, {4, 2}},
     LayoutKind{"dual_paraboloid", "two paraboloids: front, back", &make_dual_paraboloid, 8, {4, 2}},
@@ -87,6 +89,7 @@ const std::array kKinds{
                &of_dymaxion},
     LayoutKind{
         "sinusoidal", "rows as long as their circle of latitude; equal area", &Sinusoidal::make, 2 * kPi, {4, 2}},
+    LayoutKind{"hammer", "Hammer's ellipse; equal area", &Hammer::make, 4 * std::sqrt(2.0), {4, 2}},
     LayoutKind{"compressed_spherical",
                "a row has as many pixels as its circle of latitude needs",
                &CompressedSpherical::make,

@@ -286,7 +286,7 @@ TEST(RigConfig, ValuesOutsideTheirLimits_SayWhatIsAllowed) {
       "4x2; 2000x1000 would be");
   expect_refused(kSmall + "[raymap]\nlayout='cube'\nwidth=1536\nheight=768\n", Errc::kBadValue,
                  "multiple of 6x4; 1536x1024 would be");
-  expect_refused(kSmall + "[raymap]\nlayout='mercator'\n", Errc::kUnsupported, "there are: equirectangular, cube");
+  expect_refused(kSmall + "[raymap]\nlayout='gnomonic'\n", Errc::kUnsupported, "there are: equirectangular, cube");
   expect_refused(kSmall + "[raymap]\nlayout='cube:pad=99'\n", Errc::kBadValue, "from 0 to 64");
   expect_refused(kSmall + "[raymap]\nlayout='cube:pad=64'\nwidth=300\nheight=200\n", Errc::kBadValue,
                  "390x260 would be");

@@ -196,10 +196,10 @@ TEST(Cube, FacesLieAsCbmpSaysAndStandUpright) {
 }
 
 TEST(MakeLayout, UnknownName_SaysWhichThereAre) {
-  const auto layout = make_layout("mercator", 100, 100);
+  const auto layout = make_layout("gnomonic", 100, 100);
   ASSERT_FALSE(layout);
   EXPECT_EQ(layout.error().code, Errc::kUnsupported);
-  EXPECT_NE(layout.error().message.find("'mercator'; there are: equirectangular, cube"), std::string::npos)
+  EXPECT_NE(layout.error().message.find("'gnomonic'; there are: equirectangular, cube"), std::string::npos)
       << layout.error().text();
 }
 
