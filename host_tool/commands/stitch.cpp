@@ -336,7 +336,7 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       "feather, mixed over the overlap");
   transition->type_name("two-band|seam|feather")->check(CLI::IsMember({"two-band", "seam", "feather"}));
   CLI::Option* const seam_width = command->add_option("--seam-width", args->seam_width_deg,
-                                                      "Of the ramp between two heads' detail (2 when not given)");
+                                                      "Of the ramp between two heads' detail (1 when not given)");
   seam_width->type_name("DEGREES")->check(number_between(0, table::kWidestSeamDeg));
   CLI::Option* const feather = command->add_option(
       "--feather", args->feather,

@@ -31,7 +31,7 @@ struct RaymapConfig {
   int jpeg_quality = 85;                    ///< 1 .. 100
   /// How heads that see the same rays pass into each other; table::TableOptions explains all three.
   RaymapTransition transition = RaymapTransition::kTwoBand;
-  double seam_width_deg = 2;  ///< kTwoBand, kSeam: 0 .. 180
+  double seam_width_deg = 1;  ///< kTwoBand, kSeam: 0 .. 180
   double feather = 0.5;       ///< kTwoBand, kFeather: 0.01 .. 1
   bool soft = true;           ///< highlights beyond the sample range are compressed, not clipped
   FieldUse fields = FieldUse::kWeave;

@@ -10,8 +10,8 @@
 namespace nodal::blend {
 namespace {
 
-/// Rows of each square that are read, in pairs: memory is read ahead in address order. All rows tell little more.
-constexpr int kLowRows = 4;
+/// Rows of each square that are read. More tell little: make_low_picture() smooths over nine squares.
+constexpr int kLowRows = 2;
 constexpr int kColumns = 4096;  // at once; whole squares of every size
 
 /// The rows of a row of squares that are read.
@@ -28,19 +28,17 @@ template <int kStride>
 [[gnu::always_inline]] inline void add_up(const Rows& rows, std::size_t count, Columns& columns) {
   const std::uint8_t* const a = rows[0];
   const std::uint8_t* const b = rows[1];
-  const std::uint8_t* const c = rows[2];
-  const std::uint8_t* const d = rows[3];
   std::uint16_t* __restrict sum = columns.sum.data();
   std::uint8_t* __restrict least = columns.least.data();
   std::uint8_t* __restrict most = columns.most.data();
   for (std::size_t x = 0; x < count; ++x) {
     const std::size_t at = x * kStride;
-    sum[x] = static_cast<std::uint16_t>(a[at] + b[at] + c[at] + d[at]);
+    sum[x] = static_cast<std::uint16_t>(a[at] + b[at]);
   }
   for (std::size_t x = 0; x < count; ++x) {
     const std::size_t at = x * kStride;
-    least[x] = std::min(std::min(a[at], b[at]), std::min(c[at], d[at]));
-    most[x] = std::max(std::max(a[at], b[at]), std::max(c[at], d[at]));
+    least[x] = std::min(a[at], b[at]);
+    most[x] = std::max(a[at], b[at]);
   }
 }
 
@@ -68,8 +66,7 @@ template <std::size_t kSquare>
     Rows rows;
     std::array<std::array<std::uint8_t, kColumns>, kLowRows> copied;  // of narrow pictures, or with other strides
     for (std::size_t k = 0; k < kLowRows; ++k) {
-      const int half = static_cast<int>(k / 2);
-      const int line = std::min(kSide * y + kSide / 4 + half * kSide / 2 - 1 + static_cast<int>(k % 2), in.height - 1);
+      const int line = std::min(kSide * y + kSide / 4 + static_cast<int>(k) * kSide / 2, in.height - 1);
       const std::uint8_t* row = in.data + line * in.row_stride;
       rows[k] = row + std::ptrdiff_t{begin} * kSide * in.pixel_stride;
       if (whole) continue;
@@ -104,6 +101,42 @@ NODAL_CLONES void make_row(int square, const PlaneView& in, int y, const PlaneVi
   }
 }
 
+/// Weights (1 2 1) / 4; the darkest and the brightest of all three.
+[[gnu::always_inline]] inline LowSample smoothed(const LowSample& before, const LowSample& own,
+                                                 const LowSample& after) {
+  return {static_cast<std::uint16_t>((before.mean + 2U * own.mean + after.mean + 2) >> 2),
+          std::min(std::min(before.least, after.least), own.least),
+          std::max(std::max(before.most, after.most), own.most)};
+}
+
+/// In place, along rows and then along columns; beyond the edges the edge sample is repeated.
+NODAL_CLONES void smooth(LowSample* samples, int width, int height) {
+  for (int y = 0; y < height; ++y) {
+    LowSample* row = samples + std::ptrdiff_t{y} * width;
+    LowSample before = row[0];
+    for (int x = 0; x < width; ++x) {
+      const LowSample own = row[x];
+      row[x] = smoothed(before, own, row[std::min(x + 1, width - 1)]);
+      before = own;
+    }
+  }
+  constexpr int kAtOnce = 64;
+  for (int begin = 0; begin < width; begin += kAtOnce) {
+    const int count = std::min(kAtOnce, width - begin);
+    std::array<LowSample, kAtOnce> before;
+    std::copy_n(samples + begin, count, before.begin());
+    for (int y = 0; y < height; ++y) {
+      LowSample* own = samples + std::ptrdiff_t{y} * width + begin;
+      const LowSample* after = samples + std::ptrdiff_t{std::min(y + 1, height - 1)} * width + begin;
+      for (int x = 0; x < count; ++x) {
+        const LowSample here = own[x];
+        own[x] = smoothed(before[static_cast<std::size_t>(x)], here, after[x]);
+        before[static_cast<std::size_t>(x)] = here;
+      }
+    }
+  }
+}
+
 int square_of(const BlendTable::Source& source, std::size_t component) {
   return has_chroma(source.format) && component > 0 ? source.low_size / 2 : source.low_size;
 }
@@ -129,10 +162,13 @@ ImageView low_picture(const BlendTable::Source& source, const ImageView& read, c
 void make_low_picture(const BlendTable::Source& source, const ImageView& read, std::uint8_t* memory) {
   const ImageView low = low_picture(source, read, memory);
   for (std::size_t c = 0; c < static_cast<std::size_t>(component_count(read.format)); ++c) {
-    for (int y = 0; y < low.planes[c].height; ++y) {
-      make_row(square_of(source, c), read.planes[c], y, low.planes[c], memory);
-      memory += low.planes[c].row_stride;
+    const PlaneView& plane = low.planes[c];
+    auto* samples = reinterpret_cast<LowSample*>(memory);  // prepare_picture() begins it at a multiple of its size
+    for (int y = 0; y < plane.height; ++y) {
+      make_row(square_of(source, c), read.planes[c], y, plane, memory);
+      memory += plane.row_stride;
     }
+    smooth(samples, plane.width, plane.height);
   }
 }
 

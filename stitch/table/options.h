@@ -28,7 +28,7 @@ struct TableOptions {
   /// kTwoBand, kSeam: width of the ramp across a seam, in degrees on the sphere, 0 (no ramp) .. kWidestSeamDeg; at the
   /// edge of a head's region its weight is 0 for every width. In degrees, because parallax and registration errors, which
   /// the ramp hides, are angles, and because the width is then independent of the raymap's size.
-  double seam_width_deg = 2;
+  double seam_width_deg = 1;
   /// kTwoBand, kFeather: the distance from the edge of a head's region from which on its weight is not reduced, relative
   /// to half the region's shorter side.
   double feather = 0.5;

@@ -123,7 +123,7 @@ TEST(RigConfig, NearlyNothing_TakesTheDefaultsOfRigMd) {
   EXPECT_EQ(config->raymap.format, PixelFormat::kI420);
   EXPECT_EQ(config->raymap.jpeg_quality, 85);
   EXPECT_EQ(config->raymap.transition, RaymapTransition::kTwoBand);
-  EXPECT_EQ(config->raymap.seam_width_deg, 2);
+  EXPECT_EQ(config->raymap.seam_width_deg, 1);
   EXPECT_EQ(config->raymap.feather, 0.5);
   EXPECT_TRUE(config->raymap.soft);
   EXPECT_FALSE(config->trigger.start);

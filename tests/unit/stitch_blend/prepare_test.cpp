@@ -112,7 +112,7 @@ RC_GTEST_PROP(PreparePicture, AnyPicture_IsWhatTheFormulaSaysAtEveryLevel, (std:
   }
 }
 
-RC_GTEST_PROP(PreparePicture, TheLowPicture_IsOfTheRowsThatItNames, (std::uint32_t seed)) {
+RC_GTEST_PROP(PreparePicture, TheLowPicture_IsTheMeanOfTheRowsThatItNames_OverNineSquares, (std::uint32_t seed)) {
   std::mt19937 random(seed);
   const auto below = [&](unsigned n) { return static_cast<int>(random() % n); };
   const bool large = random() % 4 == 0;  // several pieces of a row at a time
@@ -131,25 +131,42 @@ RC_GTEST_PROP(PreparePicture, TheLowPicture_IsOfTheRowsThatItNames, (std::uint32
     const int n = source.low_size / (has_chroma(source.format) && c > 0 ? 2 : 1);
     RC_ASSERT(low.width == std::max(1, plane.width / n));
     RC_ASSERT(low.height == std::max(1, plane.height / n));
+    // Of a square; beyond the low picture's edge, of the edge square.
+    const auto square = [&](int x, int y) {
+      x = std::clamp(x, 0, low.width - 1);
+      y = std::clamp(y, 0, low.height - 1);
+      double sum = 0;
+      LowSample sample{0, 255, 0};
+      for (const int row : {n / 4, 3 * n / 4}) {
+        const int line = std::min(n * y + row, plane.height - 1);
+        for (int k = 0; k < n; ++k) {
+          const int column = std::min(n * x + k, plane.width - 1);
+          const std::uint8_t level = plane.data[line * plane.row_stride + column * plane.pixel_stride];
+          sum += level;
+          sample.least = std::min(sample.least, level);
+          sample.most = std::max(sample.most, level);
+        }
+      }
+      sample.mean = static_cast<std::uint16_t>(std::floor(sum / (2 * n) * 128 + 0.5));
+      return sample;
+    };
+    const auto mean_of_row = [&](int x, int y) {
+      return std::floor((square(x - 1, y).mean + 2.0 * square(x, y).mean + square(x + 1, y).mean) / 4 + 0.5);
+    };
     for (int y = 0; y < low.height; ++y) {
       for (int x = 0; x < low.width; ++x) {
-        double sum = 0;
-        int least = 255, most = 0;
-        for (const int row : {n / 4 - 1, n / 4, 3 * n / 4 - 1, 3 * n / 4}) {
-          const int line = std::min(n * y + row, plane.height - 1);
-          for (int k = 0; k < n; ++k) {
-            const int column = std::min(n * x + k, plane.width - 1);
-            const int level = plane.data[line * plane.row_stride + column * plane.pixel_stride];
-            sum += level;
-            least = std::min(least, level);
-            most = std::max(most, level);
-          }
+        LowSample expected{0, 255, 0};
+        for (int k = 0; k < 9; ++k) {
+          const LowSample near = square(x + k % 3 - 1, y + k / 3 - 1);
+          expected.least = std::min(expected.least, near.least);
+          expected.most = std::max(expected.most, near.most);
         }
         LowSample sample;
         std::memcpy(&sample, low.data + y * low.row_stride + x * low.pixel_stride, sizeof sample);
-        RC_ASSERT(sample.mean == std::floor(sum / (4 * n) * 128 + 0.5));
-        RC_ASSERT(sample.least == least);
-        RC_ASSERT(sample.most == most);
+        RC_ASSERT(sample.mean ==
+                  std::floor((mean_of_row(x, y - 1) + 2 * mean_of_row(x, y) + mean_of_row(x, y + 1)) / 4 + 0.5));
+        RC_ASSERT(sample.least == expected.least);
+        RC_ASSERT(sample.most == expected.most);
       }
     }
   }
