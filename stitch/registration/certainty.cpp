@@ -16,6 +16,8 @@ namespace {
 constexpr double kMostLeverage = 0.8;  // a part that alone determines a parameter is not left out altogether
 constexpr double kStepTooShort = 1.5;  // steps to other lenses are too short, because large differences weigh less
 constexpr double kInexactPx = 0.01;    // of interpolation and blur
+constexpr double kDetermined = 1e-3;   // of the largest curvature: what a part says nothing about is below
+constexpr double kChanceShare = 0.4;   // of noise's share; less than 1, because own curvatures are too large
 
 using Matrix = Eigen::MatrixXd;
 using Vector = Eigen::VectorXd;
@@ -53,6 +55,27 @@ class Model {
     return total_.cost > 0 ? -step.dot(parameters_.gradient(total_)) / total_.cost : 0;
   }
 
+  /// Certainty::by_parts.
+  double share_removed_by_parts() const {
+    if (total_.cost <= 0) return 0;
+    const std::vector<Eigen::Index> turns = rotation_columns();
+    const auto n = static_cast<Eigen::Index>(turns.size());
+    double removed = 0;
+    int determined = 0;
+    for (std::size_t p = 0; p < own_.size() && n > 0; ++p) {
+      if (own_[p].size() == 0) continue;
+      const Eigen::SelfAdjointEigenSolver<Matrix> curvature(own_[p](turns, turns));
+      const Vector pulls = curvature.eigenvectors().transpose() * gradients_[p](turns);
+      for (Eigen::Index k = 0; k < n; ++k) {
+        const double along = curvature.eigenvalues()[k];
+        if (!(along > kDetermined * curvature.eigenvalues()[n - 1])) continue;
+        removed += pulls[k] * pulls[k] / along;
+        ++determined;
+      }
+    }
+    return (removed - kChanceShare * noise_ * determined) / total_.cost;
+  }
+
   /// Covariances of the free parameters if `sought` is estimated.
   struct Spread {
     Matrix noise, parts;
@@ -79,6 +102,17 @@ class Model {
   }
 
  private:
+  std::vector<Eigen::Index> rotation_columns() const {
+    std::vector<Eigen::Index> columns;
+    for (Eigen::Index column = 0; column < parameters_.basis().cols(); ++column) {
+      for (std::size_t h = 0; h < heads_.size(); ++h) {
+        const int slot = parameters_.slots()[h].rotation;
+        const Eigen::Index row = static_cast<Eigen::Index>(h) * parameters_.stride() + slot;
+        if (slot >= 0 && !parameters_.basis().block(row, column, 3, 1).isZero(0)) columns.push_back(column);
+      }
+    }
+    return columns;
+  }
   static void restrict_to(const std::vector<bool>& free, Matrix& H) {
     for (Eigen::Index k = 0; k < H.rows(); ++k) {
       if (free[static_cast<std::size_t>(k)]) continue;
@@ -133,6 +167,7 @@ Result<Certainty> certainty_of(Objective& objective, const std::vector<HeadState
   certainty.by_focals = model.share_removed_by(to_focals);
   certainty.by_lenses = model.share_removed_by(to_lenses);
   certainty.by_distance = model.share_removed_by(to_distance);
+  certainty.by_parts = model.share_removed_by_parts();
   if (near.nearness) certainty.distance_nearness = parameters.moved(heads, to_distance).front().nearness;
 
   Matrix to_all = parameters.basis();  // from the free parameters to all, relative to the gauge
@@ -143,9 +178,12 @@ Result<Certainty> certainty_of(Objective& objective, const std::vector<HeadState
   const auto scatter_of = [&](Eigen::Index row, Eigen::Index size) {
     return std::max(worst_of(noise, row, size), worst_of(pulls, row, size));
   };
-  const auto sigma = [&](Eigen::Index row, Eigen::Index size) {
+  const auto bias_of = [&](Eigen::Index row, Eigen::Index size) {
     const auto moved_by = [&](const Vector& step) { return kStepTooShort * step.segment(row, size).norm(); };
-    return std::hypot(scatter_of(row, size), std::max(moved_by(by_focals), moved_by(by_lenses)), moved_by(by_distance));
+    return std::hypot(std::max(moved_by(by_focals), moved_by(by_lenses)), moved_by(by_distance));
+  };
+  const auto sigma = [&](Eigen::Index row, Eigen::Index size) {
+    return std::hypot(scatter_of(row, size), bias_of(row, size));
   };
   const double inexact = kInexactPx / pixels_per_radian(heads);
   for (std::size_t h = 0; h < heads.size(); ++h) {
@@ -154,6 +192,7 @@ Result<Certainty> certainty_of(Objective& objective, const std::vector<HeadState
     const bool turns =
         slots.rotation >= 0 && !held.geometry[h] && (!mean_of.empty() || held.first != static_cast<int>(h));
     certainty.rotation_rad.push_back(turns ? std::hypot(sigma(row + slots.rotation, 3), inexact) : 0);
+    certainty.bias_rad.push_back(turns ? bias_of(row + slots.rotation, 3) : 0);
     const bool focal = (sought.focal || sought.lens) && !held.geometry[h];
     certainty.log_focal.push_back(focal ? sigma(row + slots.focal, 1) : 0);
   }

@@ -18,6 +18,7 @@ namespace nodal::registration {
 /// - for rotations, a hundredth of a pixel, because interpolation and blur are not exact.
 struct Certainty {
   std::vector<double> rotation_rad;  ///< about the worst axis, relative to the gauge; 0 for the head that is held
+  std::vector<double> bias_rad;      ///< the part of it that is due to lenses and the distance, by linear steps
   std::vector<double> log_focal;     ///< 0 if not estimated
   double nearness = 0;               ///< 1/m; 0 if not estimated
 
@@ -25,6 +26,10 @@ struct Certainty {
   /// estimated, too. Close to 0 if the lenses are right or nothing is near, independent of noise.
   double by_focals = 0, by_lenses = 0, by_distance = 0;
   double distance_nearness = 0;  ///< 1 / that distance, 1/m; 0 if no head has a position
+  /// The share of the objective that would go if the heads were turned differently in every part of the sphere, without
+  /// what noise alone explains. Close to 0 where one rotation per head fits everywhere; large if lenses are wrong, or if
+  /// things are near, because then displacements depend on what a part shows.
+  double by_parts = 0;
 };
 
 /// `mean_of`: relative to the mean of these heads; empty: to the head that is held.

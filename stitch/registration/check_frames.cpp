@@ -107,11 +107,49 @@ std::string lens_misfit(bool focals, double promised) {
          (focals ? "estimate the focal lengths, too" : "estimate the whole lenses, too, or calibrate them");
 }
 
-std::string near_things(double meters, double assumed) {
+std::string near_things(double nearness, const Calibration& prior) {
+  if (nearness <= 0) {
+    return std::string(
+               "heads see near things in different directions, because they do not stand at one point, and no "
+               "rotation makes up for that; film a scene that is farther away, or ") +
+           (farthest_position(prior) > 0 ? "run again with --free distance"
+                                         : "add `position` to the heads (CALIBRATION.md) and run again with --free "
+                                           "distance");
+  }
   char text[160];
-  std::snprintf(text, sizeof text, "the pictures agree better if they meet at about %.1f m than at %s; ", meters,
-                assumed > 0 ? "the calibration's distance" : "infinity");
+  std::snprintf(text, sizeof text, "the pictures agree better if they meet at about %.1f m than at %s; ", 1 / nearness,
+                prior.distance > 0 ? "the calibration's distance" : "infinity");
   return text + std::string("near things double at the seams: run again with --free distance");
+}
+
+std::string fewer_lens_parameters(Free asked, Free estimated, const std::string& error) {
+  const std::string did = estimated == Free::kFocals
+                              ? "of the lenses only the focal lengths are estimated"
+                              : "the lenses are the calibration's, and only rotations are estimated";
+  const std::string could_not = error.empty() ? "near things would bend the lenses"
+                                              : std::string("there is no result with ") +
+                                                    (asked == Free::kLens ? "whole lenses" : "focal lengths") +
+                                                    " estimated (" + error + ")";
+  return did + ", because " + could_not + "; to estimate them, film a scene with detail all around and far away";
+}
+
+std::string weak_head(const HeadReport& head) {
+  std::string message =
+      "head " + quoted(head.name) + " shows much less detail than the others (out of focus, fog, an empty sky)";
+  if (head.sigma_deg > 0) {
+    std::array<char, 64> text{};
+    std::snprintf(text.data(), text.size(), "; its rotation is sure only to %.2g degrees", head.sigma_deg);
+    message += text.data();
+  }
+  return message;
+}
+
+std::string disagreement(bool little_detail) {
+  return little_detail
+             ? "it shows much less detail than its neighbours and does not agree with them; check its focus, and "
+               "that its front is clean"
+             : "it and its neighbours see different things where they should overlap; check that the picture is "
+               "its own and was taken at the same moment, or start from point pairs";
 }
 
 std::string wrong_lenses(bool focals) {
@@ -134,10 +172,18 @@ std::string wrong_focals(double rms_percent, double mean_percent, double held, d
          " with estimated focal lengths); estimate the focal lengths, too";
 }
 
-std::string doubtful_seam(const std::string& a, const std::string& b) {
-  return "heads " + quoted(a) + " and " + quoted(b) +
-         " do not line up in fine detail; look at their seam: objects are close to the rig, the lenses are wrong, or a "
-         "repeating pattern is matched one period off (start from point pairs)";
+std::string doubtful_seams(const Calibration& prior, const std::vector<PairReport>& pairs, bool explained) {
+  constexpr std::size_t kMostNamed = 6;
+  std::string names;
+  for (std::size_t k = 0; k < std::min(pairs.size(), kMostNamed); ++k) {
+    names += (k > 0 ? ", " : "") + quoted(prior.heads[static_cast<std::size_t>(pairs[k].a)].name) + " and " +
+             quoted(prior.heads[static_cast<std::size_t>(pairs[k].b)].name);
+  }
+  if (pairs.size() > kMostNamed) names += " and " + std::to_string(pairs.size() - kMostNamed) + " more pairs";
+  return "heads " + names + " do not line up in fine detail; look at their " + (pairs.size() == 1 ? "seam" : "seams") +
+         (explained ? ""
+                    : ": objects are close to the rig, or a repeating pattern is matched one period off (start from "
+                      "point pairs)");
 }
 
 std::string nothing_shared(const Calibration& prior) {

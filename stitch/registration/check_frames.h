@@ -29,14 +29,21 @@ Status check_agreement(const Calibration& prior, const std::vector<std::size_t>&
 /// share of the differences that other lenses would remove.
 std::string lens_misfit(bool focals, double promised);
 std::string wrong_lenses(bool focals);
-/// `assumed`: Calibration::distance.
-std::string near_things(double meters, double assumed);
+/// `nearness`: 1 / the distance at which the pictures agree best, 1/m; 0: unknown.
+std::string near_things(double nearness, const Calibration& prior);
+/// Why fewer parameters of lenses are estimated than was asked for. `error`: that of what was asked for; empty if it has a
+/// result, but near things affect it.
+std::string fewer_lens_parameters(Free asked, Free estimated, const std::string& error);
+/// A placed head with little detail.
+std::string weak_head(const HeadReport& head);
+/// Why a head is left out that agrees with no other.
+std::string disagreement(bool little_detail);
 /// The message for wrong focal lengths: their errors in percent (rms and mean), and by how many levels the heads differ
 /// if they are held and if they are estimated.
 std::string wrong_focals(double rms_percent, double mean_percent, double held, double sought);
 
-/// The message for two placed heads whose fine detail does not line up.
-std::string doubtful_seam(const std::string& a, const std::string& b);
+/// The message for pairs of placed heads whose fine detail does not line up. `explained`: another message says why.
+std::string doubtful_seams(const Calibration& prior, const std::vector<PairReport>& pairs, bool explained);
 
 std::string nothing_shared(const Calibration& prior);
 

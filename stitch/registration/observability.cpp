@@ -16,7 +16,22 @@ double worst_sigma(const Eigen::Matrix3d& information) {
   return least > 0 ? 1 / std::sqrt(least) : std::numeric_limits<double>::infinity();
 }
 
+constexpr double kLittleDetail = 1.0 / 3;  // of the median head's; wide differences between scenes' parts are above 0.5
+
 }  // namespace
+
+std::vector<bool> with_little_detail(const Detail& detail, const std::vector<bool>& used) {
+  std::vector<double> rms;
+  for (std::size_t h = 0; h < used.size(); ++h) {
+    if (used[h]) rms.push_back(detail.heads[h].rms);
+  }
+  std::vector<bool> little(used.size(), false);
+  if (rms.empty()) return little;
+  const auto middle = rms.begin() + static_cast<std::ptrdiff_t>(rms.size() / 2);
+  std::ranges::nth_element(rms, middle);
+  for (std::size_t h = 0; h < used.size(); ++h) little[h] = used[h] && detail.heads[h].rms < kLittleDetail * *middle;
+  return little;
+}
 
 std::vector<double> fall_off_seen(const std::vector<HeadState>& heads) {
   constexpr int kRays = 4000;

@@ -29,6 +29,9 @@ Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyram
                               const std::vector<HeadState>& heads, const std::vector<bool>& used,
                               const Options& options, const parallel::Workers& workers);
 
+/// Of the heads in `used`, those with less than a third of the median head's detail: out of focus, in fog, or in the dark.
+std::vector<bool> with_little_detail(const Detail& detail, const std::vector<bool>& used);
+
 /// For each head, the spread (5th to 95th percentile) of the squared distance from the lens's centre over the rays that
 /// it shares, where 1 is the head's edge; 0 if it shares none. If it is small, a fall-off cannot be distinguished from
 /// a gain.

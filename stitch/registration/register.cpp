@@ -1,5 +1,6 @@
 #include "stitch/registration/registration.h"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -34,6 +35,9 @@ Status check_focals(const Calibration& prior, const LitFrames& frames, const Opt
   return fail(Errc::kHeadMismatch, wrong_focals(rms, sum / count, std::sqrt(held), std::sqrt(found->objective_after)));
 }
 
+// If whole lenses leave less than one part in this of the differences that focal lengths leave, then lenses are wrong, too.
+constexpr double kLensesExplain = 2;
+
 /// A head that was left out, and why.
 struct LeftOut {
   std::size_t head = 0;
@@ -50,9 +54,64 @@ std::optional<std::string> mistake_of(const Calibration& prior, const std::vecto
   quick.width = kQuickWidth;
   const Attempt attempt = [&](const std::vector<FrameSet>& tried) {
     const Result<LitFrames> frames = LitFrames::of(prior, tried, quick.colour, quick.threads);
-    return frames && Run(prior, quick).run(*frames).has_value();
+    if (!frames) return false;
+    // A head without detail agrees with nothing, and is only not placed.
+    const Result<Report> report = Run(prior, quick).run(*frames);
+    return report && std::ranges::all_of(report->heads, &HeadReport::placed);
   };
   return usual_mistake(prior, frame_sets, wrong, attempt);
+}
+
+/// A report, and why its heads do not agree everywhere.
+struct Registered {
+  Report report;
+  Cause cause = Cause::kNone;
+};
+
+/// Leaves out heads one by one that contradict all others.
+Result<Registered> register_with(const Calibration& prior, const LitFrames& frames, const Options& options) {
+  for (std::vector<LeftOut> left_out;;) {
+    Run run(prior, options);
+    for (const LeftOut& one : left_out) run.leave_out(one.head, one.why);
+    Result<Report> report = run.run(frames);
+    if (options.free == Free::kRotations && (run.cause() == Cause::kFocals || run.cause() == Cause::kLenses)) {
+      if (Status right = check_focals(prior, frames, options, run.objective_after()); !right)
+        return fail(right.error());
+    }
+    if (report) return Registered{std::move(*report), run.cause()};
+    if (report.error().code != Errc::kHeadMismatch || run.wrong().empty()) return fail(report.error());
+    if (const auto mistake = mistake_of(prior, frames.frame_sets, options, run.wrong())) {
+      return fail(Errc::kHeadMismatch, *mistake);
+    }
+    // One head alone must not refuse the others, if those that are left can contradict each other.
+    if (run.wrong().size() != 1 || prior.heads.size() - left_out.size() < 4) return fail(report.error());
+    const std::size_t head = run.wrong().front();
+    left_out.push_back({head, disagreement(run.little_detail(head))});
+  }
+}
+
+/// Registers with fewer parameters of lenses if those asked for cannot be trusted: if there is no result with them, or if
+/// near things would bend whole lenses.
+Result<Report> register_what_is_sure(const Calibration& prior, const LitFrames& frames, const Options& options) {
+  Result<Registered> asked = register_with(prior, frames, options);
+  if (options.free == Free::kRotations || options.lens_far_off || !options.geometry) {
+    if (!asked) return fail(asked.error());
+    return std::move(asked->report);
+  }
+  const bool bent = asked && options.free == Free::kLens && asked->cause == Cause::kNearThings;
+  if (asked && !bent) return std::move(asked->report);
+  Options fewer = options;
+  while (fewer.free != Free::kRotations) {
+    fewer.free = fewer.free == Free::kLens ? Free::kFocals : Free::kRotations;
+    Result<Registered> found = register_with(prior, frames, fewer);
+    const bool worse = found && bent && found->report.objective_after > kLensesExplain * asked->report.objective_after;
+    if (bent && (!found || worse)) return std::move(asked->report);
+    if (!found) continue;
+    found->report.warnings.push_back(
+        fewer_lens_parameters(options.free, fewer.free, bent ? std::string() : asked.error().message));
+    return std::move(found->report);
+  }
+  return fail(asked.error());
 }
 
 }  // namespace
@@ -77,25 +136,7 @@ Result<Report> register_heads(const Calibration& prior, const LitFrames& frames,
   }
   // Positions are given in the rig's frame, so the rig as a whole cannot be turned afterwards.
   if (options.distance || prior.distance > 0) options.gauge = Gauge::kFirstHead;
-  for (std::vector<LeftOut> left_out;;) {
-    Run run(prior, options);
-    for (const LeftOut& one : left_out) run.leave_out(one.head, one.why);
-    Result<Report> report = run.run(frames);
-    if (run.focals_doubtful()) {
-      if (Status right = check_focals(prior, frames, options, run.objective_after()); !right)
-        return fail(right.error());
-    }
-    if (report || report.error().code != Errc::kHeadMismatch || run.wrong().empty()) return report;
-    if (const auto mistake = mistake_of(prior, frames.frame_sets, options, run.wrong())) {
-      return fail(Errc::kHeadMismatch, *mistake);
-    }
-    // One head alone must not refuse the others, if those that are left can contradict each other.
-    if (run.wrong().size() != 1 || prior.heads.size() - left_out.size() < 4) return report;
-    left_out.push_back(
-        {run.wrong().front(),
-         "it and its neighbours see different things where they should overlap; check that the picture is "
-         "its own and was taken at the same moment, or start from point pairs"});
-  }
+  return register_what_is_sure(prior, frames, options);
 }
 
 }  // namespace nodal::registration

@@ -22,8 +22,6 @@ constexpr int kAgreementWidth = 400;  // narrower raymaps show the position of t
 constexpr double kLeastPairAgreement = 0.2;
 constexpr double kClearAgreement = 0.4;    // of a head with all others, on one level
 constexpr double kLeastFallOffSeen = 0.4;  // of the radius squared
-constexpr double kParallax = 0.1;          // share of the objective; below 0.01 where pictures meet
-constexpr double kLensMisfit = 0.15;  // share of the objective; 0.001 for right lenses, up to 0.05 with noise and blur
 
 }  // namespace
 
@@ -35,6 +33,7 @@ Status Run::prepare(const LitFrames& frames) {
   plans_ = std::move(ready->plans);
   why_not_.resize(heads_.size());
   loose_sigma_.resize(heads_.size());
+  loose_.resize(heads_.size());
   work_all_ = 0;
   for (const LevelPlan& plan : plans_) {
     const bool twice = lenses_far_off() && !is_coarse(plan) && &plan != &plans_.back();
@@ -132,7 +131,7 @@ Status Run::descend_level(const LevelPlan& plan) {
   descent.curvature = plan.curvature;
   descent.most_iterations = plan.most_iterations;
   descent.turn_rad = plan.turn_rad;
-  if (!lenses_far_off()) descent.lens_noise = start->objective() * (*level)->pixels_a_sample();
+  if (!lenses_far_off() && soft_priors_) descent.lens_noise = start->objective() * (*level)->pixels_a_sample();
   descent.accepted = [&](int iteration, double value, double turn) { tell(plan, iteration, value, turn); };
   Result<Descended> found = descend(objective, heads_, sought, held(plan), descent);
   if (!found) return fail(found.error());
@@ -185,6 +184,7 @@ Status Run::check_agreement() {
   }
   apart_ = std::ranges::count_if(pairs, [](double agreement) { return agreement < kLeastPairAgreement; });
   wrong_ = disagreeing(*best, why_not_);
+  little_detail_ = with_little_detail(*best, used());
   return registration::check_agreement(prior_, wrong_,
                                        static_cast<std::size_t>(std::ranges::count(why_not_, std::string())));
 }
@@ -207,9 +207,12 @@ Status Run::check_placed(bool& changed) {
       precision = std::min(precision, coarse_sigma_[h]->per_radian);
     }
     if (!(loose_sigma_[h] * precision > kLooseSigmaPx)) continue;
-    unplace(h, std::string("the detail it shares with other heads does not determine its rotation in every direction") +
-                   (options_.width > 0 ? "; a wider raymap shows more of it" : ""));
-    ++loose_heads_;
+    unplace(h, little_detail_[h]
+                   ? std::string("it shows much less detail than the other heads, too little for a rotation")
+                   : std::string("the detail it shares with other heads does not determine its rotation in "
+                                 "every direction") +
+                         (options_.width > 0 ? "; a wider raymap shows more of it" : ""));
+    loose_[h] = !little_detail_[h];
     changed = true;
   }
   return check_enough_placed(prior_, why_not_);
@@ -249,20 +252,11 @@ Status Run::light_unplaced_heads() {
   return {};
 }
 
-// Fixed lenses must fit the pictures: wrong ones are compensated by wrong rotations. Near things look like wrong lenses, so
-// they are looked for first.
-Status Run::check_lenses(const Certainty& certainty) {
-  if (options_.free == Free::kLens || !options_.geometry) return {};
-  if (!options_.distance && certainty.by_distance > kParallax && certainty.distance_nearness > 0) {
-    report_.warnings.push_back(near_things(1 / certainty.distance_nearness, prior_.distance));
-    return {};
-  }
-  if (certainty.by_lenses < kLensMisfit) return {};
-  const bool focals = options_.free == Free::kRotations && certainty.by_focals > 0.7 * certainty.by_lenses;
-  focals_doubtful_ = options_.free == Free::kRotations;
-  if (loose_heads_ > 0) return fail(Errc::kHeadMismatch, wrong_lenses(focals));
-  report_.warnings.push_back(lens_misfit(focals, certainty.by_lenses));
-  return {};
+Result<Certainty> Run::certainty(Level& level, const LevelPlan& plan) const {
+  level.objective().set_used(used());
+  level.objective().set_huber(huber_);
+  return certainty_of(level.objective(), heads_, sought_of(plan), held(plan), level.pixels_a_sample(),
+                      options_.gauge == Gauge::kFirstHead ? std::vector<bool>() : used(), workers_);
 }
 
 Result<Report> Run::report() {
@@ -278,19 +272,18 @@ Result<Report> Run::report() {
   const Result<Normal> after = (*level)->objective().evaluate(heads_, sought_of(finest), false);
   if (!before) return fail(before.error());
   if (!after) return fail(after.error());
+  report_.objective_before = before->objective();
+  report_.objective_after = after->objective();
+  const Result<Certainty> sure = certainty(**level, finest);
+  if (!sure) return fail(sure.error());
+  const Certainty& certainty = *sure;
+  level->reset();  // what follows makes levels of its own
   const std::vector<bool> all(heads_.size(), true);
   const Result<Detail> detail = measure_detail(detail_plan(), *frames_.pyramids, heads_, all, options_, workers_);
   if (!detail) return fail(detail.error());
-  report_.objective_before = before->objective();
-  report_.objective_after = after->objective();
-  (*level)->objective().set_used(used());
-  (*level)->objective().set_huber(huber_);
-  const Result<Certainty> sure =
-      certainty_of((*level)->objective(), heads_, sought_of(finest), held(finest), (*level)->pixels_a_sample(),
-                   options_.gauge == Gauge::kFirstHead ? std::vector<bool>() : used(), workers_);
-  if (!sure) return fail(sure.error());
-  const Certainty& certainty = *sure;
-  if (Status fit = check_lenses(certainty); !fit) return fail(fit.error());
+  const Result<Explanation> explanation = check_cause(certainty);
+  if (!explanation) return fail(explanation.error());
+  const std::vector<bool> little_detail = with_little_detail(*detail, used());
   report_.calibration = prior_;
   if (options_.distance) {
     const double nearness = heads_.front().nearness;
@@ -298,6 +291,7 @@ Result<Report> Run::report() {
     report_.sigma_nearness = certainty.nearness;
   }
   const int n = static_cast<int>(heads_.size());
+  std::vector<PairReport> doubtful;
   for (int h = 0; h < n; ++h) {
     const auto i = static_cast<std::size_t>(h);
     report_.calibration.heads[i] = heads_[i].into(prior_.heads[i]);
@@ -308,11 +302,16 @@ Result<Report> Run::report() {
     head.placed = why_not_[i].empty();
     head.why_not = why_not_[i];
     head.turned_deg = heads_[i].q_head_rig.angularDistance(start_[i].q_head_rig) * kDegreesPerRadian;
-    head.sigma_deg = (head.placed ? certainty.rotation_rad[i] : loose_sigma_[i]) * kDegreesPerRadian;
+    // A real descent with other parameters says more than a linear step to its result.
+    const double bias = certainty.bias_rad[i], turn = explanation->turns.empty() ? 0 : explanation->turns[i];
+    const double sigma = turn > bias ? std::hypot(std::sqrt(std::pow(certainty.rotation_rad[i], 2) - bias * bias), turn)
+                                     : certainty.rotation_rad[i];
+    head.sigma_deg = (head.placed ? sigma : loose_sigma_[i]) * kDegreesPerRadian;
     head.focal_change_percent = 100 * (focal_of(heads_[i].lens) / focal_of(start_[i].lens) - 1);
     head.sigma_focal_percent = 100 * certainty.log_focal[i];
     head.shared_sr = detail->heads[i].shared_sr;
     if (!head.placed) report_.warnings.push_back("head '" + head.name + "' is not placed: " + head.why_not);
+    if (head.placed && little_detail[i]) report_.warnings.push_back(weak_head(head));
     report_.heads.push_back(std::move(head));
     for (int b = h + 1; b < n; ++b) {
       const std::size_t p = after->pair(h, b);
@@ -323,9 +322,12 @@ Result<Report> Run::report() {
       const bool both = why_not_[i].empty() && why_not_[j].empty();
       if (both && report_.pairs.back().agreement < kLeastPairAgreement &&
           report_.pairs.back().shared_sr > kSmallOverlapSr) {
-        report_.warnings.push_back(doubtful_seam(prior_.heads[i].name, prior_.heads[j].name));
+        doubtful.push_back(report_.pairs.back());
       }
     }
+  }
+  if (!doubtful.empty()) {
+    report_.warnings.push_back(doubtful_seams(prior_, doubtful, cause_ != Cause::kNone));
   }
   if (Status good = check_calibration(report_.calibration); !good) return fail(good.error());
   return std::move(report_);

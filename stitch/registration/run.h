@@ -20,6 +20,9 @@ inline constexpr double kHuberShare = 1.0;
 /// Heads that share a smaller solid angle are not checked for alignment.
 inline constexpr double kSmallOverlapSr = 0.02;
 
+/// Why heads do not agree everywhere.
+enum class Cause : std::uint8_t { kNone, kNearThings, kFocals, kLenses };
+
 /// Threading: thread-bound; starts threads of its own. Ownership: the prior outlives it. Errors: as register_heads().
 class Run {
  public:
@@ -30,8 +33,10 @@ class Run {
   Result<Report> run(const LitFrames& frames);
   /// The heads that disagreed with the others when run() failed.
   const std::vector<std::size_t>& wrong() const { return wrong_; }
-  /// The fixed lenses do not fit the pictures; at least their focal lengths may be wrong.
-  bool focals_doubtful() const { return focals_doubtful_; }
+  /// Whether one of them shows much less detail than the other heads, as out of focus.
+  bool little_detail(std::size_t head) const { return little_detail_[head]; }
+  /// Of a run() that got as far as its report; also if that failed because of wrong lenses.
+  Cause cause() const { return cause_; }
   /// The final objective, levels squared; also after a run() that failed because of its lenses.
   double objective_after() const { return report_.objective_after; }
 
@@ -46,7 +51,20 @@ class Run {
   Result<double> least_agreement() const;
   Status check_placed(bool& changed);
   Status light_unplaced_heads();
-  Status check_lenses(const Certainty& certainty);
+  Result<Certainty> certainty(Level& level, const LevelPlan& plan) const;
+  /// Another result, with other parameters estimated.
+  struct Alternative {
+    double by_parts = 0;  ///< see Certainty
+    std::vector<HeadState> heads;
+  };
+  Result<Alternative> attempt(bool lenses, bool distance);
+  struct Explanation {
+    Cause cause = Cause::kNone;
+    double nearness = 0;        ///< of near things, if one distance explains most, 1/m
+    std::vector<double> turns;  ///< by how much alternatives turn each head, rad; empty without any
+  };
+  Explanation explained(const Certainty& certainty);
+  Result<Explanation> check_cause(const Certainty& certainty);
   Result<Report> report();
 
   void unplace(std::size_t head, std::string why);
@@ -79,9 +97,11 @@ class Run {
   std::vector<double> loose_sigma_;                       // of heads that are not placed, rad
   std::vector<std::size_t> wrong_;                        // by the latest check_agreement()
   std::ptrdiff_t apart_ = 0;  // pairs of heads whose common detail did not agree in that check
-  bool focals_doubtful_ = false;
-  int loose_heads_ = 0;  // heads whose detail does not determine their rotation
-  float huber_ = 0;      // of the latest level
+  Cause cause_ = Cause::kNone;
+  bool soft_priors_ = true;          // of lenses
+  std::vector<bool> loose_;          // heads whose detail does not determine their rotation
+  std::vector<bool> little_detail_;  // heads with much less detail than the others, by the latest check_agreement()
+  float huber_ = 0;                  // of the latest level
   Report report_;
   double work_done_ = 0, work_all_ = 1;
 };
