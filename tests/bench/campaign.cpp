@@ -13,12 +13,16 @@ namespace {
 constexpr double kHonest = 3;  // errors up to so many claimed standard deviations
 
 struct Row {
-  int rigs = 0, refused = 0, named = 0, not_placed = 0, false_moves = 0, drift_refused = 0;
+  int rigs = 0, refused = 0, due = 0, named = 0, falsely = 0, not_placed = 0, false_moves = 0, drift_refused = 0;
   std::vector<double> ratios, errors, claims;
   void add(const Verdict& verdict) {
     ++rigs;
     refused += verdict.refused.empty() ? 0 : 1;
-    named += verdict.named ? 1 : 0;
+    for (const Reasons& reason : verdict.reasons) {
+      due += reason.matters ? 1 : 0;
+      named += reason.matters && reason.named ? 1 : 0;
+      falsely += reason.named && !reason.there ? 1 : 0;
+    }
     not_placed += static_cast<int>(verdict.not_placed.size());
     false_moves += verdict.false_moves;
     drift_refused += verdict.drift_refused.empty() ? 0 : 1;
@@ -41,15 +45,27 @@ void print(const char* name, const Row& row) {
   const double share =
       row.ratios.empty() ? 100 : 100 - 100.0 * static_cast<double>(beyond) / static_cast<double>(row.ratios.size());
   std::printf(
-      "| %-16s | %4d | %3d | %4zu | %3d | %6.4f | %6.4f | %4.2f | %5.2f | %6.2f | %5.1f %% | %3d | %2d, %2d |\n", name,
-      row.rigs, row.refused, row.ratios.size(), row.not_placed, quantile(row.errors, 0.5), quantile(row.claims, 0.5),
-      quantile(row.ratios, 0.5), quantile(row.ratios, 0.95), quantile(row.ratios, 1), share, row.named, row.false_moves,
-      row.drift_refused);
+      "| %-16s | %4d | %3d | %4zu | %3d | %6.4f | %6.4f | %4.2f | %5.2f | %6.2f | %5.1f %% | %3d of %3d, %2d | %2d, "
+      "%2d "
+      "|\n",
+      name, row.rigs, row.refused, row.ratios.size(), row.not_placed, quantile(row.errors, 0.5),
+      quantile(row.claims, 0.5), quantile(row.ratios, 0.5), quantile(row.ratios, 0.95), quantile(row.ratios, 1), share,
+      row.named, row.due, row.falsely, row.false_moves, row.drift_refused);
 }
 
 void list(std::uint64_t seed, const DrawnRig& rig, const Verdict& verdict) {
   std::printf("rig %llu: %s, %zu heads, free %d\n", static_cast<unsigned long long>(seed), name_of(rig.fault),
               rig.prior.heads.size(), static_cast<int>(rig.options.free));
+  for (std::size_t k = 0; k < verdict.reasons.size(); ++k) {
+    constexpr const char* kNames[] = {"detail", "near things", "lenses"};
+    const Reasons& reason = verdict.reasons[k];
+    if (reason.matters != reason.named) {
+      std::printf("  %s: %s\n", kNames[k],
+                  !reason.named  ? "not named"
+                  : reason.there ? "named, too small"
+                                 : "named, not there");
+    }
+  }
   if (!verdict.refused.empty()) std::printf("  refused: %s\n", verdict.refused.c_str());
   if (!verdict.drift_refused.empty()) std::printf("  drift: %s\n", verdict.drift_refused.c_str());
   for (const std::string& warning : verdict.warnings) std::printf("  warning: %s\n", warning.c_str());
@@ -73,8 +89,8 @@ void run(std::uint64_t first, int rigs, bool listed, bool with_drift) {
   }
   std::printf(
       "| fault | rigs | refused | placed | not placed | error deg | claimed deg | error/claimed | 95 %% | worst | at "
-      "most %g | named "
-      "| drift: moved, refused |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
+      "most %g | reasons "
+      "named, false | drift: moved, refused |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
       kHonest);
   for (const auto& [fault, row] : rows) print(name_of(fault), row);
   print("all", all);

@@ -9,6 +9,7 @@
 
 #include "stitch/geometry/rotation.h"
 #include "stitch/registration/drift.h"
+#include "tests/bench/fault_effect.h"
 
 namespace nodal::bench {
 namespace {
@@ -132,13 +133,15 @@ std::vector<std::uint8_t> blurred(const std::vector<std::uint8_t>& picture, int 
 struct Weakness {
   int reach = 0;
   double contrast = 1;
+  bool any() const { return reach > 0 || contrast < 1; }
+  double noise() const { return reach > 0 ? 1.0 : 3.0; }
 };
 
 void weaken(test::RenderedRig& rig, std::size_t h, const Weakness& weakness, Random& random) {
   std::vector<std::uint8_t>& picture = rig.bytes[h];
   if (weakness.reach > 0)
     picture = blurred(picture, rig.truth.heads[h].width, rig.truth.heads[h].height, weakness.reach);
-  std::normal_distribution<double> noise(0, weakness.reach > 0 ? 1.0 : 3.0);
+  std::normal_distribution<double> noise(0, weakness.noise());
   for (std::uint8_t& pixel : picture) {
     const double level = 120 + weakness.contrast * (pixel - 120.0) + noise(random);
     pixel = static_cast<std::uint8_t>(std::clamp(std::lround(level), 0L, 255L));
@@ -149,18 +152,17 @@ void weaken(test::RenderedRig& rig, std::size_t h, const Weakness& weakness, Ran
 struct Session {
   Calibration truth;
   hal::sim::ScenePtr scene;
-  bool in_a_room = false;
-  test::Room room;
+  std::optional<test::Room> room;
   std::size_t weak = 0;
   Weakness weakness;
 };
 
 test::RenderedRig film(const Session& session, std::uint64_t seed) {
-  const test::RenderOptions options{PixelFormat::kGrey8, 1.0, seed, 3};
-  test::RenderedRig rig = session.in_a_room ? test::render_rig_in(session.room, session.truth, session.scene, options)
-                                            : test::render_rig(session.truth, session.scene, options);
+  const test::RenderOptions options{PixelFormat::kGrey8, kNoiseLevels, seed, 3};
+  test::RenderedRig rig = session.room ? test::render_rig_in(*session.room, session.truth, session.scene, options)
+                                       : test::render_rig(session.truth, session.scene, options);
   Random random(seed + 77);
-  if (session.weakness.contrast < 1 || session.weakness.reach > 0) weaken(rig, session.weak, session.weakness, random);
+  if (session.weakness.any()) weaken(rig, session.weak, session.weakness, random);
   return rig;
 }
 
@@ -188,17 +190,20 @@ bool says(const std::vector<std::string>& texts, std::initializer_list<const cha
   });
 }
 
-bool names_fault(Fault fault, std::vector<std::string> texts) {
-  switch (fault) {
-    case Fault::kNone: return true;
-    case Fault::kWeakHead:
-    case Fault::kSmoothHead:
-    case Fault::kFirstBlind: return says(texts, {"detail"});
-    case Fault::kParallax: return says(texts, {"near things", "close"});
-    case Fault::kWrongLens: return says(texts, {"lens", "focal"});
-    case Fault::kAll: return says(texts, {"near things", "close", "lens", "focal"});
-  }
-  return false;
+constexpr double kAboveNoise = 1;  // FaultEffect's parallax and lens
+constexpr double kUndeterminedPx =
+    0.01;  // FaultEffect::head_px: no estimate is better than interpolation and blur are exact
+
+void weigh_reasons(const DrawnRig& rig, const std::vector<std::string>& texts, Verdict& verdict) {
+  const FaultEffect effect = effect_of(rig);
+  const bool all = rig.fault == Fault::kAll;
+  const bool near = all || rig.fault == Fault::kParallax, lens = all || rig.fault == Fault::kWrongLens;
+  const bool detail = rig.fault != Fault::kNone && (all || !(near || lens));
+  verdict.reasons = {
+      {{detail, detail && std::ranges::max(effect.head_px) > kUndeterminedPx,
+        says(texts, {"no detail", "less detail", "the detail it shares"})},
+       {near, effect.parallax > kAboveNoise, says(texts, {"near things"})},
+       {lens, effect.lens > kAboveNoise, says(texts, {"lenses do not fit", "focal lengths are about"})}}};
 }
 
 }  // namespace
@@ -221,7 +226,6 @@ DrawnRig draw_rig(std::uint64_t seed) {
     bend_lenses(session.truth, between(random, 0.1, 1) * (all ? 0.3 : 1), random);
   if (drawn.fault == Fault::kParallax || all) {
     session.truth = test::spread_out(session.truth, between(random, 0.02, 0.15) * (all ? 0.4 : 1));
-    session.in_a_room = true;
     session.room = room_of(random);
   }
   session.scene = std::make_shared<StillTown>(1 + random() % 1000);
@@ -241,6 +245,9 @@ DrawnRig draw_rig(std::uint64_t seed) {
   }
   drawn.seen = film(session, 2 * seed + 1);
   drawn.again = film(session, 2 * seed + 2);
+  drawn.room = session.room;
+  drawn.noise.assign(heads, kNoiseLevels);
+  if (session.weakness.any()) drawn.noise[session.weak] = session.weakness.noise();
   drawn.prior = test::turned(session.truth, 0.2, 2, seed);
   for (std::size_t h = 0; h < heads; ++h) {
     drawn.prior.heads[h].lens = nominal.heads[h].lens;
@@ -261,7 +268,7 @@ Verdict judge(const DrawnRig& rig, bool with_drift) {
   const auto report = registration::register_heads(rig.prior, {rig.seen.frames()}, rig.options);
   if (!report) {
     verdict.refused = report.error().text();
-    verdict.named = names_fault(rig.fault, {verdict.refused});
+    weigh_reasons(rig, {verdict.refused}, verdict);
     return verdict;
   }
   std::size_t held = 0;
@@ -273,7 +280,7 @@ Verdict judge(const DrawnRig& rig, bool with_drift) {
       verdict.placed.push_back({head.name, error_of(truth, report->calibration, held, h), head.sigma_deg});
   }
   verdict.warnings = report->warnings;
-  verdict.named = names_fault(rig.fault, report->warnings);
+  weigh_reasons(rig, report->warnings, verdict);
   if (!with_drift) return verdict;
   const auto drift = registration::measure_drift(report->calibration, {rig.again.frames()}, {});
   if (!drift) {

@@ -38,33 +38,43 @@ void add_equidistant(Calibration& rig, int side, double view_deg, const Eigen::V
   rig.heads.push_back(head);
 }
 
+/// Where a look into a room ends: how far away, and in which direction from the nodal point the walls show the same.
+struct Hit {
+  double away = 0;
+  Eigen::Vector3d wall;
+};
+
+Hit hit_in(const Room& room, const Eigen::Vector3d& eye, const Eigen::Vector3d& d) {
+  double away = 0;
+  if (room.shape == Room::Shape::kBall) {  // |eye + away d| = size
+    const double b = eye.dot(d);
+    away = -b + std::sqrt(b * b - eye.squaredNorm() + room.size * room.size);
+  } else {
+    away = 1e9;
+    for (int k = 0; k < 3; ++k) {
+      if (d[k] != 0) away = std::min(away, ((d[k] > 0 ? room.size : -room.size) - eye[k]) / d[k]);
+    }
+  }
+  Eigen::Vector3d wall = (eye + away * d).normalized();
+  for (const Room::Column& column : room.columns) {
+    const Eigen::Vector2d apart(eye.x() - column.x, eye.z() - column.z), way(d.x(), d.z());
+    const double a = way.squaredNorm(), b = apart.dot(way);
+    const double root = b * b - a * (apart.squaredNorm() - column.radius * column.radius);
+    if (a < 1e-12 || root < 0 || (-b - std::sqrt(root)) / a <= 0 || (-b - std::sqrt(root)) / a >= away) continue;
+    away = (-b - std::sqrt(root)) / a;
+    const Eigen::Vector3d at = eye + away * d;  // its pattern: the walls' by the direction from its own axis
+    wall = Eigen::Vector3d(at.x() - column.x, at.y() / 4, at.z() - column.z).normalized();
+  }
+  return {away, wall};
+}
+
 /// A room seen from one point in it.
 class RoomFrom final : public hal::sim::Scene {
  public:
   RoomFrom(const Room& room, const Eigen::Vector3d& eye, hal::sim::ScenePtr walls)
       : room_(room), eye_(eye), walls_(std::move(walls)) {}
   hal::sim::Light light(const hal::sim::Direction& from, double footprint_rad) const override {
-    const Eigen::Vector3d d(from.x, from.y, from.z);
-    double away = 0;
-    if (room_.shape == Room::Shape::kBall) {  // |eye + away d| = size
-      const double b = eye_.dot(d);
-      away = -b + std::sqrt(b * b - eye_.squaredNorm() + room_.size * room_.size);
-    } else {
-      away = 1e9;
-      for (int k = 0; k < 3; ++k) {
-        if (d[k] != 0) away = std::min(away, ((d[k] > 0 ? room_.size : -room_.size) - eye_[k]) / d[k]);
-      }
-    }
-    Eigen::Vector3d wall = (eye_ + away * d).normalized();
-    for (const Room::Column& column : room_.columns) {
-      const Eigen::Vector2d apart(eye_.x() - column.x, eye_.z() - column.z), way(d.x(), d.z());
-      const double a = way.squaredNorm(), b = apart.dot(way);
-      const double root = b * b - a * (apart.squaredNorm() - column.radius * column.radius);
-      if (a < 1e-12 || root < 0 || (-b - std::sqrt(root)) / a <= 0 || (-b - std::sqrt(root)) / a >= away) continue;
-      away = (-b - std::sqrt(root)) / a;
-      const Eigen::Vector3d at = eye_ + away * d;  // its pattern: the walls' by the direction from its own axis
-      wall = Eigen::Vector3d(at.x() - column.x, at.y() / 4, at.z() - column.z).normalized();
-    }
+    const Eigen::Vector3d wall = hit_in(room_, eye_, {from.x, from.y, from.z}).wall;
     return walls_->light({wall.x(), wall.y(), wall.z()}, footprint_rad);
   }
 
@@ -118,6 +128,10 @@ RenderedRig render_rig_in(const Room& room, const Calibration& truth, const hal:
 hal::sim::ScenePtr what_a_rig_sees(const Room& room, const std::array<double, 3>& from,
                                    const hal::sim::ScenePtr& walls) {
   return std::make_shared<RoomFrom>(room, Eigen::Vector3d(from[0], from[1], from[2]), walls);
+}
+
+double range_in(const Room& room, const std::array<double, 3>& from, const std::array<double, 3>& direction) {
+  return hit_in(room, {from[0], from[1], from[2]}, {direction[0], direction[1], direction[2]}).away;
 }
 
 Calibration spread_out(Calibration rig, double forward) {

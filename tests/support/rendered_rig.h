@@ -44,6 +44,8 @@ struct Room {
 /// The room as it looks from a point, m.
 hal::sim::ScenePtr what_a_rig_sees(const Room& room, const std::array<double, 3>& from,
                                    const hal::sim::ScenePtr& walls);
+/// How far it is from a point in a direction (a unit vector) to a wall or a column, m.
+double range_in(const Room& room, const std::array<double, 3>& from, const std::array<double, 3>& direction);
 RenderedRig render_rig_in(const Room& room, const Calibration& truth, const hal::sim::ScenePtr& scene,
                           const RenderOptions& options = {});
 
