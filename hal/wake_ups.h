@@ -18,8 +18,9 @@ class WakeUps {
   static constexpr std::size_t kMost = 64;
   struct Descriptor {
     int number = -1;
-    bool readable = false;  ///< wakes when there is something to read
-    bool writable = false;  ///< wakes when there is room to write
+    bool readable = false;                 ///< wakes when there is something to read
+    bool writable = false;                 ///< wakes when there is room to write
+    std::optional<bool>* ready = nullptr;  ///< if given, a wait that polls sets it to whether the descriptor woke it
   };
 
   /// The earliest of all times counts.

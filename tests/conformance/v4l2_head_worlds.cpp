@@ -29,11 +29,14 @@ class V4l2World final : public HeadWorld, public HeadEnumerator {
   bool sleep(const WakeUps& wake_ups, Duration at_most) override {
     for (const Instant until = clock_.now() + at_most; clock_.now() < until; pass(Duration::microseconds(250))) {
       enumerator_.settle();
+      bool any = false;
       for (const WakeUps::Descriptor& each : wake_ups.descriptors()) {
         pollfd reports{each.number, POLLIN, 0};
-        if (driver_.is_open(each.number) ? driver_.readable(each.number) : ::poll(&reports, 1, 0) > 0) return true;
+        const bool woken = driver_.is_open(each.number) ? driver_.readable(each.number) : ::poll(&reports, 1, 0) > 0;
+        if (each.ready != nullptr) *each.ready = woken;
+        any |= woken;
       }
-      if (wake_ups.at() && *wake_ups.at() <= clock_.now()) return true;
+      if (any || (wake_ups.at() && *wake_ups.at() <= clock_.now())) return true;
     }
     return false;
   }

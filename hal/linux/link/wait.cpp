@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <ctime>
+#include <optional>
 
 namespace nodal::hal {
 
@@ -19,7 +20,12 @@ bool wait_for(const WakeUps& wake_ups, Instant now, Duration at_most) {
   if (const auto at = wake_ups.at()) left = *at <= now ? Duration() : std::min(left, *at - now);
   constexpr std::int64_t kSecond = 1'000'000'000;
   const timespec timeout{left.ns() / kSecond, left.ns() % kSecond};
-  return ::ppoll(polled.data(), count, &timeout, nullptr) > 0;
+  const int woken = ::ppoll(polled.data(), count, &timeout, nullptr);
+  for (nfds_t i = 0; i < count; ++i) {
+    std::optional<bool>* const ready = wake_ups.descriptors()[i].ready;
+    if (ready != nullptr && woken >= 0) *ready = polled[i].revents != 0;
+  }
+  return woken > 0;
 }
 
 }  // namespace nodal::hal

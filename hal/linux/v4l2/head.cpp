@@ -12,6 +12,8 @@ namespace {
 
 /// How often the input is asked for its signal state.
 constexpr Duration kSignalEvery = Duration::milliseconds(500);
+/// A thread that has no time to sleep asks the driver at every eighth call.
+constexpr int kMostSkipped = 8;
 
 }  // namespace
 
@@ -77,26 +79,35 @@ void V4l2Head::watch_signal(Instant now) {
   });
 }
 
+/// Asking costs a system call for each head and each step of the capture stage, and most steps are for other heads or for
+/// buffers that come back.
+bool V4l2Head::may_have_frame() {
+  if (!ready_.value_or(true) && ++skipped_ < kMostSkipped) return false;
+  skipped_ = 0;
+  return true;
+}
+
 Result<std::optional<FrameView>> V4l2Head::take_frame() {
   if (state() == State::kStopped) return fail(error(Errc::kWrongState, "take_frame() before start()"));
   take_reports();
   if (state() == State::kStreaming) queue_idle();
-  Stream::Frame frame;
-  const Instant now = clock().now();
-  if (state() == State::kStreaming) {
-    watch_signal(now);
-    int failed = channel_->stream.dequeue(frame);
-    while (failed == 0) {
+  while (state() == State::kStreaming && may_have_frame()) {
+    Stream::Frame frame;
+    const Instant now = clock().now();
+    if (const int failed = channel_->stream.dequeue(frame); failed == EAGAIN) {
+      break;
+    } else if (failed == ENODEV || failed == ENXIO) {
+      fail_for_good(channel_->camera->explained("taking a frame", failed));
+    } else if (failed != 0) {
+      restart_stream();
+    } else {
       works();
+      watch_signal(now);
       slots_[frame.slot] = Slot::kLent;
+      // Two fields are half a period apart, so none can have come since.
+      if (ready_ && frame.timestamp + format().rate.period() / 4 > now) ready_ = false;
       if (!weaver_) return std::optional<FrameView>{view(frame, now)};
       if (auto whole = weave(frame, now)) return whole;
-      failed = channel_->stream.dequeue(frame);
-    }
-    if (failed == ENODEV || failed == ENXIO) {
-      fail_for_good(channel_->camera->explained("taking a frame", failed));
-    } else if (failed != EAGAIN) {
-      restart_stream();
     }
   }
   if (state() == State::kFailed) return fail(why());
@@ -107,8 +118,9 @@ void V4l2Head::add_wake_ups(WakeUps& to) const {
   if (state() == State::kStopped || state() == State::kFailed) return;
   add_report_wake_up(to);
   if (state() != State::kStreaming) return;  // poll() reports an error while the device does not stream
-  to.at(next_signal_);
-  to.on({channel_->camera->fd(), true, false});
+  ready_.reset();
+  skipped_ = 0;
+  to.on({channel_->camera->fd(), true, false, &ready_});
 }
 
 FrameView V4l2Head::stamped(const Stream::Frame& frame, Instant now) {

@@ -49,7 +49,8 @@ class Channel final : public device::Channel {
   std::atomic<bool> signal_asked{false};
 };
 
-/// take_frame() and release() call VIDIOC_DQBUF, on a non-blocking descriptor, and VIDIOC_QBUF. Everything else is a job of
+/// take_frame() and release() call VIDIOC_DQBUF, on a non-blocking descriptor, and VIDIOC_QBUF. A thread that sleeps by
+/// add_wake_ups() has poll() report which heads have a frame, and the others are not asked. Everything else is a job of
 /// the worker. Stream errors are recovered by VIDIOC_STREAMOFF and STREAMON.
 ///
 /// Threading, Ownership, Errors: as device::DeviceHead.
@@ -71,6 +72,7 @@ class V4l2Head final : public device::DeviceHead {
   void queue_idle();
   void restart_stream();
   void watch_signal(Instant now);
+  bool may_have_frame();
   void release_to_driver(BufferSlot slot);
   FrameView stamped(const Stream::Frame& frame, Instant now);
   FrameView view(const Stream::Frame& frame, Instant now);
@@ -81,6 +83,10 @@ class V4l2Head final : public device::DeviceHead {
   std::optional<FieldWeaver> weaver_;         ///< where fields arrive by themselves; it owns the lent frames
   std::optional<Stream::Frame> first_field_;  ///< of the frame that the weaver has not finished
   Instant next_signal_;
+  /// Of a thread that sleeps by poll(): false if the driver has no frame, because poll() reported none or the newest frame has
+  /// just been taken. Unset, the driver is asked.
+  mutable std::optional<bool> ready_;
+  mutable int skipped_ = 0;  ///< calls of take_frame() since the sleep that did not ask
 };
 
 }  // namespace nodal::hal::v4l2

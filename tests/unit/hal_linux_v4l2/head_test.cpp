@@ -87,6 +87,53 @@ TEST_F(V4l2HeadTest, ExposureAndGain_ReachTheDeviceInItsUnitsAndComeBackAsItHasT
   EXPECT_EQ(frame.in_effect.gain, Gain::millidecibels(6'000));
 }
 
+TEST_F(V4l2HeadTest, AThreadThatSleepsByPoll_AsksTheDriverOnceAFrameAndInEveryEighthStepInBetween) {
+  int asked = 0;
+  const auto hook = before([&](unsigned long request) {
+    asked += request == VIDIOC_DQBUF;
+    return 0;
+  });
+  const auto head = streaming();
+  const auto sleep = [&](bool ready) {
+    WakeUps wake_ups;
+    head->add_wake_ups(wake_ups);
+    for (const WakeUps::Descriptor& each : wake_ups.descriptors()) {
+      if (each.ready != nullptr) *each.ready = ready;
+    }
+  };
+  const auto taken_in = [&](int steps) {
+    int frames = 0;
+    for (int i = 0; i < steps; ++i) {
+      const auto frame = head->take_frame();
+      EXPECT_TRUE(frame);
+      if (!frame || !*frame) continue;
+      head->release((*frame)->slot);
+      ++frames;
+    }
+    return frames;
+  };
+  const auto first = next(*head);
+  ASSERT_TRUE(first);
+  head->release(first->slot);
+  clock_.advance(first->received + Duration::milliseconds(1) + period_ -
+                 clock_.now());  // frames are taken at an age of 1 ms
+  ASSERT_EQ(taken_in(1), 1);
+  for (int i = 0; i < 5; ++i) {
+    asked = 0;
+    sleep(false);  // woken for another head
+    EXPECT_EQ(taken_in(3), 0);
+    clock_.advance(period_);
+    sleep(true);
+    EXPECT_EQ(taken_in(7), 1);
+    EXPECT_EQ(asked, 1);
+  }
+  clock_.advance(period_);
+  EXPECT_EQ(taken_in(8), 1) << "a thread that is too busy to sleep gets its frames, too";
+  clock_.advance(period_ * 3);
+  sleep(true);
+  EXPECT_EQ(taken_in(3), 3) << "after a pause the frames that wait are taken at once";
+}
+
 // If take_frame() set the control itself, this test would deadlock.
 TEST_F(V4l2HeadTest, AControlThatTakesForever_FramesGoOnAndCarryTheOldValueUntilItIsDone) {
   driver_.controls[V4L2_CID_EXPOSURE_ABSOLUTE] = {1, 300, 1, 100, 50};
