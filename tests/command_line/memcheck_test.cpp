@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <csignal>
+#include <cstdlib>
 #include <filesystem>
 
 #include "rig_process.h"
@@ -41,7 +42,16 @@ class Memcheck : public RigTest {
   }
 };
 
+TEST_F(Memcheck, ARigThatIsAskedForItsStateAndEnds_HasNoErrorAndNoLeak) {
+  start_nodald();
+  run({"status"});
+  nodald().signal(SIGTERM);
+  const Finished ended = nodald().wait(kAtMost);
+  EXPECT_EQ(ended.code, 0) << ended.err;
+}
+
 TEST_F(Memcheck, ARigThatFilmsAndAHostThatUsesEveryCommand_HaveNoErrorAndNoLeak) {
+  if (std::getenv("NODAL_VALGRIND") == nullptr) GTEST_SKIP() << "takes a minute and a half: tests/run --valgrind";
   start_nodald();
   const std::string six = path("six.json");
   run({"calibration", "upload", six});
