@@ -287,8 +287,10 @@ Verdict judge(const DrawnRig& rig, bool with_drift) {
     verdict.drift_refused = drift.error().text();
     return verdict;
   }
-  for (const registration::HeadDrift& head : drift->heads) {
-    if (head.standing == registration::Standing::kMoved) ++verdict.false_moves;
+  for (std::size_t h = 0; h < drift->heads.size(); ++h) {
+    // A head that is not placed has the prior's wrong rotation, from which it did move.
+    const bool moved = drift->heads[h].standing == registration::Standing::kMoved;
+    if (moved && report->heads[h].placed) ++verdict.false_moves;
   }
   return verdict;
 }

@@ -64,7 +64,7 @@ struct Verdict {
   std::vector<std::string> not_placed;
   std::vector<std::string> warnings;
   std::array<Reasons, kReasons> reasons{};
-  /// Heads of which a drift measurement with `again` says that they moved, though none did.
+  /// Placed heads of which a drift measurement with `again` says that they moved, though none did.
   int false_moves = 0;
   std::string drift_refused;
 };
