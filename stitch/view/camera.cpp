@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <string>
 
 #include "protocol/base/angles.h"
@@ -59,7 +60,9 @@ Camera::Camera(const CameraSpec& spec)
 Result<Camera> Camera::make(const CameraSpec& spec) {
   const Known& known = kKnown[static_cast<std::size_t>(spec.projection)];
   if (!(spec.fov_deg >= 1 && spec.fov_deg <= known.widest_deg)) {
-    return fail(Errc::kBadValue, "a field of view of " + std::to_string(spec.fov_deg) + " degrees; a " +
+    std::array<char, 32> given{};
+    std::snprintf(given.data(), given.size(), "%g", spec.fov_deg);
+    return fail(Errc::kBadValue, "a field of view of " + std::string(given.data()) + " degrees; a " +
                                      std::string(known.name) + " camera shows 1 to " +
                                      std::to_string(static_cast<int>(known.widest_deg)));
   }

@@ -142,7 +142,8 @@ TEST_F(ViewCommand, WhatCannotBeDone_IsSaidInOneSentence) {
   expect_refused({"convert", path("gone.png"), "-o", path("out.png")}, "gone.png");
   write("text.png", "no picture");
   expect_refused({"convert", path("text.png"), "-o", path("out.png"), "--from", "cube"}, "text.png");
-  expect_refused({"view", sphere, "-o", path("out.png"), "--from", "equirectangular", "--fov", "180"}, "1 to 179");
+  expect_refused({"view", sphere, "-o", path("out.png"), "--from", "equirectangular", "--fov", "180"},
+                 "a field of view of 180 degrees; a perspective camera shows 1 to 179");
   expect_refused({"view", sphere, "-o", path("out.png"), "--size", "64"}, "WIDTHxHEIGHT");
   expect_refused({"view", sphere, "-o", path("out.png"), "--camera", "pinhole"}, "perspective, fisheye");
 }
