@@ -8,6 +8,7 @@
 
 #include "stitch/bands/multi_band.h"
 #include "stitch/bands/pyramid.h"
+#include "stitch/offline/parallax.h"
 #include "stitch/parallel/workers.h"
 #include "stitch/table/tone_compiler.h"
 
@@ -20,6 +21,8 @@ using bands::Window;
 
 /// Of the sphere that other layouts are sampled from, relative to their own resolution: sampling twice blurs less.
 constexpr double kFiner = 1.5;
+/// Of the charts on which flow is computed, on a whole circle: 0.7 degrees each.
+constexpr int kFlowColumns = 512;
 /// A head is projected this far beyond the area that it shows: coarser bands reach there.
 constexpr double kMarginDeg = 15;
 
@@ -117,15 +120,19 @@ Result<DecodedImage> BestBlend::blend(std::span<const ImageView> pictures) {
   }
   const parallel::Workers workers(threads_);
   const int colours = component_count(format_);
+  const Parallax parallax(heads_, pictures, kFlowColumns, workers);
   {
     std::vector<Layer> views;
     for (std::size_t h = 0; h < heads_.size(); ++h) {
       if (pictures[h].planes[0].data == nullptr) views.emplace_back(map_, Window{}, colours + 1);
-      else views.push_back(HeadPicture(heads_[h], pictures[h]).on(map_, heads_[h].window(map_), workers));
+      else
+        views.push_back(HeadPicture(heads_[h], pictures[h])
+                            .on(map_, heads_[h].window(map_), workers,
+                                [&](const Eigen::Vector3d& ray) { return parallax.moved(h, ray); }));
     }
     labels_ = seams::place_seams(views, labels_);
   }
-  const std::vector<std::uint8_t> owner_of = owners(pictures);
+  const std::vector<std::uint8_t> owner_of = owners(pictures, parallax);
   bands::MultiBand bands(sphere_, colours, threads_);
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     const std::optional<Window> window = window_of(owner_of, sphere_, h, windows_[h]);
@@ -135,7 +142,7 @@ Result<DecodedImage> BestBlend::blend(std::span<const ImageView> pictures) {
     workers.run(window->height, [&](int j) {
       for (int i = 0; i < window->width; ++i) {
         const int x = (window->x + i) % sphere_.width, y = window->y + j;
-        const auto seen = heads_[h].see(ray_of(sphere_, x + 0.5, y + 0.5));
+        const auto seen = heads_[h].see(parallax.moved(h, ray_of(sphere_, x + 0.5, y + 0.5)));
         if (!seen) continue;
         float* pixel = shown.at(i, j);
         picture.sample(*seen, std::numbers::pi / sphere_.height, pixel);
@@ -149,18 +156,19 @@ Result<DecodedImage> BestBlend::blend(std::span<const ImageView> pictures) {
   return in_layout(bands.finish());
 }
 
-std::vector<std::uint8_t> BestBlend::owners(std::span<const ImageView> pictures) const {
+std::vector<std::uint8_t> BestBlend::owners(std::span<const ImageView> pictures, const Parallax& parallax) const {
   std::vector<std::uint8_t> owners(static_cast<std::size_t>(sphere_.width) * static_cast<std::size_t>(sphere_.height),
                                    seams::kNobody);
   parallel::Workers(threads_).run(sphere_.height, [&](int y) {
-    choose_owners_of_row(y, pictures, owners.data() + static_cast<std::ptrdiff_t>(y) * sphere_.width);
+    choose_owners_of_row(y, pictures, parallax, owners.data() + static_cast<std::ptrdiff_t>(y) * sphere_.width);
   });
   return owners;
 }
 
-void BestBlend::choose_owners_of_row(int y, std::span<const ImageView> pictures, std::uint8_t* owners) const {
+void BestBlend::choose_owners_of_row(int y, std::span<const ImageView> pictures, const Parallax& parallax,
+                                     std::uint8_t* owners) const {
   const auto sees = [&](std::size_t h, const Eigen::Vector3d& ray) {
-    return pictures[h].planes[0].data != nullptr ? heads_[h].see(ray) : std::nullopt;
+    return pictures[h].planes[0].data != nullptr ? heads_[h].see(parallax.moved(h, ray)) : std::nullopt;
   };
   std::vector<seams::Share> shares;
   for (int x = 0; x < sphere_.width; ++x) {

@@ -16,13 +16,16 @@
 
 namespace nodal::offline {
 
+class Parallax;
+
 /// Blends sets of pictures, one after the other. Each head's picture is projected onto an equirectangular sphere in
-/// floating point, with cubic interpolation. Seams are placed on a map of at most kMapWidth columns (stitch/seams), and
-/// the pictures are blended there by stitch/bands. Other layouts are sampled from that sphere. Sets are taken as a film:
-/// seams stay where they were unless another place is clearly better.
+/// floating point, with cubic interpolation; what heads see from different places is moved together (parallax.h). Seams are
+/// placed on a map of at most kMapWidth columns (stitch/seams), and the pictures are blended there by stitch/bands. Other
+/// layouts are sampled from that sphere. Sets are taken as a film: seams stay where they were unless another place is clearly
+/// better.
 ///
 /// Threading: thread-bound; starts its own threads and waits for them.
-/// Memory: about 60 bytes a pixel of the sphere, and the pictures, 1.3 times.
+/// Memory: about 60 bytes a pixel of the sphere, and the pictures, 1.3 times; before that, up to 25 MB a thread for flows.
 /// Ownership: does not refer to the calibration after make().
 class BestBlend {
  public:
@@ -45,8 +48,9 @@ class BestBlend {
  private:
   BestBlend() = default;
   /// The head that shows each pixel of the sphere.
-  std::vector<std::uint8_t> owners(std::span<const ImageView> pictures) const;
-  void choose_owners_of_row(int y, std::span<const ImageView> pictures, std::uint8_t* owners) const;
+  std::vector<std::uint8_t> owners(std::span<const ImageView> pictures, const Parallax& parallax) const;
+  void choose_owners_of_row(int y, std::span<const ImageView> pictures, const Parallax& parallax,
+                            std::uint8_t* owners) const;
   DecodedImage in_layout(const bands::Layer& sphere) const;
 
   PixelFormat format_ = PixelFormat::kRgb24;

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -62,6 +63,10 @@ class HeadPicture {
   void sample(const Sighting& at, double radians_per_pixel, float* into) const;
   /// The picture on a window of a grid: the colours, then the score; all 0 where the head does not see.
   bands::Layer on(bands::Grid grid, const bands::Window& window, const parallel::Workers& workers) const;
+  /// The same along other rays: `moved` gives the head's ray for a ray of the grid.
+  using Moved = std::function<Eigen::Vector3d(const Eigen::Vector3d&)>;
+  bands::Layer on(bands::Grid grid, const bands::Window& window, const parallel::Workers& workers,
+                  const Moved& moved) const;
 
  private:
   struct Level {

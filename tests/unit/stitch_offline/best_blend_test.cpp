@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <random>
 
 #include "stitch/offline/offline_blend.h"
 #include "tests/support/rendered_rig.h"
@@ -15,13 +16,17 @@ namespace {
 
 constexpr int kWidth = 256;
 
-/// dB between a grey raymap and the scene.
-double psnr(const DecodedImage& raymap, const std::string& layout_name, const hal::sim::ScenePtr& scene) {
+bool anywhere(const Eigen::Vector3d& /*direction*/) { return true; }
+
+/// dB between a grey raymap and the scene, of the rays that count.
+double psnr(const DecodedImage& raymap, const std::string& layout_name, const hal::sim::ScenePtr& scene,
+            bool (*counts)(const Eigen::Vector3d&) = anywhere) {
   const auto layout = geometry::make_layout(layout_name, raymap.width, raymap.height).value();
   double square = 0, count = 0;
   for (int y = 0; y < raymap.height; ++y) {
     for (int x = 0; x < raymap.width; ++x) {
       const Eigen::Vector3d d = layout->ray(x + 0.5, y + 0.5)->direction();
+      if (!counts(d)) continue;
       const hal::sim::Light light = scene->light({d.x(), d.y(), d.z()}, 0.02);
       const double grey = 255 * std::clamp(0.299 * light.r + 0.587 * light.g + 0.114 * light.b, 0.0, 1.0);
       square += std::pow(raymap.bytes[static_cast<std::size_t>(y * raymap.width + x)] - grey, 2);
@@ -46,6 +51,68 @@ TEST(BestBlend, HeadsAtOnePoint_AreAsCloseToTheSceneAsTheBoardsBlend) {
   const test::RenderedRig rig = test::render_rig(test::six_fisheyes(160), town);
   const auto board = OfflineBlend::make(rig.truth, kSphere, {}, rig.format, 2, {})->blend(rig.frames()).value();
   EXPECT_GT(psnr(best(rig, kSphere), "equirectangular", town), psnr(board, "equirectangular", town) - 0.1);
+}
+
+/// Within about 3 degrees of a seam between two of six_fisheyes(), far from the corner of three.
+bool near_a_seam(const Eigen::Vector3d& direction) {
+  Eigen::Vector3d a = direction.cwiseAbs();
+  std::sort(a.begin(), a.end());
+  return a[2] - a[1] < 0.08 && a[0] < 0.4;
+}
+
+TEST(BestBlend, HeadsApart_ShowTheSceneAsSeenFromBetweenThem) {
+  const hal::sim::ScenePtr town = hal::sim::town_square_scene(3);
+  const test::Room ball{test::Room::Shape::kBall, 2};
+  const Calibration one_point = test::six_fisheyes(160);
+  const auto seen_best = [&](const Calibration& rig) {
+    return psnr(best(test::render_rig_in(ball, rig, town), kSphere), "equirectangular", town, near_a_seam);
+  };
+  const test::RenderedRig apart = test::render_rig_in(ball, test::spread_out(one_point, 0.1), town);
+  const auto board = OfflineBlend::make(apart.truth, kSphere, {}, apart.format, 2, {})->blend(apart.frames()).value();
+  const double moved = psnr(best(apart, kSphere), "equirectangular", town, near_a_seam);
+  EXPECT_GT(moved, psnr(board, "equirectangular", town, near_a_seam) + 4) << "which blends heads where they are";
+  EXPECT_GT(moved, seen_best(one_point) - 3);
+}
+
+/// The mean over the rays that count of the variance of a pixel's levels from frame to frame.
+double flicker(const std::vector<DecodedImage>& film, bool (*counts)(const Eigen::Vector3d&)) {
+  const auto layout = geometry::make_layout("equirectangular", kWidth, kWidth / 2).value();
+  double sum = 0, count = 0;
+  for (int y = 0; y < kWidth / 2; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      if (!counts(layout->ray(x + 0.5, y + 0.5)->direction())) continue;
+      double mean = 0, square = 0;
+      for (const DecodedImage& frame : film) {
+        const double level = frame.bytes[static_cast<std::size_t>(y * kWidth + x)];
+        mean += level / static_cast<double>(film.size());
+        square += level * level / static_cast<double>(film.size());
+      }
+      sum += square - mean * mean;
+      ++count;
+    }
+  }
+  return sum / count;
+}
+
+/// Where one head alone sees the scene.
+bool in_the_middle(const Eigen::Vector3d& direction) { return direction.cwiseAbs().maxCoeff() > 0.97; }
+
+TEST(BestBlend, AFilmOfHeadsApart_FlickersNearSeamsAsTheHeadsNoiseDoes) {
+  const test::RenderedRig rig = test::render_rig_in(
+      {test::Room::Shape::kBall, 2}, test::spread_out(test::six_fisheyes(160), 0.1), hal::sim::town_square_scene(3));
+  auto blend = BestBlend::make(rig.truth, kSphere, 2);
+  ASSERT_TRUE(blend);
+  std::mt19937 random(5);
+  std::normal_distribution<double> noise(0, 2);
+  std::vector<DecodedImage> film;
+  for (int frame = 0; frame < 6; ++frame) {
+    test::RenderedRig noisy = rig;
+    for (auto& bytes : noisy.bytes)
+      for (std::uint8_t& level : bytes)
+        level = static_cast<std::uint8_t>(std::clamp(std::lround(level + noise(random)), 0L, 255L));
+    film.push_back(blend->blend(noisy.frames()).value());
+  }
+  EXPECT_LT(flicker(film, near_a_seam), 1.21 * flicker(film, in_the_middle));
 }
 
 TEST(BestBlend, ACube_ShowsTheScene) {
@@ -98,7 +165,8 @@ TEST_P(NearObject, SeenByOneHeadAlone_IsShownWholeOrNotAtAll) {
     }
   }
   ASSERT_GT(all, 50);
-  EXPECT_GT(std::abs(shown / all - 0.5), 0.4) << "shown: " << shown << " of " << all << " pixels";
+  // Beside it, and where it is not shown, the background may be moved: the flow of an object that one head alone sees is unknown.
+  EXPECT_GT(std::abs(shown / all - 0.5), 0.375) << "shown: " << shown << " of " << all << " pixels";
 }
 
 INSTANTIATE_TEST_SUITE_P(Yaw, NearObject, testing::Values(45.0, 63.0));
