@@ -127,7 +127,7 @@ std::vector<Refused> refused() {
   Calibration flipped = cube_rig(48);
   flipped.heads[4].R_head_rig = {1, 0, 0, 0, 1, 0, 0, 0, -1};
   const RaymapSpec yuyv{"equirectangular", 64, 32, kYuyv};
-  const RaymapSpec mercator{"mercator", 64, 32, kRgb24};
+  const RaymapSpec gnomonic{"gnomonic", 64, 32, kRgb24};
   const auto but_one = [](PixelFormat most, std::size_t odd, PixelFormat other) {
     std::vector<PixelFormat> formats(6, most);
     formats[odd] = other;
@@ -146,7 +146,7 @@ std::vector<Refused> refused() {
       but_one(kNv12, 0, kMjpeg));
   add("GreyIntoRgb", Errc::kUnsupported, "GREY", cube, rgb, but_one(kRgb24, 5, kGrey8));
   add("RaymapInYuyv", Errc::kUnsupported, "YUYV", cube, yuyv, std::vector(6, kYuyv));
-  add("UnknownLayout", Errc::kUnsupported, "mercator", cube, mercator, all_rgb);
+  add("UnknownLayout", Errc::kUnsupported, "gnomonic", cube, gnomonic, all_rgb);
   add("NobodyLooks", Errc::kNoCoverage, "no head sees", blind, rgb, {kRgb24});
   add("HeadTooSmall", Errc::kBadValue, "head 'c0'", tiny, rgb, all_rgb);
   add("Reflection", Errc::kNotARotation, "c4", flipped, rgb, all_rgb);
