@@ -45,12 +45,13 @@ Place place_of(int width, int height, float x, float y) {
           x - static_cast<float>(i), y - static_cast<float>(j)};
 }
 
-float sample(const Field& field, const Place& p) {
-  const float* at = field.v.data() + p.at;
+float sample(const std::vector<float>& field, const Place& p) {
+  const float* at = field.data() + p.at;
   const float top = at[0] + p.across * (at[p.right] - at[0]);
   const float bottom = at[p.below] + p.across * (at[p.below + p.right] - at[p.below]);
   return top + p.down * (bottom - top);
 }
+float sample(const Field& field, const Place& p) { return sample(field.v, p); }
 
 Field derivative(const Field& in, bool down) {
   Field out(in.width, in.height);
@@ -66,21 +67,32 @@ Field derivative(const Field& in, bool down) {
   return out;
 }
 
-/// (1 2 1) / 4 in both directions.
-Field blurred(const Field& in) {
+/// `of_three` of each pixel and its neighbours, across and then down.
+template <class OfThree>
+Field in_both_directions(const Field& in, const OfThree& of_three) {
   Field across(in.width, in.height), out(in.width, in.height);
   for (int y = 0; y < in.height; ++y) {
     const float* row = in.row(y);
     for (int x = 0; x < in.width; ++x) {
-      across.row(y)[x] = (row[std::max(0, x - 1)] + 2 * row[x] + row[std::min(in.width - 1, x + 1)]) / 4;
+      across.row(y)[x] = of_three(row[std::max(0, x - 1)], row[x], row[std::min(in.width - 1, x + 1)]);
     }
   }
   for (int y = 0; y < in.height; ++y) {
     const float* above = across.row(std::max(0, y - 1));
     const float* below = across.row(std::min(in.height - 1, y + 1));
-    for (int x = 0; x < in.width; ++x) out.row(y)[x] = (above[x] + 2 * across.row(y)[x] + below[x]) / 4;
+    for (int x = 0; x < in.width; ++x) out.row(y)[x] = of_three(above[x], across.row(y)[x], below[x]);
   }
   return out;
+}
+
+/// (1 2 1) / 4 in both directions.
+Field blurred(const Field& in) {
+  return in_both_directions(in, [](float a, float b, float c) { return (a + 2 * b + c) / 4; });
+}
+
+/// The least of the 3 x 3 pixels around each one.
+Field eroded(const Field& in) {
+  return in_both_directions(in, [](float a, float b, float c) { return std::min({a, b, c}); });
 }
 
 Field half(const Field& in) {
@@ -92,23 +104,6 @@ Field half(const Field& in) {
       const int right = std::min(2 * x + 1, in.width - 1);
       out.row(y)[x] = (a[2 * x] + a[right] + b[2 * x] + b[right]) / 4;
     }
-  }
-  return out;
-}
-
-/// The least of the 3 x 3 pixels around each one.
-Field eroded(const Field& in) {
-  Field across(in.width, in.height), out(in.width, in.height);
-  for (int y = 0; y < in.height; ++y) {
-    const float* row = in.row(y);
-    for (int x = 0; x < in.width; ++x) {
-      across.row(y)[x] = std::min({row[std::max(0, x - 1)], row[x], row[std::min(in.width - 1, x + 1)]});
-    }
-  }
-  for (int y = 0; y < in.height; ++y) {
-    const float* above = across.row(std::max(0, y - 1));
-    const float* below = across.row(std::min(in.height - 1, y + 1));
-    for (int x = 0; x < in.width; ++x) out.row(y)[x] = std::min({above[x], across.row(y)[x], below[x]});
   }
   return out;
 }
@@ -292,14 +287,8 @@ Field doubled(const Field& coarse, int width, int height) {
 
 void Flow::at(double u, double v, double& dx, double& dy) const {
   const Place p = place_of(width, height, static_cast<float>(u - 0.5), static_cast<float>(v - 0.5));
-  const auto between = [&](const std::vector<float>& field) {
-    const float* at = field.data() + p.at;
-    const float top = at[0] + p.across * (at[p.right] - at[0]);
-    const float bottom = at[p.below] + p.across * (at[p.below + p.right] - at[p.below]);
-    return static_cast<double>(top + p.down * (bottom - top));
-  };
-  dx = between(x);
-  dy = between(y);
+  dx = sample(x, p);
+  dy = sample(y, p);
 }
 
 Flow flow_between(const SeenPicture& a, const SeenPicture& b, const std::vector<float>& share) {
