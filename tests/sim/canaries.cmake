@@ -73,6 +73,8 @@ canary(moved_the_wrong_way firmware/sync/aligner.cpp
 canary(asked_taken_for_done firmware/sync/aligner.cpp
   "head.clock.add(frame.mid_exposure - place_of(frame))\;"
   "head.clock.add(frame.mid_exposure - place_of(frame) + frame.nudged - head.requested)\;")
+canary(cut_jpeg_blended stitch/decode/frame_decoder.cpp
+  "if (fault == DecodeFault::kNone) {" "if (fault != DecodeFault::kOtherSize) {")
 canary(field_at_its_frames_time firmware/picture/blender.cpp
   "set_->mid_exposure + set_->second_field\;" "set_->mid_exposure\;")
 

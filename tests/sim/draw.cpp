@@ -38,6 +38,29 @@ void draw_alignment(hal::sim::Random& random, Nature& nature) {
   nature.can_align = unmoved < 2;
 }
 
+/// One rig of two has heads of one grey format, as these cost the least time. In the others each head delivers one of the
+/// formats of which the raymap can be made.
+void draw_formats(hal::sim::Random& random, Nature& nature) {
+  if (random.chance(500'000)) return;
+  constexpr std::array<PixelFormat, 4> kRaymaps = {PixelFormat::kI420, PixelFormat::kI420, PixelFormat::kRgb24,
+                                                   PixelFormat::kGrey8};
+  constexpr std::array<PixelFormat, 14> kHeads = {
+      PixelFormat::kGrey8, PixelFormat::kI420,  PixelFormat::kNv12,   PixelFormat::kYuyv,  PixelFormat::kUyvy,
+      PixelFormat::kRgb24, PixelFormat::kI422,  PixelFormat::kMjpeg,  PixelFormat::kRggb8, PixelFormat::kGrbg8,
+      PixelFormat::kGbrg8, PixelFormat::kBggr8, PixelFormat::kYuv411, PixelFormat::kMjpeg};
+  nature.raymap = kRaymaps[random.below(kRaymaps.size())];
+  for (HeadNature& head : nature.head) {
+    const auto fits = [&](PixelFormat format) {
+      // Only formats with a sample for every pixel are taken apart into fields.
+      const bool fields = component_count(format) == 3 || format == PixelFormat::kGrey8;
+      return blended_format(format, nature.raymap) && (fields || nature.fields == Fields::kProgressive);
+    };
+    do head.pixels = kHeads[random.below(kHeads.size())];
+    while (!fits(head.pixels));
+    if (has_chroma(head.pixels)) head.coding = {random.chance(500'000), random.chance(500'000)};
+  }
+}
+
 }  // namespace
 
 std::string_view name_of(HeadFault fault) {
@@ -107,6 +130,8 @@ Nature draw_nature(std::uint64_t seed, const DrawOptions& options) {
   nature.hostile = options.faults && (options.hostile || hostile.chance(125'000));
   hal::sim::Random alignment(seed, "alignment");
   if (!options.ntsc && alignment.chance(250'000)) draw_alignment(alignment, nature);
+  hal::sim::Random formats(seed, "formats");
+  draw_formats(formats, nature);
   hal::sim::Random wiring(seed, "wiring");
   if (!nature.aligned && wiring.chance(333'333)) {
     const bool all = wiring.chance(500'000);
@@ -124,7 +149,7 @@ firmware::RigConfig config_of(const Nature& nature) {
   config.rate = nature.rate;
   config.raymap.width = 16;
   config.raymap.height = 8;
-  config.raymap.format = PixelFormat::kGrey8;
+  config.raymap.format = nature.raymap;
   if (nature.fields != Fields::kProgressive) config.raymap.fields = FieldUse::kSeparate;
   config.trigger.start = nature.genlocked;
   if (nature.aligned) config.trigger.source = firmware::SyncSource::kNone;
@@ -132,7 +157,7 @@ firmware::RigConfig config_of(const Nature& nature) {
     firmware::HeadConfig head;
     head.name = "cam" + std::to_string(i);
     head.port = {firmware::PortKind::kSim, head.name};
-    head.format = PixelFormat::kGrey8;
+    head.format = nature.head[static_cast<std::size_t>(i)].pixels;
     head.fields = nature.fields;
     head.wired = nature.head[static_cast<std::size_t>(i)].wired;
     head.trigger_delay = nature.head[static_cast<std::size_t>(i)].delay;

@@ -83,11 +83,12 @@ struct Nature {
   bool aligned = false;                  ///< it has no trigger; its heads run free
   bool can_align = false;                ///< and all heads can be brought into step
   Fields fields = Fields::kProgressive;  ///< of every head; if interlaced, each field makes a raymap
-  bool hosts = false;                    ///< whether hosts talk to it
-  bool hostile = false;                  ///< whether some faults are hostile clients
-  Duration look_every;                   ///< interval of the daemon's wake-ups without events
-  Duration poll;                         ///< devices send no events: frames are found at multiples of this
-  int blend_every = 1;                   ///< one of so many sets is blended
+  PixelFormat raymap = PixelFormat::kGrey8;
+  bool hosts = false;    ///< whether hosts talk to it
+  bool hostile = false;  ///< whether some faults are hostile clients
+  Duration look_every;   ///< interval of the daemon's wake-ups without events
+  Duration poll;         ///< devices send no events: frames are found at multiples of this
+  int blend_every = 1;   ///< one of so many sets is blended
   TriggerNature trigger;
   std::vector<HeadNature> head;
   std::optional<firmware::OutletSpec> reader;  ///< a second reader of the raymaps

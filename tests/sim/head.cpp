@@ -3,6 +3,12 @@
 #include <algorithm>
 
 namespace nodal::swarm {
+namespace {
+
+/// Of a head's JPEGs. Drivers do not look into them, so their verdict is good.
+constexpr std::uint64_t kCutEvery = 50;
+
+}  // namespace
 
 /// The open head. After unplugging the port keeps existing; the head owns the buffers, so lent pictures stay readable.
 class Head::Port final : public hal::HeadPort {
@@ -79,8 +85,8 @@ Head::Head(std::uint8_t index, hal::sim::SimClock& clock, EventQueue& queue, con
       random_(seed, identity_.path),
       index_(index),
       buffers_(static_cast<std::size_t>(nature.buffers)) {
-  for (Buffer& buffer : buffers_) buffer.picture.fill(kPictureLevel);
-  format_.pixels = PixelFormat::kGrey8;
+  for (Buffer& buffer : buffers_) buffer.picture = grey_picture(nature.pixels, nature.coding);
+  format_.pixels = nature.pixels;
   format_.width = kPictureWidth;
   format_.height = kPictureHeight;
   format_.rate = nature.rate;
@@ -272,6 +278,7 @@ void Head::expose(Instant begin, PulseId pulse) {
   if (!signal_) frame.verdict = hal::FrameVerdict::kNoSignal;
   else if (take_one(tear_) || random_.chance(storm_.tear)) frame.verdict = hal::FrameVerdict::kTorn;
   else if (take_one(corrupt_) || random_.chance(storm_.corrupt)) frame.verdict = hal::FrameVerdict::kCorrupt;
+  frame.cut = nature_.pixels == PixelFormat::kMjpeg && frame.stamp.serial % kCutEvery == 0;
   frame.resized = take_one(resize_) || random_.chance(storm_.wrong_size);
   const bool twice = take_one(duplicate_) || random_.chance(storm_.duplicate);
   queue_.plan(frame.received, EventKind::kArrive, index_, epoch_);
@@ -299,7 +306,7 @@ void Head::deliver(Frame frame) {
     Buffer& buffer = buffers_[slot];
     if (buffer.state != Buffer::State::kFree) continue;
     buffer.state = Buffer::State::kFilled;
-    frame.stamp.write(buffer.picture.data());
+    frame.stamp.write(writable_view(nature_.pixels, buffer.picture));
     buffer.frame = frame;
     filled_.push_back(static_cast<hal::BufferSlot>(slot));
     return;
@@ -322,9 +329,11 @@ hal::FrameView Head::view(std::size_t slot) const {
     const bool swapped = frame.stamp.serial % 2 == 0;
     view.fields = swapped ? fields_from(other(first_field(nature_.fields))) : Fields::kTopOnly;
   }
-  const bool half = frame.resized && !interlaced();
-  view.image =
-      packed_image(PixelFormat::kGrey8, kPictureWidth, kPictureHeight / (half ? 2 : 1), buffers_[slot].picture.data());
+  const std::vector<std::uint8_t>& picture = buffers_[slot].picture;
+  view.image = picture_view(nature_.pixels, picture);
+  view.image.coding = nature_.coding;
+  if (frame.resized && !interlaced()) view.image.height /= 2;
+  if (frame.cut) view.image.bytes = 1 + frame.stamp.serial * 37 % (picture.size() - 1);
   return view;
 }
 

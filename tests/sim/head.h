@@ -1,7 +1,6 @@
 // The swarm's head: minimal frames, each stamped with the true data, and every possible fault of a head.
 #pragma once
 
-#include <array>
 #include <deque>
 #include <memory>
 #include <optional>
@@ -13,6 +12,7 @@
 #include "hal/sim/nudge.h"
 #include "hal/sim/scene/random.h"
 #include "tests/sim/events.h"
+#include "tests/sim/picture.h"
 #include "tests/sim/stamp.h"
 
 namespace nodal::swarm {
@@ -21,6 +21,8 @@ namespace nodal::swarm {
 struct HeadNature {
   FrameRate rate;
   Fields fields = Fields::kProgressive;
+  PixelFormat pixels = PixelFormat::kGrey8;
+  ColourCoding coding;
   int buffers = 6;
   Duration latency = Duration::microseconds(20);  ///< from a pulse to the start of the exposure
   Duration latency_jitter;                        ///< of each exposure, also in free run
@@ -107,6 +109,7 @@ class Head {
     hal::HeadSettings settings;
     hal::FrameVerdict verdict = hal::FrameVerdict::kGood;
     bool resized = false;  ///< wrong size, or, if interlaced, wrong fields
+    bool cut = false;      ///< a JPEG without its end, of which its verdict does not tell
   };
   struct Pending {
     hal::HeadSettings settings;
@@ -114,7 +117,7 @@ class Head {
   };
   struct Buffer {
     enum class State : std::uint8_t { kFree, kFilled, kLent } state = State::kFree;
-    std::array<std::uint8_t, kPictureWidth * kPictureHeight> picture{};
+    std::vector<std::uint8_t> picture;
     Frame frame;
   };
 

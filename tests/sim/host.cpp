@@ -98,7 +98,9 @@ void Host::pump() {
         if (!raymap_.ParseFromString(piece->meta)) oracle_.fail("a raymap's header cannot be read");
       }
       pixels_.insert(pixels_.end(), piece->data.begin(), piece->data.end());
-      if (pixels_.size() == std::size_t{raymap_.width()} * raymap_.height()) {
+      const PixelFormat format = pixel_format_named(raymap_.coding()).value_or(PixelFormat::kGrey8);
+      if (pixels_.size() ==
+          packed_size(format, static_cast<int>(raymap_.width()), static_cast<int>(raymap_.height()))) {
         oracle_.on_raymap(raymap_, pixels_, documents_.id);
       }
     }

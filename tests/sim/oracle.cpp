@@ -13,6 +13,7 @@ using firmware::GenlockState;
 /// The genlock guarantees 500 us; 10 % of it is the margin.
 constexpr Duration kLockLimit = Duration::microseconds(450);
 constexpr Duration kReportEvery = Duration::milliseconds(20);  ///< capture's report interval without events
+constexpr int kNeutralChroma = 128;
 
 /// The table of firmware/sync/genlock.h, written a second time: the allowed transitions.
 bool may_follow(GenlockState from, GenlockState to) {
@@ -24,6 +25,16 @@ bool may_follow(GenlockState from, GenlockState to) {
     case GenlockState::kLost: return to != GenlockState::kHoldover;
   }
   return false;
+}
+
+/// The set's heads but for those whose JPEG is cut.
+firmware::HeadMask decodable(const firmware::FrameSet& set) {
+  firmware::HeadMask mask = set.mask;
+  for (std::size_t i = 0; i < set.frames.size(); ++i) {
+    if (!set.has(i)) continue;
+    if (is_cut(set.frames[i].image)) mask &= static_cast<firmware::HeadMask>(~(1U << i));
+  }
+  return mask;
 }
 
 std::string of_head(std::size_t head) { return "head " + std::to_string(head) + ": "; }
@@ -129,7 +140,7 @@ void Oracle::on_set(const firmware::FrameSet& set, bool held_up) {
   since(full, first_full_, full_since_);
   since(whole, first_whole_, whole_since_);
   constexpr std::size_t kRemembered = 64;
-  remembered_[set.number] = {set.mask, set.sync.trigger, set.mid_exposure, std::nullopt, exposed_alike(set)};
+  remembered_[set.number] = {decodable(set), set.sync.trigger, set.mid_exposure, std::nullopt, exposed_alike(set)};
   if (remembered_.size() > kRemembered) remembered_.erase(remembered_.begin());
 }
 
@@ -161,7 +172,7 @@ void Oracle::check_members(const firmware::FrameSet& set) {
     stamps_[i].reset();
     if (!set.has(i)) continue;
     const auto& frame = set.frames[i];
-    const auto stamp = Stamp::read(frame.image.planes[0].data);
+    const auto stamp = Stamp::read(frame.image);
     if (!stamp) return fail(of_head(i) + "its picture was overwritten while it was in a set");
     if (stamp->head != i)
       return fail(of_head(i) + "its frame in the set is head " + std::to_string(stamp->head) + "'s");
@@ -318,7 +329,7 @@ void Oracle::on_raymap(const wire::RaymapHeader& header, const std::vector<std::
   if (set != remembered_.end()) {
     const bool same_trigger = header.has_trigger() == set->second.trigger.has_value() &&
                               (!header.has_trigger() || header.trigger() == *set->second.trigger);
-    if ((header.heads_mask() & ~set->second.mask) != 0 || !same_trigger) {
+    if ((header.heads_mask() & ~set->second.decodable) != 0 || !same_trigger) {
       return fail("raymap of set " + std::to_string(header.set()) + " tells of another set");
     }
     check_field(header, set->second.mid);
@@ -335,10 +346,12 @@ void Oracle::on_raymap(const wire::RaymapHeader& header, const std::vector<std::
   set->second.made_by = which;
   if (!set->second.exposed_alike) return;
   const int expected = *which == 0 ? kPictureLevel : kPictureLevel / 2;
-  for (const std::uint8_t value : pixels) {
-    if (value == 0 || (value >= expected - 1 && value <= expected + 1)) continue;
+  const std::size_t grey = has_chroma(nature_.raymap) ? std::size_t{header.width()} * header.height() : pixels.size();
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    const int sample = i < grey ? expected : kNeutralChroma;
+    if ((i < grey && pixels[i] == 0) || (pixels[i] >= sample - 1 && pixels[i] <= sample + 1)) continue;
     return fail("raymap of set " + std::to_string(header.set()) + " names calibration " + std::to_string(*which) +
-                " and holds " + std::to_string(value) + ", not " + std::to_string(expected));
+                " and holds " + std::to_string(pixels[i]) + ", not " + std::to_string(sample));
   }
 }
 

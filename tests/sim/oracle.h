@@ -82,7 +82,7 @@ class Oracle {
 
  private:
   struct Remembered {
-    firmware::HeadMask mask = 0;
+    firmware::HeadMask decodable = 0;  ///< its heads whose pictures are whole
     std::optional<std::uint64_t> trigger;
     Instant mid;
     std::optional<int> made_by;  ///< the calibration, once a raymap has arrived

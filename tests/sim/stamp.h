@@ -1,15 +1,18 @@
 // The true data, written into every picture: however the rig handles a frame, its pixels identify the exposure.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <optional>
 
+#include "protocol/base/image.h"
 #include "protocol/base/units.h"
 
 namespace nodal::swarm {
 
-/// Heads' pictures: GREY, just large enough for a stamp and a few pixels to blend.
+/// Heads' pictures: of one grey level in any format, just large enough for a stamp and a few pixels to blend.
 inline constexpr int kPictureWidth = 16;
 inline constexpr int kPictureHeight = 16;
 inline constexpr int kStampRows = 4;     ///< below them the level is kPictureLevel
@@ -42,16 +45,31 @@ struct Stamp {
     }
     return all;
   }
-  void write(std::uint8_t* picture) {
+  void write(const MutableImageView& picture) {
     proof = expected_proof();
-    std::memcpy(picture, this, sizeof *this);
+    std::array<std::uint8_t, sizeof(Stamp)> bytes;
+    std::memcpy(bytes.data(), this, sizeof *this);
+    for (std::size_t i = 0; i < bytes.size(); ++i) picture.planes[0].data[place(picture, i)] = bytes[i];
   }
   /// Nothing if the picture was overwritten, or is not a stamped one.
-  static std::optional<Stamp> read(const std::uint8_t* picture) {
+  static std::optional<Stamp> read(const ImageView& picture) {
+    std::array<std::uint8_t, sizeof(Stamp)> bytes;
+    for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = picture.planes[0].data[place(picture, i)];
     Stamp stamp;
-    std::memcpy(static_cast<void*>(&stamp), picture, sizeof stamp);
+    std::memcpy(static_cast<void*>(&stamp), bytes.data(), sizeof stamp);
     if (stamp.mark != kMark || stamp.proof != stamp.expected_proof()) return std::nullopt;
     return stamp;
+  }
+
+ private:
+  /// Where byte i is in plane 0: in the samples of Y or grey, of a JPEG in its comment, which is its first segment.
+  template <class Byte>
+  static std::ptrdiff_t place(const BasicImageView<Byte>& picture, std::size_t i) {
+    constexpr std::ptrdiff_t kJpegComment = 6;
+    const auto at = static_cast<std::ptrdiff_t>(i);
+    if (picture.format == PixelFormat::kMjpeg) return kJpegComment + at;
+    if (picture.format == PixelFormat::kYuv411) return at;
+    return at / kPictureWidth * picture.planes[0].row_stride + at % kPictureWidth * picture.planes[0].pixel_stride;
   }
 };
 static_assert(sizeof(Stamp) <= kPictureWidth * kStampRows);

@@ -8,6 +8,13 @@ namespace {
 constexpr Duration kHostsAct = Duration::milliseconds(1300);
 constexpr int kStepsALook = 16;  ///< of control, which continues at once while it has work
 
+bool has_cut_picture(const firmware::FrameSet& set) {
+  for (std::size_t i = 0; i < set.frames.size(); ++i) {
+    if (set.has(i) && is_cut(set.frames[i].image)) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 Swarm::Swarm(std::uint64_t seed, const DrawOptions& options)
@@ -148,7 +155,8 @@ void Swarm::look_at_set() {
       looked_at_ = (*set)->number;
       oracle_.on_set(**set, held_up());
     }
-    const bool blended = (*set)->number % static_cast<std::uint64_t>(nature_.blend_every) == 0;
+    const bool blended =
+        (*set)->number % static_cast<std::uint64_t>(nature_.blend_every) == 0 || has_cut_picture(**set);
     if (kept_waiting || crowd_ || blended) kept.push_back(*set);
   }
   for (const firmware::SetLoan& set : kept) out.offer(set);
