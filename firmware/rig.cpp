@@ -20,8 +20,9 @@ Rig::Rig(const RigConfig& config, const RigPorts& ports, const std::string& soft
       encoder_(config.raymap, ports.stopwatch ? *ports.stopwatch : ports.clock, blender_.raymaps_out()),
       keeper_(config, ports.disk, blender_.tables_in(), blender_.tables_out()),
       settings_(ports.disk),
-      control_(config, software, stages(config, ports, software), capture_.add_outlet(FrameSender::kSets, false),
-               ports.listeners, ports.watchdog, ports.panel, ports.scan, ports.clock.now()) {
+      frame_sets_(capture_.add_outlet(FrameSender::kSets, false)),
+      control_(config, software, stages(config, ports, software), frame_sets_, ports.listeners, ports.watchdog,
+               ports.panel, ports.scan, ports.clock.now()) {
   capture_.meter_from(blender_.light_out());
   if (flight_) capture_.log_to(*flight_);
 }

@@ -85,6 +85,8 @@ class Rig {
   EncodeStage& encoder() { return encoder_; }
   CalibrationKeeper& keeper() { return keeper_; }
   Control& control() { return control_; }
+  /// Frame sets wait that control sends to hosts.
+  bool hosts_have_sets() const { return !frame_sets_.empty(); }
   bool records() const { return recorder_.has_value(); }
   Recorder& recorder() { return *recorder_; }
   TakeKeeper& takes() { return *takes_; }
@@ -103,6 +105,7 @@ class Rig {
   std::unique_ptr<FlightLog> flight_log_;
   std::optional<TakeKeeper> takes_;
   std::optional<TakeReader> take_reader_;
+  Outlet<SetLoan>& frame_sets_;  ///< capture's, for hosts
   Control control_;
 };
 

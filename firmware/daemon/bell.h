@@ -9,6 +9,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <mutex>
+#include <optional>
 #include <system_error>
 #include <utility>
 
@@ -31,9 +32,15 @@ class Bell {
  public:
   std::uint64_t count() const { return rung_.load(); }
 
+  /// Wakes one of the threads that sleep; a thread that finds work for more rings again.
   void ring() {
     rung_.fetch_add(1);
     if (sleepers_.load() == 0) return;
+    const std::lock_guard lock(mutex_);
+    condition_.notify_one();
+  }
+  void ring_all() {
+    rung_.fetch_add(1);
     const std::lock_guard lock(mutex_);
     condition_.notify_all();
   }
@@ -86,13 +93,15 @@ class PortBell {
     const bool passed = ports.at() && *ports.at() <= now;
     const bool poll = std::exchange(by_port_, false) || passed;
     hal::WakeUps wake_ups = poll ? hal::WakeUps() : ports;
-    wake_ups.on({event_, true, false});
+    std::optional<bool> written;  // stays empty if the thread does not sleep
+    wake_ups.on({event_, true, false, &written});
     sleeps_.store(true);
     if (rung_.load() == heard) {
       const bool by_descriptor = hal::wait_for(wake_ups, now, poll ? kPoll : kLongest);
       by_port_ = !poll && by_descriptor && rung_.load() == heard;
     }
     sleeps_.store(false);
+    if (!written.value_or(true)) return;
     eventfd_t rings = 0;
     ::eventfd_read(event_, &rings);
   }

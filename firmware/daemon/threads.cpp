@@ -46,7 +46,7 @@ void RigThreads::start(int blend_threads) {
 void RigThreads::stop() {
   stop_.store(true);
   for (Bell* bell : {&blend_bell_, &encode_bell_, &keeper_bell_, &record_bell_, &takes_bell_, &read_bell_})
-    bell->ring();
+    bell->ring_all();
   for (PortBell* bell : {&capture_bell_, &control_bell_}) bell->ring();
   for (Named& each : threads_) {
     hooks_.waits_for(each.name);
@@ -74,7 +74,7 @@ void RigThreads::capture() {
         blend_bell_.ring();
         record_bell_.ring();
       }
-      if (set || asked) control_bell_.ring();  // for hosts that receive the heads' pictures; for the answers
+      if (asked || rig_.hosts_have_sets()) control_bell_.ring();  // for the answers; for the heads' pictures
       continue;
     }
     hal::WakeUps wake_ups;
@@ -89,6 +89,7 @@ void RigThreads::capture() {
 
 void RigThreads::blend() {
   const firmware::Blender::Counts& counts = rig_.blender().counts();
+  std::uint64_t blended = 0;
   std::uint64_t finished = 0;
   std::uint64_t adopted = 0;
   while (!stop_.load()) {
@@ -97,11 +98,10 @@ void RigThreads::blend() {
       blend_bell_.wait(heard, kSleep);
       continue;
     }
-    blend_bell_.ring();
-    if (const auto now = counts.finished(); std::exchange(finished, now) != now) {
-      encode_bell_.ring();
-      capture_bell_.ring();  // the heads get their buffers back
-    }
+    if (!rig_.blender().idle()) blend_bell_.ring();
+    if (const auto now = counts.blended.load(); std::exchange(blended, now) != now) encode_bell_.ring();
+    // The heads get their buffers back.
+    if (const auto now = counts.finished(); std::exchange(finished, now) != now) capture_bell_.ring();
     if (const auto now = counts.adopted.load(); std::exchange(adopted, now) != now) keeper_bell_.ring();
   }
 }

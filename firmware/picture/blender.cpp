@@ -136,7 +136,10 @@ bool Blender::begin() {
   } else if (ready = take_pixels(blend_.installed()->tables.size()); !ready) {
     count(counts_.without_buffer);
   }
-  if (!ready) return true;
+  if (!ready) {
+    idle_.store(sets_in_.empty(), std::memory_order_release);
+    return true;
+  }
   set_ = set;
   field_ = 0;
   begun_ = clock_.now();

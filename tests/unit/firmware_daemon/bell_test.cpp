@@ -55,14 +55,32 @@ TEST_F(PortBellTest, RungBeforeItSleeps_DoesNotSleep) {
   EXPECT_LT(clock_.now() - before, Duration::seconds(1)) << "one sleep to its limit takes 0.1 s, so 1000 take 100 s";
 }
 
+TEST_F(PortBellTest, RungOnce_EndsOneSleepOnly) {
+  const auto heard = bell_.count();
+  std::thread ringer([&] {
+    while (bell_.count() == heard) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+      bell_.ring();
+    }
+  });
+  while (bell_.count() == heard) bell_.wait(heard, hal::WakeUps());
+  ringer.join();
+  const Instant when = clock_.now() + Duration::milliseconds(20);
+  const auto after = bell_.count();
+  bell_.wait(after, at(when));
+  EXPECT_GE(clock_.now(), when);
+}
+
 TEST_F(PortBellTest, TimeOfAPort_EndsTheSleepThenAndNotBefore) {
-  for (int i = 0; i < 5; ++i) {
+  bool before_its_limit = false;  // of 0.1 s; on a busy machine one sleep may be longer
+  for (int i = 0; i < 20 && !before_its_limit; ++i) {
     const Instant when = clock_.now() + Duration::milliseconds(10);
     const auto heard = bell_.count();
     bell_.wait(heard, at(when));
     EXPECT_GE(clock_.now(), when);
-    EXPECT_LT(clock_.now(), when + Duration::milliseconds(85)) << "it did not sleep to its limit of 0.1 s";
+    before_its_limit = clock_.now() < when + Duration::milliseconds(85);
   }
+  EXPECT_TRUE(before_its_limit);
 }
 
 TEST_F(PortBellTest, DescriptorThatIsAlwaysReadable_IsPolledAndDoesNotSpin) {
