@@ -196,6 +196,7 @@ Status Run::check_placed(bool& changed) {
   if (Status agree = check_agreement(); !agree) return agree;
   double per_radian = pixels_per_radian(heads_);
   if (options_.width > 0) per_radian = std::min(per_radian, options_.width / (2 * std::numbers::pi));
+  std::vector<double> off_px(heads_.size(), 0);
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     if (!why_not_[h].empty()) continue;
     loose_sigma_[h] = detail->heads[h].sigma_rad;
@@ -206,7 +207,12 @@ Status Run::check_placed(bool& changed) {
       loose_sigma_[h] = coarse_sigma_[h]->rad;
       precision = std::min(precision, coarse_sigma_[h]->per_radian);
     }
-    if (!(loose_sigma_[h] * precision > kLooseSigmaPx)) continue;
+    off_px[h] = loose_sigma_[h] * precision;
+  }
+  // A loose head makes its neighbours loose: they are judged again without it.
+  const double loosest = std::ranges::max(off_px);
+  for (std::size_t h = 0; loosest > kLooseSigmaPx && h < heads_.size(); ++h) {
+    if (off_px[h] < loosest) continue;
     unplace(h, little_detail_[h]
                    ? std::string("it shows much less detail than the other heads, too little for a rotation")
                    : std::string("the detail it shares with other heads does not determine its rotation in "
