@@ -94,13 +94,14 @@ Result<Registered> register_with(const Calibration& prior, const LitFrames& fram
 /// near things would bend whole lenses.
 Result<Report> register_what_is_sure(const Calibration& prior, const LitFrames& frames, const Options& options) {
   Result<Registered> asked = register_with(prior, frames, options);
-  if (options.free == Free::kRotations || options.lens_far_off || !options.geometry) {
+  if (options.free == Free::kRotations || !options.geometry) {
     if (!asked) return fail(asked.error());
     return std::move(asked->report);
   }
   const bool bent = asked && options.free == Free::kLens && asked->cause == Cause::kNearThings;
   if (asked && !bent) return std::move(asked->report);
   Options fewer = options;
+  fewer.lens_far_off = false;
   while (fewer.free != Free::kRotations) {
     fewer.free = fewer.free == Free::kLens ? Free::kFocals : Free::kRotations;
     Result<Registered> found = register_with(prior, frames, fewer);

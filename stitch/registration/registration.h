@@ -65,7 +65,7 @@ struct Options {
   /// The finest raymap has as many rays as an equirectangular one of this width; 0: the resolution of the pictures.
   int width = 0;
   /// With Free::kLens: only the type of the prior's lenses is right. Lenses are estimated from the coarsest level on,
-  /// at first one lens for all heads.
+  /// at first one lens for all heads. Gives way to focal lengths and rotations, with a warning, as Free::kLens does.
   bool lens_far_off = false;
   /// Searches for heads that are far from the prior, before the descent.
   bool search = true;

@@ -2,6 +2,8 @@
 // that was once taken for one upside down (99), and parallax that was once taken for wrong focal lengths (11).
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "tests/bench/drawn_rig.h"
 
 namespace nodal::bench {
@@ -28,6 +30,30 @@ TEST(Campaign, ErrorsOfPlacedHeads_AreAtMostThreeTimesWhatIsClaimedAndReasonsAre
     }
   }
   EXPECT_GT(heads, 30);
+}
+
+TEST(Campaign, AHeadOutOfFocus_IsNotPlacedAndItsNeighboursAre) {
+  EXPECT_EQ(judge(draw_rig(260), false).not_placed, std::vector<std::string>{"cam7"});
+}
+
+/// The largest error of a placed head, where the lenses are a data sheet's and whole lenses are asked for.
+double worst_with_data_sheet(std::uint64_t seed) {
+  DrawnRig rig = draw_rig(seed);
+  rig.options.free = registration::Free::kLens;
+  rig.options.lens_far_off = true;
+  const Verdict verdict = judge(rig, false);
+  EXPECT_EQ(verdict.refused, "");
+  EXPECT_TRUE(std::ranges::any_of(verdict.warnings, [](const std::string& warning) {
+    return warning.starts_with("of the lenses only the focal lengths are estimated, because ");
+  }));
+  double worst = 0;
+  for (const HeadClaim& head : verdict.placed) worst = std::max(worst, head.error_deg);
+  return worst;
+}
+
+TEST(Campaign, LensesOfADataSheet_GiveWayToFocalLengthsWhereTheyCannotBeEstimated) {
+  EXPECT_LT(worst_with_data_sheet(301), 0.05) << "whole lenses turn back within the region";
+  EXPECT_LT(worst_with_data_sheet(319), 1.5) << "near things bend whole lenses, and heads are then up to 3.6 degrees off";
 }
 
 }  // namespace
