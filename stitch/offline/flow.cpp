@@ -5,6 +5,9 @@
 #include <cmath>
 #include <cstddef>
 
+#include "stitch/offline/field.h"
+#include "stitch/offline/flow_limit.h"
+
 namespace nodal::offline {
 namespace {
 
@@ -20,38 +23,6 @@ constexpr float kLongestStep = 1;  ///< of one warp, px: gradients tell nothing 
 /// Flow up to the first length is noise and becomes 0, from the second on it stays as it is, px: pictures without parallax are
 /// best left as they are.
 constexpr float kNoise = 0.15F, kSure = 0.45F;
-
-struct Field {
-  int width = 0, height = 0;
-  std::vector<float> v;
-  Field() = default;
-  Field(int w, int h) : width(w), height(h), v(static_cast<std::size_t>(w) * static_cast<std::size_t>(h)) {}
-  float* row(int y) { return v.data() + static_cast<std::ptrdiff_t>(y) * width; }
-  const float* row(int y) const { return v.data() + static_cast<std::ptrdiff_t>(y) * width; }
-};
-
-/// A position between pixel centres.
-struct Place {
-  std::ptrdiff_t at;
-  std::ptrdiff_t right, below;
-  float across, down;
-};
-
-Place place_of(int width, int height, float x, float y) {
-  x = std::clamp(x, 0.0F, static_cast<float>(width - 1));
-  y = std::clamp(y, 0.0F, static_cast<float>(height - 1));
-  const int i = static_cast<int>(x), j = static_cast<int>(y);
-  return {static_cast<std::ptrdiff_t>(j) * width + i, i + 1 < width ? 1 : 0, j + 1 < height ? width : 0,
-          x - static_cast<float>(i), y - static_cast<float>(j)};
-}
-
-float sample(const std::vector<float>& field, const Place& p) {
-  const float* at = field.data() + p.at;
-  const float top = at[0] + p.across * (at[p.right] - at[0]);
-  const float bottom = at[p.below] + p.across * (at[p.below + p.right] - at[p.below]);
-  return top + p.down * (bottom - top);
-}
-float sample(const Field& field, const Place& p) { return sample(field.v, p); }
 
 Field derivative(const Field& in, bool down) {
   Field out(in.width, in.height);
@@ -318,6 +289,7 @@ Flow flow_between(const SeenPicture& a, const SeenPicture& b, const std::vector<
       fy = medians(fy);
     }
   }
+  limit_flow(as[0].known, bs[0].known, shares[0], fx, fy);
   for (std::size_t p = 0; p < fx.v.size(); ++p) {
     const float length = std::hypot(fx.v[p], fy.v[p]);
     const float kept = std::clamp((length - kNoise) / (kSure - kNoise), 0.0F, 1.0F);

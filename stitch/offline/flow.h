@@ -27,7 +27,8 @@ struct Flow {
 };
 
 /// The flow f for which a view between two pictures shows at p what `a` shows at p - (1 - share(p)) f(p) and `b` at
-/// p + share(p) f(p). What is shorter than half a pixel is reduced, down to 0 for 0.15 px.
+/// p + share(p) f(p). What is shorter than half a pixel is reduced, down to 0 for 0.15 px; what would fold a picture is shortened
+/// (flow_limit.h).
 ///
 /// The pictures' gradients are compared, not their levels: two heads show a surface with different brightness. The flow is that
 /// of least cost: the difference of the gradients, plus the flow's own change from pixel to pixel, both as absolute values,

@@ -53,7 +53,8 @@ double worst_with_data_sheet(std::uint64_t seed) {
 
 TEST(Campaign, LensesOfADataSheet_GiveWayToFocalLengthsWhereTheyCannotBeEstimated) {
   EXPECT_LT(worst_with_data_sheet(301), 0.05) << "whole lenses turn back within the region";
-  EXPECT_LT(worst_with_data_sheet(319), 1.5) << "near things bend whole lenses, and heads are then up to 3.6 degrees off";
+  EXPECT_LT(worst_with_data_sheet(319), 1.5)
+      << "near things bend whole lenses, and heads are then up to 3.6 degrees off";
 }
 
 }  // namespace
