@@ -13,7 +13,7 @@ namespace {
 constexpr int kReach = 4;
 /// The change of a picture's move per pixel, as a Frobenius norm: up to the first it is kept, from the second on it is 0. A
 /// picture folds where its move changes by 1 a pixel or more.
-constexpr float kKept = 0.9F, kFolded = 1.3F;
+constexpr float kKept = 1.0F, kFolded = 1.4F;
 constexpr float kGrowth =
     0.1F;  ///< of the longest flow, per pixel of the distance from a fold: turns edges by 6 degrees
 
