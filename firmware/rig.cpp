@@ -17,6 +17,8 @@ Rig::Rig(const RigConfig& config, const RigPorts& ports, const std::string& soft
                                             : nullptr),
       capture_(config, flight_ ? flight_->heads() : ports.heads, flight_ ? flight_->trigger() : ports.trigger),
       blender_(config.raymap, ports.stopwatch ? *ports.stopwatch : ports.clock, capture_.add_outlet(Blender::kSets)),
+      places_seams_(config.raymap.seams == SeamPlacement::kPlaced),
+      seams_(blender_.seams_out(), blender_.seams_in()),
       encoder_(config.raymap, ports.stopwatch ? *ports.stopwatch : ports.clock, blender_.raymaps_out()),
       keeper_(config, ports.disk, blender_.tables_in(), blender_.tables_out()),
       settings_(ports.disk),
@@ -51,7 +53,7 @@ bool Rig::step_control() { return control_.step(clock_.now()); }
 
 bool Rig::step_all() {
   bool busy = step_capture();
-  while (step_blend()) busy = true;
+  while (step_blend() || step_seams()) busy = true;
   while (step_encode()) busy = true;
   busy |= step_record();
   busy |= step_takes();

@@ -14,6 +14,7 @@
 #include "firmware/hosts/control.h"
 #include "firmware/picture/blender.h"
 #include "firmware/picture/encoder.h"
+#include "firmware/picture/seam_stage.h"
 #include "firmware/record/recorder.h"
 #include "firmware/record/take_keeper.h"
 #include "firmware/record/take_reader.h"
@@ -65,6 +66,8 @@ class Rig {
   bool step_capture();
   bool step_blend() { return blender_.step(); }
   bool step_encode() { return encoder_.step(); }
+  /// Without effect in a rig with fixed seams.
+  bool step_seams() { return seams_.step(); }
   /// The stages that block on the disk: calibrations and settings.
   bool step_keeper();
   bool step_control();
@@ -83,6 +86,8 @@ class Rig {
   Capture& capture() { return capture_; }
   Blender& blender() { return blender_; }
   EncodeStage& encoder() { return encoder_; }
+  bool places_seams() const { return places_seams_; }
+  const SeamStage& seams() const { return seams_; }
   CalibrationKeeper& keeper() { return keeper_; }
   Control& control() { return control_; }
   /// Frame sets wait that control sends to hosts.
@@ -98,6 +103,8 @@ class Rig {
   std::unique_ptr<FlightRecorder> flight_;  ///< null without [takes] flight_recorder
   Capture capture_;
   Blender blender_;
+  const bool places_seams_;
+  SeamStage seams_;
   EncodeStage encoder_;
   CalibrationKeeper keeper_;
   SettingsStore settings_;

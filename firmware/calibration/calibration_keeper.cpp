@@ -4,6 +4,7 @@
 #include <new>
 
 #include "stitch/sets/rig_heads.h"
+#include "stitch/sets/seam_views.h"
 #include "stitch/table/meter_compiler.h"
 #include "stitch/table/tone_compiler.h"
 
@@ -290,10 +291,17 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
   if (!tables) return fail(tables.error().in("calibration " + short_id(done.id)));
   auto meter = table::compile_meter_table(done.calibration);
   if (!meter) return fail(meter.error().in("calibration " + short_id(done.id)));
+  std::shared_ptr<const sets::SeamViews> seams;
+  if (config_.raymap.seams == SeamPlacement::kPlaced) {
+    auto views = sets::SeamViews::make(done.calibration, config_.raymap, *tables);
+    if (!views) return fail(views.error().in("calibration " + short_id(done.id)));
+    seams = std::move(*views);
+  }
   // Allocates everything before the disk changes, so that a failed allocation leaves the disk as it was.
-  auto installed = sets::make_installed(
-      done.id, done.calibration.name, std::move(*tables), std::move(*meter),
-      table::compile_tone_table(done.calibration, config_.raymap.format, config_.raymap.soft), delivered);
+  auto installed =
+      sets::make_installed(done.id, done.calibration.name, std::move(*tables), std::move(*meter),
+                           table::compile_tone_table(done.calibration, config_.raymap.format, config_.raymap.soft),
+                           delivered, std::move(seams));
   // At start the pointer on the disk is right already, unless a damaged calibration was skipped; then it is rewritten.
   if (!done.on_trial && (done.ticket || store_->in_force() != done.id || !store_->note().empty())) {
     if (Status kept = store_->set_in_force(done.id); !kept) {

@@ -1,6 +1,8 @@
 #include "firmware/daemon/threads.h"
 
 #include <pthread.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <utility>
@@ -11,6 +13,7 @@ namespace nodal::daemon {
 namespace {
 
 constexpr std::chrono::microseconds kSleep{100'000};  ///< timeout of threads that only a bell wakes
+constexpr int kSeamsNice = 10;
 
 }  // namespace
 
@@ -35,6 +38,7 @@ void RigThreads::start(int blend_threads) {
   add("nodal-keeper", &RigThreads::keep);
   add("nodal-encode", &RigThreads::encode);
   for (int i = 0; i < blend_threads; ++i) add("nodal-blend", &RigThreads::blend);
+  if (rig_.places_seams()) add("nodal-seams", &RigThreads::place_seams);
   if (rig_.records()) {
     add("nodal-takes", &RigThreads::takes);
     add("nodal-read", &RigThreads::read_takes);
@@ -45,7 +49,8 @@ void RigThreads::start(int blend_threads) {
 
 void RigThreads::stop() {
   stop_.store(true);
-  for (Bell* bell : {&blend_bell_, &encode_bell_, &keeper_bell_, &record_bell_, &takes_bell_, &read_bell_})
+  for (Bell* bell :
+       {&blend_bell_, &encode_bell_, &seams_bell_, &keeper_bell_, &record_bell_, &takes_bell_, &read_bell_})
     bell->ring_all();
   for (PortBell* bell : {&capture_bell_, &control_bell_}) bell->ring();
   for (Named& each : threads_) {
@@ -57,7 +62,8 @@ void RigThreads::stop() {
 bool RigThreads::frame_path_empty() const {
   firmware::Blender& blender = rig_.blender();
   if (rig_.records() && !rig_.recorder().idle()) return false;
-  return blender.sets_in().empty() && blender.idle() && blender.counts().blended.load() == rig_.encoder().steps();
+  return blender.sets_in().empty() && rig_.seams().idle() && blender.idle() &&
+         blender.counts().blended.load() == rig_.encoder().steps();
 }
 
 void RigThreads::capture() {
@@ -99,6 +105,7 @@ void RigThreads::blend() {
       continue;
     }
     if (!rig_.blender().idle()) blend_bell_.ring();
+    if (!rig_.seams().idle()) seams_bell_.ring();
     if (const auto now = counts.blended.load(); std::exchange(blended, now) != now) encode_bell_.ring();
     // The heads get their buffers back.
     if (const auto now = counts.finished(); std::exchange(finished, now) != now) capture_bell_.ring();
@@ -118,6 +125,16 @@ void RigThreads::encode() {
       encode_bell_.wait(heard, kSleep);
     }
   }
+}
+
+/// Of low priority: seams that are late stay where they are.
+void RigThreads::place_seams() {
+  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kSeamsNice);
+  step_by_bell(
+      seams_bell_, [&] { return rig_.step_seams(); },
+      [&] {
+        if (hooks_.advance) capture_bell_.ring();  // virtual time waits for the seams, too
+      });
 }
 
 void RigThreads::keep() {

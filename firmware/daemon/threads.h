@@ -10,8 +10,8 @@
 
 namespace nodal::daemon {
 
-/// The rig's threads: capture, encode, keeper, control, `blend_threads` that blend, and in a rig that records three more, for
-/// copying the pictures, for writing and for reading takes. Each thread calls its stage until
+/// The rig's threads: capture, encode, keeper, control, `blend_threads` that blend; in a rig that places seams one more, of
+/// low priority; and in a rig that records three more, for copying the pictures, for writing and for reading takes. Each thread calls its stage until
 /// there is no work. Then it sleeps until another thread rings its bell; capture and control also until one of their ports
 /// wakes them.
 ///
@@ -39,6 +39,7 @@ class RigThreads {
   void capture();
   void blend();
   void encode();
+  void place_seams();
   void keep();
   void control();
   void record();
@@ -52,7 +53,7 @@ class RigThreads {
   const Hooks hooks_;
   std::atomic<bool> stop_{false};
   PortBell capture_bell_, control_bell_;
-  Bell blend_bell_, encode_bell_, keeper_bell_, record_bell_, takes_bell_, read_bell_;
+  Bell blend_bell_, encode_bell_, seams_bell_, keeper_bell_, record_bell_, takes_bell_, read_bell_;
   struct Named {
     const char* name;
     std::thread thread;

@@ -21,6 +21,8 @@ Blender::Blender(const RaymapConfig& config, hal::ClockPort& clock, Outlet<SetLo
       tables_in_(1),  // one entry: a full ring means that the newest calibration is not in force yet
       tables_out_(8),
       raymaps_out_(kRaymapsWaiting),
+      seams_out_(1),
+      seams_in_(1),
       light_out_(4),
       adoptions_out_(4) {
   NODAL_ASSERT(bands_ <= kMostBands);
@@ -54,6 +56,8 @@ bool Blender::run_band() {
   }
   if (doing_ == Round::kDecode) {
     decode(band_of(ticket));
+  } else if (doing_ == Round::kView) {
+    blend_.view(band_of(ticket));
   } else if (doing_ == Round::kPrepare) {
     blend_.prepare(band_of(ticket));
   } else {
@@ -74,7 +78,11 @@ bool Blender::coordinate() {
     if (bands_done_.load(std::memory_order_acquire) < bands_of(next_band_.load(std::memory_order_relaxed)))
       return false;
     switch (doing_) {
-      case Round::kDecode: begin_raymap(); break;
+      case Round::kDecode: begin_views(); break;
+      case Round::kView:
+        NODAL_ASSERT(seams_out_.push({blend_.installed(), set_->number}));
+        begin_raymap();
+        break;
       case Round::kPrepare:
         doing_ = Round::kBlend;
         start_round(bands_);
@@ -110,8 +118,30 @@ bool Blender::adopt() {
   if (!installed) return false;
   if (sets::InstalledPtr before = blend_.adopt(std::move(*installed))) tables_out_.push(std::move(before));
   adoption_unreported_ = true;
+  seams_period_.reset();
   count(counts_.adopted);
   return true;
+}
+
+/// Puts the placed seams in force if their period has begun. Seams for a calibration that was replaced meanwhile are
+/// given back.
+void Blender::adopt_seams(std::uint64_t set) {
+  if (!placing_seams_) return;
+  if (!seams_) seams_ = seams_in_.pop();
+  if (!seams_) return;
+  const bool stale = !seams_period_;
+  if (!stale && sets::seam_period(set) == *seams_period_) return;
+  if (seams_->installed) {
+    if (tables_out_.full()) return;
+    if (stale) {
+      tables_out_.push(std::move(seams_->installed));
+    } else {
+      tables_out_.push(blend_.adopt(std::move(seams_->installed)));
+      count(counts_.seams_moved);
+    }
+  }
+  seams_.reset();
+  placing_seams_ = false;
 }
 
 bool Blender::begin() {
@@ -128,6 +158,7 @@ bool Blender::begin() {
     adoptions_out_.push(std::move(adoption));
   }
   sets_begun_.store(set->number + 1, std::memory_order_release);
+  adopt_seams(set->number);
   bool ready = false;
   if (!blend_.installed()) {
     count(counts_.without_calibration);
@@ -145,7 +176,7 @@ bool Blender::begin() {
   begun_ = clock_.now();
   begin_blend();
   if (blend_.to_decode() == 0) {
-    begin_raymap();
+    begin_views();
   } else {
     doing_ = Round::kDecode;
     start_round(blend_.to_decode());
@@ -168,6 +199,22 @@ void Blender::decode(std::uint64_t band) {
   const auto [head, fault] = blend_.decode(band);
   undecodable_[head].now.store(fault, std::memory_order_relaxed);
   if (fault != decode::DecodeFault::kNone) count(undecodable_[head].frames);
+}
+
+/// The heads' views, in the first set of every period; then the raymap.
+void Blender::begin_views() {
+  const std::uint64_t period = sets::seam_period(set_->number);
+  if (!blend_.installed()->seams || seams_period_ == period) return begin_raymap();
+  if (placing_seams_) {
+    if (std::exchange(late_period_, period) != period) count(counts_.seams_late);
+    return begin_raymap();
+  }
+  blend_.begin_views();
+  if (blend_.to_view() == 0) return begin_raymap();
+  seams_period_ = period;
+  placing_seams_ = true;
+  doing_ = Round::kView;
+  start_round(blend_.to_view());
 }
 
 void Blender::begin_raymap() {

@@ -12,6 +12,7 @@
 #include "firmware/frame/raymap.h"
 #include "firmware/frame/snapshot.h"
 #include "firmware/frame/statistics.h"
+#include "firmware/picture/seam_stage.h"
 #include "hal/clock.h"
 #include "protocol/base/image.h"
 #include "protocol/base/spsc_ring.h"
@@ -24,7 +25,8 @@ enum class DecodeFault : std::uint8_t;
 
 namespace nodal::firmware {
 
-/// Every call of step() does one piece of work. First frames that the blend cannot read as they are get decoded, then the
+/// Every call of step() does one piece of work. First frames that the blend cannot read as they are get decoded, then, once
+/// a period (sets::kSeamPeriod) and only with placed seams, the heads' small views are made for the seam stage, then the
 /// pictures of heads are prepared if the table requires it, then the raymap is blended in bands of rows. Between two
 /// raymaps, one thread finishes the raymap, adopts a new calibration and takes the next set. So a swap of calibrations
 /// always falls between two sets, and every raymap names the one calibration that it was made with. A calibration with one
@@ -49,6 +51,9 @@ class Blender {
   /// Calibrations that are no longer in force; the keeper frees them outside the frame path.
   SpscRing<sets::InstalledPtr>& tables_out() { return tables_out_; }
   SpscRing<Raymap>& raymaps_out() { return raymaps_out_; }
+  /// Placed seams: the seam stage's work, and what it made of it. One request is under way at most.
+  SpscRing<SeamRequest>& seams_out() { return seams_out_; }
+  SpscRing<SeamAnswer>& seams_in() { return seams_in_; }
   /// The metered light of each blended set. When the ring is full, new entries are discarded.
   SpscRing<blend::SphereLight>& light_out() { return light_out_; }
   /// The first set that a calibration is in force for.
@@ -72,6 +77,8 @@ class Blender {
     std::atomic<std::uint64_t> without_buffer{0};       ///< sets: clients still held every buffer
     std::atomic<std::uint64_t> unfit_frames{0};         ///< frames whose size or format the calibration is not for
     std::atomic<std::uint64_t> adopted{0};              ///< calibrations put in force
+    std::atomic<std::uint64_t> seams_moved{0};          ///< tables with other seams put in force
+    std::atomic<std::uint64_t> seams_late{0};           ///< periods without placing: the one before was not done
 
     /// Rises whenever a set is released.
     std::uint64_t finished() const {
@@ -101,7 +108,7 @@ class Blender {
  private:
   // The next band, packed in one 64-bit value: {round number, bands in the round, next band}. One compare-and-swap covers
   // all three. With the count in a separate variable, a thread could compare a band number of the last round with the count
-  // of the next round and take a band that does not exist yet. While pictures are decoded or prepared, one head is one band.
+  // of the next round and take a band that does not exist yet. While pictures are decoded, viewed or prepared, one head is one band.
   static constexpr int kBandBits = 16;
   static constexpr std::uint64_t kMostBands = (std::uint64_t{1} << kBandBits) - 1;
   static std::uint64_t band_of(std::uint64_t ticket) { return ticket & kMostBands; }
@@ -111,7 +118,9 @@ class Blender {
   bool coordinate();
   bool finish();
   bool adopt();
+  void adopt_seams(std::uint64_t set);
   bool begin();
+  void begin_views();
   void begin_blend();
   void decode(std::uint64_t band);
   void begin_raymap();
@@ -127,6 +136,8 @@ class Blender {
   SpscRing<sets::InstalledPtr> tables_in_;
   SpscRing<sets::InstalledPtr> tables_out_;
   SpscRing<Raymap> raymaps_out_;
+  SpscRing<SeamRequest> seams_out_;
+  SpscRing<SeamAnswer> seams_in_;
   SpscRing<blend::SphereLight> light_out_;
   SpscRing<Adoption> adoptions_out_;
   Snapshot<Adoption> adoption_;
@@ -135,7 +146,11 @@ class Blender {
   // Written between raymaps, only by the thread that holds coordinating_.
   std::atomic_flag coordinating_;
   sets::SetBlend blend_;
-  bool adoption_unreported_ = false;  ///< goes to adoptions_out_ with the next set
+  bool placing_seams_ = false;                 ///< a request is under way, or its answer waits for its period
+  std::optional<std::uint64_t> seams_period_;  ///< of the newest request; empty: none for this calibration
+  std::optional<std::uint64_t> late_period_;   ///< the last one that counts_.seams_late has
+  std::optional<SeamAnswer> seams_;            ///< waits for the next period
+  bool adoption_unreported_ = false;           ///< goes to adoptions_out_ with the next set
   std::uint64_t round_ = 0;
   SetLoan set_;                       ///< the set being blended
   std::size_t field_ = 0;             ///< index of the field being blended, and of its table
@@ -143,7 +158,7 @@ class Blender {
   Instant begun_;
 
   // The raymap being blended. Constant while threads work on its bands.
-  enum class Round : std::uint8_t { kDecode, kPrepare, kBlend };
+  enum class Round : std::uint8_t { kDecode, kView, kPrepare, kBlend };
   Round doing_ = Round::kBlend;
   Raymap raymap_;
   std::atomic<std::uint64_t> next_band_{0};

@@ -22,6 +22,12 @@ enum class FieldUse : std::uint8_t {
 
 enum class RaymapTransition : std::uint8_t { kTwoBand, kSeam, kFeather };
 
+/// Where seams lie between heads.
+enum class SeamPlacement : std::uint8_t {
+  kFixed,   ///< where the heads' weights are equal
+  kPlaced,  ///< where the heads' pictures agree; moved while the rig films
+};
+
 /// What raymaps are like: [raymap] of rig.toml.
 struct RaymapConfig {
   std::string layout = "equirectangular";  ///< the canonical text of a geometry::LayoutName; also in the protocol
@@ -31,9 +37,10 @@ struct RaymapConfig {
   int jpeg_quality = 85;                    ///< 1 .. 100
   /// How heads that see the same rays pass into each other; table::TableOptions explains all three.
   RaymapTransition transition = RaymapTransition::kTwoBand;
-  double seam_width_deg = 1;  ///< kTwoBand, kSeam: 0 .. 180
-  double feather = 0.5;       ///< kTwoBand, kFeather: 0.01 .. 1
-  bool soft = true;           ///< highlights beyond the sample range are compressed, not clipped
+  double seam_width_deg = 1;                    ///< kTwoBand, kSeam: 0 .. 180
+  SeamPlacement seams = SeamPlacement::kFixed;  ///< kTwoBand, kSeam
+  double feather = 0.5;                         ///< kTwoBand, kFeather: 0.01 .. 1
+  bool soft = true;                             ///< highlights beyond the sample range are compressed, not clipped
   FieldUse fields = FieldUse::kWeave;
 
   /// Raymaps that are made from one frame set.

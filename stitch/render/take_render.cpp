@@ -10,6 +10,7 @@
 #include "stitch/decode/frame_decoder.h"
 #include "stitch/sets/raymap_toml.h"
 #include "stitch/sets/rig_heads.h"
+#include "stitch/sets/seam_views.h"
 #include "stitch/sets/table_job.h"
 #include "stitch/table/meter_compiler.h"
 #include "stitch/table/tone_compiler.h"
@@ -101,9 +102,21 @@ Result<bool> TakeRender::next_set(const std::function<void(double)>& compiled) {
   }
   if (const Status tables = use_tables(compiled); !tables) return fail(tables.error());
   if (const Status read = sets_.read_pictures(set_); !read) return fail(read.error());
+  const std::uint64_t period = sets::seam_period(set_.evidence.number());
+  if (period != seams_period_ && placed_) blend_.adopt(std::exchange(placed_, {}));
   blend_.begin(before);
   undecodable_ = begin_set();
+  if (blend_.installed()->seams && period != seams_period_) place_seams(period);
   return true;
+}
+
+/// From the first set of each period, as a rig does that is not overloaded.
+void TakeRender::place_seams(std::uint64_t period) {
+  blend_.begin_views();
+  if (blend_.to_view() == 0) return;
+  workers_.run(static_cast<int>(blend_.to_view()), [&](int k) { blend_.view(static_cast<std::size_t>(k)); });
+  placed_ = sets::place_seams(*blend_.installed());
+  seams_period_ = period;
 }
 
 /// Compiles tables for a set's calibration and for the heads' formats in its segment, if they are not those of the set before.
@@ -148,9 +161,17 @@ Status TakeRender::use_tables(const std::function<void(double)>& compiled) {
   if (!tables) return fail(tables.error());
   auto meter = table::compile_meter_table(*fitted);
   if (!meter) return fail(meter.error());
+  std::shared_ptr<const sets::SeamViews> seams;
+  if (options_.raymap.seams == SeamPlacement::kPlaced) {
+    auto views = sets::SeamViews::make(*fitted, options_.raymap, *tables);
+    if (!views) return fail(views.error());
+    seams = std::move(*views);
+  }
   blend_.adopt(sets::make_installed(used_->id, fitted->name, std::move(*tables), std::move(*meter),
                                     table::compile_tone_table(*fitted, options_.raymap.format, options_.raymap.soft),
-                                    formats));
+                                    formats, std::move(seams)));
+  placed_ = {};
+  seams_period_.reset();
   compiled_ = used_;
   formats_ = std::move(formats);
   fields_ = fields;

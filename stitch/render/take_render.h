@@ -17,6 +17,7 @@
 #include "protocol/calibration.h"
 #include "stitch/media/take/take_folder.h"
 #include "stitch/parallel/workers.h"
+#include "stitch/sets/placed_seams.h"
 #include "stitch/sets/set_blend.h"
 
 namespace nodal::render {
@@ -74,6 +75,7 @@ class TakeRender {
   Result<bool> next_set(const std::function<void(double)>& compiled);
   Status use_tables(const std::function<void(double)>& compiled);
   std::size_t begin_set();
+  void place_seams(std::uint64_t period);
   void blend(RenderedRaymap& into);
 
   const media::TakeFolder& folder_;
@@ -89,7 +91,9 @@ class TakeRender {
   std::vector<PixelFormat> formats_;      ///< that the tables are for
   std::optional<Fields> fields_;          ///< that the tables are for
   sets::SetBlend blend_;
-  std::size_t next_field_ = 0;  ///< of the set that was read; 0: the next set comes first
+  sets::InstalledPtr placed_;                  ///< with the seams of the next period; null: they stay
+  std::optional<std::uint64_t> seams_period_;  ///< in which seams were placed last; empty: not yet with these tables
+  std::size_t next_field_ = 0;                 ///< of the set that was read; 0: the next set comes first
   std::size_t undecodable_ = 0;
   std::size_t other_calibrations_ = 0;
 };

@@ -6,17 +6,25 @@
 #include "protocol/base/result.h"
 #include "stitch/blend/prepare.h"
 #include "stitch/decode/frame_decoder.h"
+#include "stitch/sets/seam_views.h"
 
 namespace nodal::sets {
 
 InstalledPtr make_installed(const Sha256& id, std::string name, std::vector<blend::BlendTable> tables,
                             blend::MeterTable meter, blend::ToneTable exposures,
-                            const std::vector<PixelFormat>& delivered) {
+                            const std::vector<PixelFormat>& delivered, std::shared_ptr<const SeamViews> seams) {
   NODAL_ASSERT(tables.size() == 1 || tables.size() == 2);
   std::size_t most = 0;  // the maximum, not the sum: fields are blended one after the other
   for (const blend::BlendTable& table : tables) {
     std::size_t bytes = 0;
     for (const blend::BlendTable::Source& source : table.sources) bytes += blend::prepared_size(source);
+    most = std::max(most, bytes);
+  }
+  std::shared_ptr<SeamPictures> pictures;
+  if (seams) {
+    pictures = std::make_shared<SeamPictures>(seams->empty_pictures());
+    std::size_t bytes = 0;
+    for (std::size_t h = 0; h < tables[0].sources.size(); ++h) bytes += seams->scratch_size(h);
     most = std::max(most, bytes);
   }
   const blend::SetTone tone = blend::calibrated_tone(tables[0]);  // both fields have the same light
@@ -28,9 +36,25 @@ InstalledPtr make_installed(const Sha256& id, std::string name, std::vector<blen
     decoders.push_back(std::make_shared<decode::FrameDecoder>(delivered.empty() ? source.format : delivered[i],
                                                               source.format, source.width, rows));
   }
-  return std::make_shared<const InstalledCalibration>(InstalledCalibration{id, std::move(name), std::move(tables), tone,
-                                                                           std::move(prepared), std::move(decoders),
-                                                                           std::move(meter), std::move(exposures)});
+  return std::make_shared<const InstalledCalibration>(InstalledCalibration{id,
+                                                                           std::move(name),
+                                                                           std::move(tables),
+                                                                           tone,
+                                                                           std::move(prepared),
+                                                                           std::move(decoders),
+                                                                           std::move(meter),
+                                                                           std::move(exposures),
+                                                                           std::move(seams),
+                                                                           std::move(pictures),
+                                                                           {}});
+}
+
+Result<InstalledPtr> with_seams(const InstalledCalibration& installed, const std::vector<std::uint8_t>& labels) {
+  auto tables = installed.seams->tables(installed.tables, installed.seam_labels, labels);
+  if (!tables) return fail(tables.error());
+  return std::make_shared<const InstalledCalibration>(InstalledCalibration{
+      installed.id, installed.name, std::move(*tables), installed.tone, installed.prepared, installed.decoders,
+      installed.meter, installed.exposures, installed.seams, installed.seam_pictures, labels});
 }
 
 }  // namespace nodal::sets

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "protocol/base/image.h"
+#include "protocol/base/result.h"
 #include "protocol/base/sha256.h"
 #include "stitch/blend/blend_table.h"
 #include "stitch/blend/exposure_tone.h"
@@ -18,6 +19,9 @@ class FrameDecoder;
 }
 
 namespace nodal::sets {
+
+class SeamViews;
+struct SeamPictures;
 
 /// Immutable.
 struct InstalledCalibration {
@@ -31,7 +35,11 @@ struct InstalledCalibration {
   /// Scratch memory of the blend, too: what decodes each head's frames where the blend cannot read them as they are.
   std::vector<std::shared_ptr<decode::FrameDecoder>> decoders;
   blend::MeterTable meter;
-  blend::ToneTable exposures;  ///< compensates the differences between the heads' exposures
+  blend::ToneTable exposures;              ///< compensates the differences between the heads' exposures
+  std::shared_ptr<const SeamViews> seams;  ///< of placed seams; null: seams are fixed
+  /// Memory of the views of one set, for placing seams; null where they are fixed.
+  std::shared_ptr<SeamPictures> seam_pictures;
+  std::vector<std::uint8_t> seam_labels;  ///< seams::Labels that the tables were made with; empty: fixed seams
 };
 using InstalledPtr = std::shared_ptr<const InstalledCalibration>;
 
@@ -39,6 +47,11 @@ using InstalledPtr = std::shared_ptr<const InstalledCalibration>;
 /// pictures of format delivered[i]; without `delivered`, of the format that the tables are for.
 InstalledPtr make_installed(const Sha256& id, std::string name, std::vector<blend::BlendTable> tables,
                             blend::MeterTable meter = {}, blend::ToneTable exposures = {},
-                            const std::vector<PixelFormat>& delivered = {});
+                            const std::vector<PixelFormat>& delivered = {},
+                            std::shared_ptr<const SeamViews> seams = {});
+
+/// The same calibration with other seams; shares all memory but that of the tables. For one with SeamViews.
+/// Errors: those of SeamViews::tables().
+Result<InstalledPtr> with_seams(const InstalledCalibration& installed, const std::vector<std::uint8_t>& labels);
 
 }  // namespace nodal::sets

@@ -20,6 +20,11 @@ void read_transition(TomlReader& reader, RaymapConfig& raymap) {
     reader.refuse("seam_width",
                   "has no effect with transition = \"feather\"; remove it, or write \"two-band\" or \"seam\"");
   }
+  raymap.seams =
+      reader.choice<SeamPlacement>("seams", {{"fixed", SeamPlacement::kFixed}, {"placed", SeamPlacement::kPlaced}});
+  if (raymap.transition == RaymapTransition::kFeather && raymap.seams == SeamPlacement::kPlaced) {
+    reader.refuse("seams", "is \"placed\", but transition = \"feather\" has no seams; write \"two-band\" or \"seam\"");
+  }
   raymap.seam_width_deg = reader.number("seam_width", 0, 180, raymap.seam_width_deg);
   raymap.feather = reader.number("feather", 0.01, 1, raymap.feather);
 }
@@ -27,11 +32,11 @@ void read_transition(TomlReader& reader, RaymapConfig& raymap) {
 }  // namespace
 
 TomlReader raymap_reader(const toml::table& raymap, FirstError& error) {
-  return {
-      raymap,
-      "raymap",
-      {"layout", "width", "height", "format", "jpeg_quality", "transition", "seam_width", "feather", "tone", "fields"},
-      error};
+  return {raymap,
+          "raymap",
+          {"layout", "width", "height", "format", "jpeg_quality", "transition", "seam_width", "seams", "feather",
+           "tone", "fields"},
+          error};
 }
 
 RaymapConfig read_raymap(TomlReader& reader, const ReadRayFile& read) {

@@ -5,6 +5,7 @@
 #include "protocol/base/result.h"
 #include "stitch/blend/blend.h"
 #include "stitch/decode/frame_decoder.h"
+#include "stitch/sets/seam_views.h"
 
 namespace nodal::sets {
 namespace {
@@ -54,6 +55,29 @@ SetBlend::Decoded SetBlend::decode(std::size_t k) {
   return {head, installed_->decoders[head]->decode(frame, frames_[head])};
 }
 
+void SetBlend::begin_views() {
+  std::uint32_t& heads = installed_->seam_pictures->heads;
+  heads = 0;
+  heads_to_view_ = 0;
+  for (std::size_t i = 0; i < installed_->tables[0].sources.size(); ++i) {
+    if (frames_[i].planes[0].data == nullptr) continue;
+    heads |= bit(i);
+    to_view_[heads_to_view_++] = i;
+  }
+}
+
+void SetBlend::view(std::size_t k) {
+  const std::size_t head = to_view_[k];
+  const blend::BlendTable& first = installed_->tables[0];
+  std::uint8_t* scratch = installed_->prepared->data();
+  for (std::size_t i = 0; i < head; ++i) scratch += installed_->seams->scratch_size(i);
+  // Views of raymaps of linear light have 8 bits, for which these exposures are not.
+  const bool equalized = exposures_known() && !is_linear16(first.format);
+  installed_->seams->view(head, picture_of(first.sources[head], frames_[head]), installed_->exposures,
+                          std::span(exposed_).first(equalized ? first.sources.size() : 0), scratch,
+                          *installed_->seam_pictures);
+}
+
 void SetBlend::begin_raymap(std::size_t field, std::uint8_t* pixels) {
   field_ = field;
   into_ = packed_image(table().format, table().width, table().height, pixels);
@@ -78,10 +102,15 @@ void SetBlend::take_pictures() {
   }
 }
 
+bool SetBlend::exposures_known() const {
+  const std::size_t heads = installed_->tables[0].sources.size();
+  const std::uint32_t all = static_cast<std::uint32_t>((std::uint64_t{1} << heads) - 1);
+  return installed_->exposures.heads.size() == heads && (was_exposed_ & all) == all;
+}
+
 void SetBlend::undo_exposures() {
   const std::size_t heads = table().sources.size();
-  const std::uint32_t all = static_cast<std::uint32_t>((std::uint64_t{1} << heads) - 1);
-  const bool known = installed_->exposures.heads.size() == heads && (was_exposed_ & all) == all;
+  const bool known = exposures_known();
   linear_.reset();
   if (is_linear16(table().format)) {
     const auto as_calibrated = decltype(exposed_){};

@@ -55,6 +55,12 @@ class SetBlend {
   };
   Decoded decode(std::size_t k);
 
+  /// For placed seams, before begin_raymap() and only with a calibration that has SeamViews: the heads' views of this set
+  /// are made in the calibration's `seam_pictures`. view() them all.
+  void begin_views();
+  std::size_t to_view() const { return heads_to_view_; }
+  void view(std::size_t k);
+
   /// `field`: the index of the calibration's table. `pixels`: packed_size() bytes of the raymap's format.
   void begin_raymap(std::size_t field, std::uint8_t* pixels);
   /// Pictures of this raymap that have to be prepared: prepare() them all.
@@ -77,6 +83,7 @@ class SetBlend {
  private:
   void take_pictures();
   void undo_exposures();
+  bool exposures_known() const;
 
   InstalledPtr installed_;
   std::array<blend::ExposedHead, kMaxHeads> exposed_{};  ///< the newest known exposure of each head
@@ -85,6 +92,9 @@ class SetBlend {
   std::array<ImageView, kMaxHeads> frames_{};
   std::array<std::size_t, kMaxHeads> to_decode_{};  ///< heads
   std::size_t heads_to_decode_ = 0;
+
+  std::array<std::size_t, kMaxHeads> to_view_{};  ///< heads
+  std::size_t heads_to_view_ = 0;
 
   std::size_t field_ = 0;
   std::uint32_t heads_ = 0;

@@ -100,7 +100,8 @@ class GridProof {
     }
   }
 
-  Status run() {
+  /// All tiles, or only some.
+  Status run(const std::vector<bool>* only = nullptr) {
     if (grid_.tiles.size() != grid_.tile_count() + 1)
       return invalid(where_ + ": there is not one tile more than it has");
     if (grid_.tiles.front().record != 0) return invalid(where_ + ": its tiles do not begin with the first record");
@@ -111,11 +112,12 @@ class GridProof {
       return invalid(where_ + ": there is not one gain a record");
     }
     if (grid_.coordinates.size() % (2 * blend::kTilePixels) != 0) return invalid(where_ + ": a list is cut short");
-    if (!grid_.places.empty() && !places_are_every_pixel()) {
+    if (only == nullptr && !grid_.places.empty() && !places_are_every_pixel()) {
       return invalid(where_ + ": its tiles' pixels are not every pixel once");
     }
     for (int row = 0; row < grid_.tiles_down(); ++row) {
       for (int column = 0; column < grid_.tiles_across(); ++column) {
+        if (only != nullptr && !(*only)[grid_.tile_index(column, row)]) continue;
         if (const char* fault = fault_of_tile(column, row)) {
           return invalid(where_ + ", tile (" + std::to_string(column) + ", " + std::to_string(row) + "): " + fault);
         }
@@ -355,6 +357,13 @@ Status validate_blend_table(const BlendTable& table) {
   }
   if (Status cover = check_cover(table); !cover) return cover;
   return check_low(table);
+}
+
+Status validate_tiles(const BlendTable& table, const std::vector<std::vector<bool>>& tiles) {
+  for (std::size_t g = 0; g < table.grids.size(); ++g) {
+    if (Status grid = GridProof(table, table.grids[g], g, "grid").run(&tiles[g]); !grid) return grid;
+  }
+  return {};
 }
 
 }  // namespace nodal::table

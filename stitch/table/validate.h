@@ -1,6 +1,8 @@
 // Validates a table before it is used (kernels do not check).
 #pragma once
 
+#include <vector>
+
 #include "protocol/base/result.h"
 #include "stitch/blend/blend_table.h"
 
@@ -15,5 +17,8 @@ namespace nodal::table {
 /// Threading: thread-safe.
 /// Errors: kTableInvalid, naming the grid and the tile.
 Status validate_blend_table(const blend::BlendTable& table);
+
+/// The same for a table that differs from a proven one only in these tiles of its own grids: tiles[grid][tile].
+Status validate_tiles(const blend::BlendTable& table, const std::vector<std::vector<bool>>& tiles);
 
 }  // namespace nodal::table

@@ -21,6 +21,9 @@
 #include "stitch/offline/offline_blend.h"
 #include "stitch/registration/registration.h"
 #include "stitch/seams/placement.h"
+#include "stitch/sets/seam_views.h"
+#include "stitch/sets/set_blend.h"
+#include "stitch/sets/table_job.h"
 #include "tests/support/rendered_rig.h"
 
 namespace nodal {
@@ -117,6 +120,43 @@ struct OnBoard {
   std::string degrees;
 };
 
+/// Two bands with placed seams, as nodald blends the first set after its pictures moved the seams.
+bool save_placed(const Calibration& rig, const test::RenderedRig& seen, const std::string& folder,
+                 const std::string& name) {
+  RaymapConfig config;
+  config.width = kWidth;
+  config.height = kHeight;
+  config.format = PixelFormat::kGrey8;
+  config.seams = SeamPlacement::kPlaced;
+  const auto refused = [](const Error& error) { return std::fprintf(stderr, "%s\n", error.text().c_str()), false; };
+  const std::vector<PixelFormat> formats(rig.heads.size(), PixelFormat::kGrey8);
+  auto job = sets::TableJob::make(rig, config, Fields::kProgressive, formats);
+  if (!job) return refused(job.error());
+  while (!job->done()) job->compile_some(64);
+  auto tables = std::move(*job).finish();
+  if (!tables) return refused(tables.error());
+  auto views = sets::SeamViews::make(rig, config, *tables);
+  if (!views) return refused(views.error());
+  sets::SetBlend blend;
+  blend.adopt(sets::make_installed({}, name, std::move(*tables), {}, {}, {}, *views));
+  std::vector<sets::SetFrame> frames;
+  for (const ImageView& frame : seen.frames()) frames.push_back({true, frame, {}, {}, {}, 0});
+  blend.begin(frames);
+  blend.begin_views();
+  const sets::SeamPictures& pictures = *blend.installed()->seam_pictures;
+  for (std::size_t k = 0; k < blend.to_view(); ++k) blend.view(k);
+  const seams::Labels labels = (*views)->place(pictures, {});
+  auto moved = sets::with_seams(*blend.installed(), labels);
+  if (!moved) return refused(moved.error());
+  blend.adopt(std::move(*moved));
+  Picture raymap{std::vector<std::uint8_t>(std::size_t{kWidth} * kHeight)};
+  blend.begin_raymap(0, raymap.grey.data());
+  for (std::size_t k = 0; k < blend.to_prepare(); ++k) blend.prepare(k);
+  blend.blend(0, kHeight);
+  save(raymap, folder, "two-band-placed-" + name);
+  return true;
+}
+
 /// The raymaps of one calibration.
 bool save_raymaps(const Calibration& rig, const test::RenderedRig& seen, const std::vector<std::string>& widths,
                   const std::string& folder, const std::string& name) {
@@ -137,6 +177,7 @@ bool save_raymaps(const Calibration& rig, const test::RenderedRig& seen, const s
     if (!made) return std::fprintf(stderr, "%s\n", made.error().text().c_str()), false;
     save({made->blend(seen.frames()).value().bytes}, folder, blend + "-" + name);
   }
+  if (!save_placed(rig, seen, folder, name)) return false;
   auto best = offline::BestBlend::make(rig, spec, 0);
   if (!best) return std::fprintf(stderr, "%s\n", best.error().text().c_str()), false;
   save({best->blend(seen.frames()).value().bytes}, folder, "best-" + name);

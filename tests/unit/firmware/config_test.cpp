@@ -116,6 +116,15 @@ TEST(RigConfig, Transition_TakesTheWidthsThatItUsesWithinTheirLimits) {
   expect_refused(soft + "seam_width = 1\n", Errc::kBadValue, "raymap.seam_width");
 }
 
+TEST(RigConfig, PlacedSeams_NeedSeams) {
+  const auto placed = parse_rig_config(kSmall + "[raymap]\nseams = \"placed\"\n", "rig.toml");
+  ASSERT_TRUE(placed) << placed.error().text();
+  EXPECT_EQ(placed->raymap.seams, SeamPlacement::kPlaced);
+  EXPECT_TRUE(parse_rig_config(kSmall + "[raymap]\ntransition = \"feather\"\nseams = \"fixed\"\n", "rig.toml"));
+  expect_refused(kSmall + "[raymap]\ntransition = \"feather\"\nseams = \"placed\"\n", Errc::kBadValue, "raymap.seams");
+  expect_refused(kSmall + "[raymap]\nseams = \"moving\"\n", Errc::kBadValue, "raymap.seams");
+}
+
 TEST(RigConfig, NearlyNothing_TakesTheDefaultsOfRigMd) {
   const auto config = parse_rig_config(kSmall, "rig.toml");
   ASSERT_TRUE(config) << config.error().text();
@@ -125,6 +134,7 @@ TEST(RigConfig, NearlyNothing_TakesTheDefaultsOfRigMd) {
   EXPECT_EQ(config->raymap.transition, RaymapTransition::kTwoBand);
   EXPECT_EQ(config->raymap.seam_width_deg, 1);
   EXPECT_EQ(config->raymap.feather, 0.5);
+  EXPECT_EQ(config->raymap.seams, SeamPlacement::kFixed);
   EXPECT_TRUE(config->raymap.soft);
   EXPECT_FALSE(config->trigger.start);
   EXPECT_EQ(config->links.view_path, "") << "a view-only socket only on demand";

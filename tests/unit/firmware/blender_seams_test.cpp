@@ -1,0 +1,106 @@
+// Placed seams between the blender and the seam stage: which sets are blended with which seams.
+#include <gtest/gtest.h>
+
+#include "blender_fixture.h"
+#include "firmware/picture/seam_stage.h"
+#include "stitch/sets/seam_views.h"
+
+namespace nodal::firmware {
+namespace {
+
+/// Four heads with wide overlaps.
+sets::InstalledPtr with_placed_seams(std::uint8_t mark, double view_deg = 130) {
+  Calibration calibration;
+  calibration.name = "wide";
+  for (int i = 0; i < kHeads; ++i) {
+    calibration.heads.push_back(test::plain_head("cam" + std::to_string(i), kSide, kSide, 90.0 * i, view_deg));
+  }
+  RaymapConfig config = raymap_config();
+  config.seams = SeamPlacement::kPlaced;
+  const table::RaymapSpec spec{config.layout, config.width, config.height, config.format};
+  std::vector<blend::BlendTable> tables;
+  tables.push_back(
+      table::compile_blend_table(calibration, spec, std::vector<PixelFormat>(kHeads, PixelFormat::kRgb24)).value());
+  auto views = sets::SeamViews::make(calibration, config, tables).value();
+  Sha256 id{};
+  id.fill(mark);
+  return sets::make_installed(id, calibration.name, std::move(tables), {}, {}, {}, std::move(views));
+}
+
+class PlacedSeams : public BlenderTest {
+ protected:
+  /// Blends the set; the raymap.
+  LineVector raymap_of(std::uint64_t number) {
+    blend(full_set(number));
+    const auto raymap = blender.raymaps_out().pop();
+    EXPECT_TRUE(raymap);
+    return raymap ? *raymap->pixels : LineVector{};
+  }
+  SeamStage stage{blender.seams_out(), blender.seams_in()};
+};
+
+TEST_F(PlacedSeams, AreInForceFromTheNextPeriodOn) {
+  const sets::InstalledPtr calibration = with_placed_seams(1);
+  install(calibration);
+  const LineVector fixed = whole(full_set(0), *calibration);
+  EXPECT_EQ(raymap_of(0), fixed);
+  EXPECT_FALSE(stage.idle());
+  EXPECT_TRUE(stage.step());
+  EXPECT_TRUE(stage.idle());
+  for (std::uint64_t set = 1; set < sets::kSeamPeriod; ++set) {
+    EXPECT_EQ(raymap_of(set), fixed) << set;
+    EXPECT_FALSE(stage.step()) << "one request a period";
+  }
+  const sets::InstalledPtr placed = sets::place_seams(*calibration);  // of the views that set 0 left there
+  ASSERT_TRUE(placed);
+  const LineVector moved = whole(full_set(sets::kSeamPeriod), *placed);
+  EXPECT_NE(moved, fixed);
+  EXPECT_EQ(raymap_of(sets::kSeamPeriod), moved);
+  EXPECT_EQ(blender.counts().seams_moved.load(), 1u);
+  const auto before = blender.tables_out().pop();
+  ASSERT_TRUE(before);
+  EXPECT_EQ(*before, calibration) << "the keeper frees it";
+  EXPECT_FALSE(blender.tables_out().pop());
+}
+
+TEST_F(PlacedSeams, OfTheSamePictures_StayAndCostNoTable) {
+  install(with_placed_seams(1));
+  LineVector before;
+  for (std::uint64_t set = 0; set < 4 * sets::kSeamPeriod; ++set) {
+    const LineVector now = raymap_of(set);
+    stage.step();
+    if (set > sets::kSeamPeriod) EXPECT_EQ(now, before) << set;
+    before = now;
+    blender.tables_out().pop();
+  }
+  EXPECT_EQ(blender.counts().seams_moved.load(), 1u);
+  EXPECT_EQ(blender.counts().seams_late.load(), 0u);
+}
+
+TEST_F(PlacedSeams, AStageThatIsLate_LeavesTheOldSeamsAndIsCounted) {
+  const sets::InstalledPtr calibration = with_placed_seams(1);
+  install(calibration);
+  const LineVector fixed = whole(full_set(0), *calibration);
+  for (std::uint64_t set = 0; set < 2 * sets::kSeamPeriod + 3; ++set) EXPECT_EQ(raymap_of(set), fixed) << set;
+  EXPECT_EQ(blender.counts().seams_late.load(), 2u) << "two further periods began";
+  EXPECT_TRUE(stage.step());
+  EXPECT_NE(raymap_of(2 * sets::kSeamPeriod + 3), fixed) << "from the next set on";
+  EXPECT_FALSE(stage.idle()) << "a new request, in the same set";
+}
+
+TEST_F(PlacedSeams, ACalibrationSwappedMeanwhile_IsBlendedWithItsOwnSeams) {
+  install(with_placed_seams(1));
+  raymap_of(0);
+  const sets::InstalledPtr other = with_placed_seams(2, 120);
+  install(other);
+  const LineVector fixed = whole(full_set(1), *other);
+  EXPECT_EQ(raymap_of(1), fixed);
+  EXPECT_TRUE(stage.step()) << "places seams for the calibration that is gone";
+  EXPECT_EQ(raymap_of(2), fixed);
+  EXPECT_EQ(blender.counts().seams_moved.load(), 0u);
+  EXPECT_TRUE(stage.step()) << "the new one's turn";
+  EXPECT_NE(raymap_of(sets::kSeamPeriod), fixed);
+}
+
+}  // namespace
+}  // namespace nodal::firmware
