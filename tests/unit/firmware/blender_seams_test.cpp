@@ -69,7 +69,9 @@ TEST_F(PlacedSeams, OfTheSamePictures_StayAndCostNoTable) {
   for (std::uint64_t set = 0; set < 4 * sets::kSeamPeriod; ++set) {
     const LineVector now = raymap_of(set);
     stage.step();
-    if (set > sets::kSeamPeriod) EXPECT_EQ(now, before) << set;
+    if (set > sets::kSeamPeriod) {
+      EXPECT_EQ(now, before) << set;
+    }
     before = now;
     blender.tables_out().pop();
   }

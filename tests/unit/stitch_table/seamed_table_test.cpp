@@ -192,5 +192,23 @@ TEST(SeamedTable, TilesOfOneHead_StayAsTheyAre) {
   EXPECT_EQ(now.low.sights, own.low.sights);
 }
 
+TEST(SeamedTable, TheProofOfSomeTiles_FindsFaultsInThemOnly) {
+  const Compiled made = compiled(test::cube_rig(kHeadSide), "equirectangular", 256, 128);
+  const SeamedTable seamed(made.table, *made.layout, kMapWidth, 1);
+  const auto labels = labels_of([](int x, int y) { return static_cast<std::uint8_t>((x / 9 + y / 9) % 6); });
+  SeamedTable::Moved moved = seamed.with(made.table, {}, labels);
+  ASSERT_TRUE(validate_tiles(moved.table, moved.made));
+  blend::GridTable& grid = moved.table.grids[0];
+  for (std::size_t t = 0; t < grid.tile_count(); ++t) {
+    if (!moved.made[0][t] || grid.tiles[t].how() != blend::Sharing::kListed) continue;
+    grid.weights[grid.tiles[t].weights()] = 1;  // less than nothing
+    EXPECT_FALSE(validate_tiles(moved.table, moved.made));
+    moved.made[0][t] = false;
+    EXPECT_TRUE(validate_tiles(moved.table, moved.made));
+    return;
+  }
+  FAIL() << "no tile has a ramp";
+}
+
 }  // namespace
 }  // namespace nodal::table
