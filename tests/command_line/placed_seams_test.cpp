@@ -31,7 +31,8 @@ TEST_F(PlacedSeamsTest, ATakeThatIsRendered_HasFixedSeamsInItsFirstPeriodAndPlac
     toml.insert(toml.find(after) + after.size(), text);
   };
   insert("[raymap]\n", "seams = \"placed\"\n");
-  insert("[sim]\n", "noise = 2\n[takes]\nfolder = \"takes\"\nbuffer_mb = 16\n");
+  insert("folder = \"store\"\n", "[takes]\nfolder = \"takes\"\nbuffer_mb = 16\n");
+  insert("[sim]\n", "noise = 2\n");
   write("rig.toml", toml);
   start_nodald();
   bring_up();
