@@ -153,7 +153,6 @@ TEST(PlacedSeams, APersonOnASeam_CostsLessThanWithFixedSeams) {
   for (const double yaw : {0.785, 2.356, -0.785, -2.356})
     room.columns.push_back({1.5 * std::sin(yaw), 1.5 * std::cos(yaw), 0.25});
   const test::RenderedRig seen = test::render_rig_in(room, test::spread_out(test::six_fisheyes(160), 0.1), town);
-  const RaymapConfig config = config_with(SeamPlacement::kPlaced);
   Film film(seen.truth, SeamPlacement::kPlaced);
   const Bytes fixed = film.blend(set_of(seen));
   for (std::uint64_t k = 1; k < kSeamPeriod; ++k) EXPECT_EQ(film.blend(set_of(seen)), fixed) << "of set " << k;
@@ -197,8 +196,6 @@ TEST(PlacedSeams, APersonOnASeam_CostsLessThanWithFixedSeams) {
     }
     return sum / count;
   };
-  RecordProperty("fixed", std::to_string(found(fixed)));
-  std::printf("whole: fixed %.3f, placed %.3f\n", found(fixed), found(placed));
   EXPECT_GT(found(placed), found(fixed) + 0.02);
 }
 
@@ -261,8 +258,6 @@ TEST(PlacedSeams, PeopleWalk_StaticPartsFlickerAsTheHeadsNoiseDoes) {
     of_noise += of_fixed.at(p);
     ++count;
   }
-  std::printf("static pixels %.0f, moved %d, flicker %.4f, noise %.4f\n", count, placed.moved,
-              std::sqrt(flicker / count), std::sqrt(of_noise / count));
   EXPECT_GT(placed.moved, 5) << "seams follow the people";
   EXPECT_GT(count, 0.3 * static_cast<double>(least.size()));
   EXPECT_LT(std::sqrt(flicker), 1.1 * std::sqrt(of_noise));
