@@ -16,8 +16,6 @@ constexpr double kSamePlace = 1.0 / 64;  // px of the raymap
 /// Positions of a cell lie within so many px; more would need more samples a pixel than are taken.
 constexpr double kWidest = 1.5 * Cell::kSide * Cell::kMostSamples;
 
-std::int32_t fixed(double value) { return static_cast<std::int32_t>(std::floor(value * (1 << Curve::kBits) + 0.5)); }
-
 }  // namespace
 
 int samples_for(double pixels) {
@@ -46,9 +44,9 @@ std::optional<Cell> Cell::make(const Target& target, const geometry::RaymapLayou
   cell.at_ = *fitted;
   cell.base_x_ = static_cast<std::int32_t>(std::floor(cell.at_.nodes[4].x()));
   cell.base_y_ = static_cast<std::int32_t>(std::floor(cell.at_.nodes[4].y()));
-  // The nearest pixel contains the position. Other filters count from centres, to the nearest 1/256 px.
-  const double shift = taps.count == 1 ? 0 : 0.5 - 0.5 / Taps::kPhases;
-  for (auto& node : cell.at_.nodes) node -= Eigen::Vector2d(cell.base_x_ + shift, cell.base_y_ + shift);
+  for (auto& node : cell.at_.nodes) {
+    node -= Eigen::Vector2d(cell.base_x_ + taps.shift(), cell.base_y_ + taps.shift());
+  }
   if (taps.count > 1) {
     double across = 0, down = 0;
     const auto apart = [&](std::size_t a, std::size_t b, double pixels) {
@@ -84,8 +82,7 @@ bool Cell::covers_one_piece(const Pieces& pieces, const Taps& taps) {
   if (!((high - low).maxCoeff() < kWidest)) return false;
   const auto least = [&](double value) { return static_cast<int>(std::floor(value)) - 1 - taps.before; };
   const auto most = [&](double value) { return static_cast<int>(std::floor(value)) + 1 + taps.count - taps.before; };
-  // Two more pixels to the right, which kernels load.
-  return pieces.all_joined(base_x_ + least(low[0]), base_y_ + least(low[1]), base_x_ + most(high[0]) + 2,
+  return pieces.all_joined(base_x_ + least(low[0]), base_y_ + least(low[1]), base_x_ + most(high[0]) + kLoadedBeyond,
                            base_y_ + most(high[1]));
 }
 
@@ -112,7 +109,8 @@ Curve Cell::curve(double i, double j) const {
     const Eigen::Matrix3d& c = powers_[k];
     const auto power = [&](Eigen::Index a) { return c(a, 0) + j * (c(a, 1) + j * c(a, 2)); };
     const double start = power(0), slope = power(1), bend = power(2);
-    made[k] = {fixed(start + i * (slope + i * bend)), fixed(slope + (2 * i + 1) * bend), fixed(2 * bend)};
+    made[k] = {Curve::fixed(start + i * (slope + i * bend)), Curve::fixed(slope + (2 * i + 1) * bend),
+               Curve::fixed(2 * bend)};
   }
   return {made[0][0], made[0][1], made[0][2], made[1][0], made[1][1], made[1][2]};
 }
@@ -139,11 +137,7 @@ void Cell::write(const PlaneView& raymap, int channels, const Taps& taps, RowKer
       kernel(origin, raymap.row_stride, taps, curve(di, row + dj), kSide, samples.data());
       for (std::size_t k = 0; k < static_cast<std::size_t>(values); ++k) sums[k] += samples[k];
     }
-    const int count = 64 * across_ * down_;
-    for (int k = 0; k < values; ++k) {
-      const int sum = std::max(0, sums[static_cast<std::size_t>(k)] + count / 2);
-      to[k] = static_cast<std::uint8_t>(std::min(sum / count, 255));
-    }
+    for (int k = 0; k < values; ++k) to[k] = mean_level(sums[static_cast<std::size_t>(k)], across_ * down_);
   }
 }
 

@@ -28,6 +28,9 @@ struct Taps {
   int before = 0;  ///< taps before the pixel that the position falls behind
   /// Weights of a position p/256 px behind the centre of a pixel; they sum to kOne. Unused ones are 0.
   std::array<std::array<std::int16_t, 8>, kPhases> phases{};
+  /// Taps count from here in a pixel, px: the nearest pixel contains the position; others count from centres, to the nearest
+  /// phase.
+  double shift() const { return count == 1 ? 0 : 0.5 - 0.5 / kPhases; }
 
   static const Taps& of(Filter filter);
 };

@@ -34,11 +34,12 @@ Resampler::Resampler(const geometry::RaymapLayout& layout, Filter filter, const 
 /// A cell that is sampled pixel by pixel, with the positions of its pixels and of those around them.
 class Resampler::Square {
  public:
-  Square(const Resampler& resampler, const ImageView& raymap, const Target& target, int left, int top)
+  Square(const Resampler& resampler, const ImageView& raymap, const Target& target, RowKernel kernel, int left, int top)
       : resampler_(resampler),
         plane_(raymap.planes[0]),
         target_(target),
         channels_(component_count(raymap.format)),
+        kernel_(kernel),
         left_(left),
         top_(top) {}
 
@@ -46,8 +47,10 @@ class Resampler::Square {
     const int right = std::min(left_ + Cell::kSide, target_.width),
               bottom = std::min(top_ + Cell::kSide, target_.height);
     const int more = target_.pixel_sr > 0 ? 0 : 1;
-    for (int y = top_; y < std::min(bottom + more, target_.height); ++y) {
-      for (int x = std::max(0, left_ - more); x < std::min(right + more, target_.width); ++x) at(x, y) = position(x, y);
+    for (int y = std::max(0, top_ - more); y < std::min(bottom + more, target_.height); ++y) {
+      for (int x = std::max(0, left_ - more); x < std::min(right + more, target_.width); ++x) {
+        at(x, y) = position(x + 0.5, y + 0.5);
+      }
     }
     for (int y = top_; y < bottom; ++y) {
       for (int x = left_; x < right; ++x) {
@@ -58,11 +61,69 @@ class Resampler::Square {
 
  private:
   static constexpr int kAround = Cell::kSide + 2;
-  Position& at(int x, int y) { return positions_[static_cast<std::size_t>((y - top_) * kAround + x - left_ + 1)]; }
-  Position position(int x, int y) const {
-    const std::optional<Ray> ray = target_.ray(x + 0.5, y + 0.5);
+  Position& at(int x, int y) { return positions_[static_cast<std::size_t>((y - top_ + 1) * kAround + x - left_ + 1)]; }
+  Position position(double x, double y) const {
+    const std::optional<Ray> ray = target_.ray(x, y);
     const std::optional<Pixel> pixel = ray ? resampler_.layout_.pixel(*ray) : std::nullopt;
     return pixel ? Position{pixel->x, pixel->y} : Position{};
+  }
+  /// How the position changes across the pixel, px, along rows (1, 0) or columns (0, 1). Nothing if it does not change about
+  /// evenly: then the pixel is at an edge between faces.
+  std::optional<Eigen::Vector2d> step(int x, int y, int dx, int dy) {
+    const auto mean = [&](const Position& before, const Position& behind) -> std::optional<Eigen::Vector2d> {
+      const Eigen::Vector2d to_it = apart(before, at(x, y)), from_it = apart(at(x, y), behind);
+      const double uneven = (from_it - to_it).norm(), most = std::max(0.5, 0.1 * (from_it.norm() + to_it.norm()));
+      if (!(uneven < most) || from_it.norm() > kEdge) return std::nullopt;  // NaN, too
+      return (from_it + to_it) / 2;
+    };
+    if (const auto between_neighbours = mean(at(x - dx, y - dy), at(x + dx, y + dy))) return between_neighbours;
+    const double left = x + 0.5 - 0.25 * dx, top = y + 0.5 - 0.25 * dy;
+    const auto within = mean(position(left, top), position(left + 0.5 * dx, top + 0.5 * dy));
+    return within ? std::optional<Eigen::Vector2d>(4 * *within) : std::nullopt;
+  }
+  Eigen::Vector2d apart(const Position& from, const Position& to) const {
+    Eigen::Vector2d difference(to.x - from.x, to.y - from.y);
+    if (resampler_.pieces_.wraps()) {
+      const double width = resampler_.layout_.width();
+      difference.x() -= width * std::round(difference.x() / width);
+    }
+    return difference;
+  }
+  /// Writes a pixel whose samples are all in one piece of the raymap: in integers, at positions that are linear within the
+  /// pixel. False, and nothing done, for others.
+  bool write_inside(int x, int y, std::uint8_t* to) {
+    if (target_.pixel_sr > 0 || resampler_.layout_.scattered()) return false;
+    const std::optional<Eigen::Vector2d> across = step(x, y, 1, 0), down = step(x, y, 0, 1);
+    if (!across || !down) return false;
+    const Taps& taps = resampler_.taps_;
+    const int columns = taps.count == 1 ? 1 : samples_for(across->norm());
+    const int rows = taps.count == 1 ? 1 : samples_for(down->norm());
+    const Eigen::Vector2d right = *across / columns, below = *down / rows;
+    const Eigen::Vector2d middle = Eigen::Vector2d(at(x, y).x, at(x, y).y).array() - taps.shift();
+    const Eigen::Vector2d reach = ((columns - 1) * right.cwiseAbs() + (rows - 1) * below.cwiseAbs()) / 2;
+    const Eigen::Array2i base = middle.array().floor().cast<int>();
+    const Eigen::Array2i least = (middle - reach).array().floor().cast<int>() - 1 - taps.before;
+    const Eigen::Array2i most = (middle + reach).array().floor().cast<int>() + 1 + taps.count - taps.before;
+    if (!resampler_.pieces_.all_joined(least.x(), least.y(), most.x() + kLoadedBeyond, most.y())) return false;
+    const std::uint8_t* origin =
+        plane_.data + base.y() * plane_.row_stride + static_cast<std::ptrdiff_t>(base.x()) * channels_;
+    std::array<std::int16_t, 3 * Cell::kMostSamples + 3> samples;
+    std::array<int, 3> sums{};
+    for (int row = 0; row < rows; ++row) {
+      const Eigen::Vector2d first =
+          middle - base.cast<double>().matrix() + (row - 0.5 * (rows - 1)) * below - 0.5 * (columns - 1) * right;
+      kernel_(
+          origin, plane_.row_stride, taps,
+          {Curve::fixed(first.x()), Curve::fixed(right.x()), 0, Curve::fixed(first.y()), Curve::fixed(right.y()), 0},
+          columns, samples.data());
+      for (int k = 0; k < columns; ++k) {
+        for (int c = 0; c < channels_; ++c) {
+          sums[static_cast<std::size_t>(c)] += samples[static_cast<std::size_t>(k * channels_ + c)];
+        }
+      }
+    }
+    for (int c = 0; c < channels_; ++c) to[c] = mean_level(sums[static_cast<std::size_t>(c)], columns * rows);
+    return true;
   }
   /// Samples along each side of the target's pixel.
   int samples(int x, int y) {
@@ -87,7 +148,7 @@ class Resampler::Square {
   void write(int x, int y, std::uint8_t* to) {
     const Position middle = at(x, y);
     std::fill(to, to + channels_, std::uint8_t{0});
-    if (std::isnan(middle.x)) return;
+    if (std::isnan(middle.x) || write_inside(x, y, to)) return;
     const auto middle_ray = [&] { return *target_.ray(x + 0.5, y + 0.5); };
     // Of scattered raymaps, whose pixels lie anywhere, one sample takes all that is near.
     const int n = resampler_.filter_ == Filter::kNearest || resampler_.layout_.scattered() ? 1 : samples(x, y);
@@ -123,8 +184,10 @@ class Resampler::Square {
   const Resampler& resampler_;
   const PlaneView& plane_;
   const Target& target_;
-  const int channels_, left_, top_;
-  std::array<Position, kAround*(Cell::kSide + 1)> positions_;
+  const int channels_;
+  const RowKernel kernel_;
+  const int left_, top_;
+  std::array<Position, kAround * kAround> positions_;
 };
 
 Resampler::Plan Resampler::plan(const Target& target, const parallel::Workers& workers) const {
@@ -159,7 +222,7 @@ DecodedImage Resampler::resample(const ImageView& raymap, const Plan& plan, cons
         cell->write(raymap.planes[0], channels, taps_, kernel, made.bytes.data() + top * stride + left * channels,
                     stride);
       } else {
-        Square(*this, raymap, target, left, top).run(made.bytes.data());
+        Square(*this, raymap, target, kernel, left, top).run(made.bytes.data());
       }
     }
   });

@@ -5,6 +5,8 @@
 //   h_j = (sum_k a_k p_jk + 128) >> 8,   s = (sum_j b_j h_j + 8192) >> 14:   levels in 1/64.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -18,11 +20,22 @@ struct Curve {
   static constexpr int kBits = 18;
   std::int32_t x, dx, ddx;
   std::int32_t y, dy, ddy;
+
+  static std::int32_t fixed(double pixels) {
+    return static_cast<std::int32_t>(std::floor(pixels * (1 << kBits) + 0.5));
+  }
 };
 
-/// `origin` is the pixel that positions are relative to; every tap must be a pixel of the picture. So must, at RGB24, two
-/// more pixels to the right of the last tap: kernels load more than they use. Writes count x channels samples, and may
-/// write over three more.
+/// Pixels to the right of the last tap that kernels load at RGB24, though they do not use them.
+inline constexpr int kLoadedBeyond = 2;
+
+/// The level of the mean of `count` samples with this sum.
+inline std::uint8_t mean_level(int sum, int count) {
+  return static_cast<std::uint8_t>(std::min(std::max(0, sum + 32 * count) / (64 * count), 255));
+}
+
+/// `origin` is the pixel that positions are relative to; every tap must be a pixel of the picture. So must, at RGB24,
+/// kLoadedBeyond more to the right of the last tap. Writes count x channels samples, and may write over three more.
 using RowKernel = void (*)(const std::uint8_t* origin, std::ptrdiff_t row_stride, const Taps& taps, const Curve& curve,
                            int count, std::int16_t* samples);
 
