@@ -163,6 +163,9 @@ struct GridTable {
   }
 };
 
+/// Rows of a halved picture (pyramid levels from 1 on) are made in bands of so many, or are not made.
+inline constexpr int kMadeRows = 8;
+
 /// How to blend one component: gains scale its distance from `black`, and pixels that no head covers are black.
 struct ComponentRule {
   std::uint8_t grid = 0;   ///< index into BlendTable::grids
@@ -195,6 +198,9 @@ struct BlendTable {
     std::size_t pictures() const { return std::size_t{levels} + (low_size != 0 ? 1 : 0); }
     /// Which field of the head's frames the picture is; `height` is then the field's height. Nothing: a whole frame.
     std::optional<FieldParity> field = std::nullopt;
+    /// By grid and level - 1: whether each band of kMadeRows rows of the level is made. Nothing is read from the others.
+    /// Empty: all are.
+    std::array<std::array<std::vector<bool>, kMaxLevels - 1>, 2> made{};
   };
   std::vector<Source> sources;   ///< format, size and preparation of each head's picture, by head index
   std::vector<GridTable> grids;  ///< full resolution first, then chroma if it is subsampled

@@ -87,9 +87,11 @@ template <int kStride>
   }
 }
 
-NODAL_CLONES void halve_plane(const PlaneView& in, std::uint8_t* to, std::ptrdiff_t stride) {
+/// Makes rows [begin, end).
+NODAL_CLONES void halve_rows(const PlaneView& in, std::uint8_t* plane, std::ptrdiff_t stride, int begin, int end) {
   const int width = in.width / 2;
-  for (int y = 0; y < in.height / 2; ++y, to += stride) {
+  std::uint8_t* to = plane + begin * stride;
+  for (int y = begin; y < end; ++y, to += stride) {
     const std::uint8_t* upper = in.data + 2 * y * in.row_stride;
     const std::uint8_t* lower = upper + in.row_stride;
     switch (in.pixel_stride) {
@@ -105,6 +107,16 @@ NODAL_CLONES void halve_plane(const PlaneView& in, std::uint8_t* to, std::ptrdif
         }
       }
     }
+  }
+}
+
+/// `made`: of BlendTable::Source.
+void halve_plane(const PlaneView& in, std::uint8_t* to, std::ptrdiff_t stride, const std::vector<bool>& made) {
+  const int height = in.height / 2;
+  if (made.empty()) return halve_rows(in, to, stride, 0, height);
+  for (std::size_t band = 0; band < made.size(); ++band) {
+    const int begin = static_cast<int>(band) * kMadeRows;
+    if (made[band]) halve_rows(in, to, stride, begin, std::min(height, begin + kMadeRows));
   }
 }
 
@@ -186,7 +198,8 @@ void prepare_picture(const BlendTable::Source& source, const ImageView& picture,
     views[level] = apart(half(larger), memory);
     for (std::size_t c = 0; c < components; ++c) {
       const std::ptrdiff_t stride = views[level].planes[c].row_stride;
-      halve_plane(larger.planes[c], memory, stride);
+      const std::size_t grid = has_chroma(source.format) && c > 0 ? 1 : 0;
+      halve_plane(larger.planes[c], memory, stride, source.made[grid][level - 1]);
       memory += stride * views[level].planes[c].height;
     }
     larger = views[level];

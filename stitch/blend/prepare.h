@@ -18,7 +18,8 @@ std::size_t prepared_size(const BlendTable::Source& source);
 ///
 ///   level 0, where Source::sharpen is not 0:   s + sharpen * (4 s - its four neighbours kSharpenReach away) / 64
 ///   level l + 1:                               the mean of 2x2 samples of level l, not sharpened; an odd last row
-///                                              or column is dropped
+///                                              or column is dropped; only the rows of Source::made, the others keep
+///                                              what the memory held
 ///
 /// all rounded half up and clamped to 0 .. 255, in every component's own grid (YUYV, UYVY and I422 as by halved_chroma, and
 /// stored as I420); beyond the picture's edge the edge sample is repeated.

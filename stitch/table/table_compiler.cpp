@@ -11,6 +11,7 @@
 #include "stitch/geometry/raymap/layout.h"
 #include "stitch/table/clear_tile.h"
 #include "stitch/table/low_band_compiler.h"
+#include "stitch/table/made_rows.h"
 #include "stitch/table/quantize.h"
 #include "stitch/table/ray_sampler.h"
 #include "stitch/table/sphere_order.h"
@@ -354,6 +355,7 @@ Result<blend::BlendTable> TableCompiler::finish() && {
   for (std::size_t h = 0; h < table.sources.size(); ++h) {
     if ((unshrunk >> h & 1) == 0) table.sources[h].sharpen = 0;
   }
+  name_made_rows(table);
   if (Status proven = validate_blend_table(table); !proven) return fail(proven.error());
   return table;
 }

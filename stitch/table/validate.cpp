@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "stitch/table/made_rows.h"
+
 namespace nodal::table {
 namespace {
 
@@ -356,6 +358,7 @@ Status validate_blend_table(const BlendTable& table) {
     if (Status grid = GridProof(table, table.grids[g], g, "grid").run(); !grid) return grid;
   }
   if (Status cover = check_cover(table); !cover) return cover;
+  if (!all_read_is_made(table)) return invalid("a patch reads a part of a halved picture that is not made");
   return check_low(table);
 }
 

@@ -67,6 +67,22 @@ TEST(PreparePicture, Levels_AreMeansOfFourEachOfTheOneBefore) {
   EXPECT_EQ(bytes_of(Prepared(source, picture).views[1].planes[0]), (std::vector<std::uint8_t>{4, 11, 0, 255}));
 }
 
+TEST(PreparePicture, RowsThatAreNotRead_AreNotMade) {
+  std::mt19937 random(4);
+  const Picture picture = noise(random, PixelFormat::kI420, 200, 60);  // halved: 100 x 30, chroma 50 x 15
+  BlendTable::Source source{PixelFormat::kI420, 200, 60};
+  source.levels = 2;
+  const Prepared whole(source, picture);
+  source.made[0][0] = {false, true, false, true};
+  Prepared part(source, picture);
+  std::fill(part.memory.begin(), part.memory.end(), std::uint8_t{7});
+  prepare_picture(source, picture.view(), part.memory.data(), part.views);
+  std::vector<std::uint8_t> expected = bytes_of(whole.views[1].planes[0]);
+  for (const int row : {0, 16}) std::fill_n(expected.begin() + 100 * row, 100 * kMadeRows, std::uint8_t{7});
+  EXPECT_EQ(bytes_of(part.views[1].planes[0]), expected);
+  EXPECT_EQ(bytes_of(part.views[1].planes[2]), bytes_of(whole.views[1].planes[2])) << "chroma is made whole";
+}
+
 RC_GTEST_PROP(PreparePicture, AnyPicture_IsWhatTheFormulaSaysAtEveryLevel, (std::uint32_t seed)) {
   std::mt19937 random(seed);
   const auto below = [&](unsigned n) { return static_cast<int>(random() % n); };
