@@ -10,6 +10,7 @@
 #include <span>
 
 #include "stitch/blend/blend_job.h"
+#include "stitch/blend/low_band.h"
 #include "stitch/blend/target.h"
 
 NODAL_TARGET_BEGIN("avx2")
@@ -142,8 +143,7 @@ struct Avx2 {
   /// Adds the correction of the head's low frequencies.
   template <int N>
   [[gnu::always_inline]] static inline void correct(const BlendJob& job, HeadIndex head, Light<N>& negative_light) {
-    const std::int16_t* q = job.low_band->coefficients(head);
-    if (q == nullptr) return;
+    if (!job.low_band->corrects(head)) return;
     const V unit = all(LowBand::kUnit);
     const V most = all(kMaxSample);
     const V least = all(-kMaxSample);
@@ -153,7 +153,7 @@ struct Avx2 {
     };
     for (std::size_t c = 0; c < N; ++c) {
       Bilinear bilinear;
-      bilinear.set(out_of_sight(kConstants), q + 4 * c);
+      bilinear.set(out_of_sight(kConstants), job.low_band->coefficients(head, c));
       for (Rows& rows : negative_light[c]) {
         const Rows by = bilinear.half();
         rows = {corrected(rows.upper, by.upper), corrected(rows.lower, by.lower)};

@@ -7,6 +7,7 @@
 #include <array>
 
 #include "stitch/blend/blend_job.h"
+#include "stitch/blend/low_band.h"
 #include "stitch/blend/target.h"
 
 NODAL_TARGET_BEGIN("avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi")
@@ -214,8 +215,7 @@ struct Avx512 {
   template <int N>
   [[gnu::always_inline]] static inline void correct(const BlendJob& job, HeadIndex head, const Constants& k,
                                                     std::array<Rows, N>& negative_light) {
-    const std::int16_t* q = job.low_band->coefficients(head);
-    if (q == nullptr) return;
+    if (!job.low_band->corrects(head)) return;
     const V unit = all(LowBand::kUnit);
     const V most = all(kMaxSample);
     const V least = all(-kMaxSample);
@@ -224,7 +224,7 @@ struct Avx512 {
       return _mm512_max_epi16(_mm512_min_epi16(sum, most), least);
     };
     for (std::size_t c = 0; c < N; ++c) {
-      const Rows by = bilinear(k, q + 4 * c);
+      const Rows by = bilinear(k, job.low_band->coefficients(head, c));
       Rows& rows = negative_light[c];
       rows = {corrected(rows.upper, by.upper), corrected(rows.lower, by.lower)};
     }

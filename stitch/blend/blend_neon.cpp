@@ -252,10 +252,9 @@ struct Neon {
   /// Adds the correction of the head's low frequencies.
   template <int N>
   static inline void correct(const BlendJob& job, HeadIndex head, std::array<TileRows, N>& negative_light) {
-    const std::int16_t* q = job.low_band->coefficients(head);
-    if (q == nullptr) return;
+    if (!job.low_band->corrects(head)) return;
     for (std::size_t c = 0; c < N; ++c) {
-      const TileRows by = bilinear_over_tile(q + 4 * c);
+      const TileRows by = bilinear_over_tile(job.low_band->coefficients(head, c));
       for (std::size_t j = 0; j < kTile; ++j) {
         const Row sum = vqaddq_s16(negative_light[c][j], vqrdmulhq_s16(by[j], vdupq_n_s16(LowBand::kUnit)));
         negative_light[c][j] = vmaxq_s16(vminq_s16(sum, vdupq_n_s16(kMaxSample)), vdupq_n_s16(-kMaxSample));

@@ -1,8 +1,10 @@
 #include "stitch/blend/low_band.h"
 
 #include <algorithm>
+#include <bit>
 #include <cstring>
 
+#include "stitch/blend/clones.h"
 #include "stitch/blend/low_picture.h"
 #include "stitch/blend/tile_math.h"
 
@@ -42,11 +44,48 @@ int low_sample_at(const PlaneView& plane, const LowSight& at) {
   return static_cast<int>((top * (256 - g) + bottom * g + (1U << 15)) >> 16);  // kMaxSample << 16 fits 32 bits
 }
 
+using Corners = std::array<std::array<std::int32_t, GridTable::kBlockTiles * GridTable::kBlockTiles>, 4>;
+
+/// Coefficients of 1, i, j, ij: the corrections in the tile (column, row) of every cell, by those at the cells' corners.
+/// A cell is 1 << kBits pixels wide; products are scaled by its square, so that each coefficient is rounded once.
+template <int kBits>
+[[gnu::always_inline]] inline void fit(const Corners& corners, std::size_t cells, int column, int row,
+                                       std::array<std::int16_t, 4>* to) {
+  const auto rounded = [](int value, int shift) { return (value + (1 << (shift - 1))) >> shift; };
+  const int x = 16 * column + 1;  // of pixel centres, in half pixels from the cell's corner
+  const int y = 16 * row + 1;
+  std::array<std::uint32_t, 2 * GridTable::kBlockTiles * GridTable::kBlockTiles> pairs;
+  const auto pair = [](int lower, int upper) {
+    return (static_cast<std::uint32_t>(lower) & 0xffff) | static_cast<std::uint32_t>(upper) << 16;
+  };
+  for (std::size_t k = 0; k < cells; ++k) {
+    const int corner = corners[0][k];
+    const int across = corners[1][k] - corner;
+    const int down = corners[2][k] - corner;
+    const int both = corners[3][k] - corners[2][k] - across;
+    pairs[2 * k] =
+        pair(rounded((corner << (2 * kBits + 2)) + ((across * x + down * y) << (kBits + 1)) + both * x * y, 2 * kBits),
+             rounded((across << (kBits + 1)) + both * y, 2 * kBits - 1));
+    pairs[2 * k + 1] = pair(rounded((down << (kBits + 1)) + both * x, 2 * kBits - 1), rounded(both, 2 * kBits - 2));
+  }
+  std::memcpy(to, pairs.data(), cells * sizeof *to);
+}
+NODAL_CLONES void fit_small_cells(const Corners& corners, std::size_t cells, std::array<std::int16_t, 4>* to) {
+  fit<3>(corners, cells, 0, 0, to);
+}
+NODAL_CLONES void fit_large_cells(const Corners& corners, std::size_t cells, std::array<std::int16_t, 4>* to) {
+  for (int part = 0; part < 4; ++part, to += cells) fit<4>(corners, cells, part % 2, part / 2, to);
+}
+
 std::int64_t floor_div(std::int64_t a, std::int64_t b) { return a / b - (a % b < 0 ? 1 : 0); }
 
 }  // namespace
 
-LowBand::LowBand(const BlendJob& job) : job_(job), grid_(*job.grid) {}
+LowBand::LowBand(const BlendJob& job)
+    : job_(job),
+      grid_(*job.grid),
+      cell_bits_(grid_.low.cell_tiles == 2 ? 1 : 0),
+      cell_count_(static_cast<std::size_t>(grid_.low_cells_across() * grid_.low_cells_down())) {}
 
 std::int16_t LowBand::negative_light(const LowSight& sight, std::size_t c) const {
   const JobComponent& component = job_.component[c];
@@ -77,16 +116,45 @@ std::uint32_t LowBand::confidence(const LowSight& sight) const {
   return std::min(of_level[least], of_level[most]);
 }
 
+void LowBand::set(HeadIndex head, std::size_t c, std::size_t point, std::int16_t correction) {
+  at_[head][c][point - first_point_] = correction;
+  if (correction != 0) corrected_ |= 1U << head;
+}
+
 void LowBand::correct(std::size_t point) {
   const LowGrid& low = grid_.low;
   const std::size_t begin = low.first_sight[point];
   const std::size_t end = low.first_sight[point + 1];
+  const auto components = static_cast<std::size_t>(job_.components);
   if (end - begin == 1) {  // there is nothing to compare with
-    for (std::size_t c = 0; c < static_cast<std::size_t>(job_.components); ++c) {
-      at_[low.sights[begin].head][c][point - first_point_] = 0;
-    }
+    for (std::size_t c = 0; c < components; ++c) set(low.sights[begin].head, c, point, 0);
     return;
   }
+  if (job_.careful || job_.missing != 0) return correct_carefully(point);
+  // The same with full confidence in all heads: weights sum to one, and 32 bits suffice.
+  std::array<std::array<std::int16_t, kMaxPlanes>, kMaxHeads> light;
+  std::array<std::int32_t, kMaxPlanes> sum{};
+  for (std::size_t s = begin; s < end; ++s) {
+    const LowSight& sight = low.sights[s];
+    for (std::size_t c = 0; c < components; ++c) {
+      light[s - begin][c] = negative_light(sight, c);
+      sum[c] += sight.weight * light[s - begin][c];
+    }
+  }
+  for (std::size_t c = 0; c < components; ++c) {
+    const std::int32_t mean = (sum[c] + (1 << (kWeightBits - 1))) >> kWeightBits;
+    for (std::size_t s = begin; s < end; ++s) {
+      const std::int32_t full = std::clamp(mean - light[s - begin][c], -kMaxCorrection, kMaxCorrection);
+      set(low.sights[s].head, c, point, static_cast<std::int16_t>(full));
+    }
+  }
+}
+
+/// A head is missing, or confidence is used.
+void LowBand::correct_carefully(std::size_t point) {
+  const LowGrid& low = grid_.low;
+  const std::size_t begin = low.first_sight[point];
+  const std::size_t end = low.first_sight[point + 1];
   std::array<std::array<std::int16_t, kMaxPlanes>, kMaxHeads> light;
   std::array<std::uint32_t, kMaxHeads> sure;
   std::array<std::int64_t, kMaxPlanes> sum{};
@@ -112,7 +180,7 @@ void LowBand::correct(std::size_t point) {
     for (std::size_t s = begin; s < end; ++s) {
       if (missing(s)) continue;
       const std::int64_t full = std::clamp<std::int64_t>(mean - light[s - begin][c], -kMaxCorrection, kMaxCorrection);
-      at_[low.sights[s].head][c][point - first_point_] = static_cast<std::int16_t>(full * sure[s - begin] / kSure);
+      set(low.sights[s].head, c, point, static_cast<std::int16_t>(full * sure[s - begin] / kSure));
     }
   }
 }
@@ -121,61 +189,38 @@ void LowBand::begin_block(std::size_t block) {
   const LowGrid& low = grid_.low;
   first_point_ = low.first_point[block];
   const std::size_t last = low.first_point[block + 1];
-  cells_ = low.cells.data() + block * static_cast<std::size_t>(grid_.low_cells_across() * grid_.low_cells_down());
-  seen_ = 0;
+  cells_ = low.cells.data() + block * cell_count_;
+  corrected_ = 0;
+  std::uint32_t most = 0;  // sights of a point
+  for (std::size_t p = first_point_; p < last; ++p) most = std::max(most, low.first_sight[p + 1] - low.first_sight[p]);
+  if (most < 2) return;
+  std::uint32_t seen = 0;
   for (std::size_t s = low.first_sight[first_point_]; s < low.first_sight[last]; ++s) {
-    seen_ |= 1U << low.sights[s].head;
+    seen |= 1U << low.sights[s].head;
   }
   for (std::size_t h = 0; h < kMaxHeads; ++h) {
-    if ((seen_ >> h & 1) == 0) continue;
+    if ((seen >> h & 1) == 0) continue;
     for (std::size_t c = 0; c < static_cast<std::size_t>(job_.components); ++c) {
       std::fill_n(at_[h][c].begin(), last - first_point_, kUnseen);
     }
   }
   for (std::size_t point = first_point_; point < last; ++point) correct(point);
-}
-
-void LowBand::begin_tile(int column, int row) {
-  const int tiles = grid_.low.cell_tiles;
-  corners_ = cells_[row / tiles * grid_.low_cells_across() + column / tiles].data();
-  quadrant_x_ = column % tiles;
-  quadrant_y_ = row % tiles;
-  done_ = 0;
-  moved_ = 0;
-}
-
-const std::int16_t* LowBand::coefficients(HeadIndex head) {
-  if ((seen_ >> head & 1) == 0) return nullptr;
-  if ((done_ >> head & 1) == 0) compute(head);
-  return (moved_ >> head & 1) != 0 ? coefficients_[head].data() : nullptr;
-}
-
-void LowBand::compute(HeadIndex head) {
-  done_ |= 1U << head;
-  for (std::size_t c = 0; c < static_cast<std::size_t>(job_.components); ++c) {
-    const Corrections& at = at_[head][c];
-    std::array<int, 4> v{at[corners_[0]], at[corners_[1]], at[corners_[2]], at[corners_[3]]};
-    std::int16_t* q = coefficients_[head].data() + 4 * c;
-    std::fill_n(q, 4, std::int16_t{0});
-    if ((v[0] | v[1] | v[2] | v[3]) == 0) continue;
-    if (std::ranges::find(v, kUnseen) != v.end()) fill_unseen(v);
-    moved_ |= 1U << head;
-    // Of pixel centres, in half pixels from the cell's corner. A cell is 8 << k pixels wide; products are scaled by its
-    // square, so that each coefficient is rounded once.
-    const int bits = grid_.low.cell_tiles == 2 ? 4 : 3;
-    const int x = 16 * quadrant_x_ + 1;
-    const int y = 16 * quadrant_y_ + 1;
-    const int across = v[1] - v[0];
-    const int down = v[2] - v[0];
-    const int both = v[3] - v[2] - across;
-    const auto rounded = [](int value, int shift) {
-      return static_cast<std::int16_t>((value + (1 << shift >> 1)) >> shift);
-    };
-    q[0] = rounded((v[0] << (2 * bits + 2)) + ((across * x + down * y) << (bits + 1)) + both * x * y, 2 * bits);
-    q[1] = rounded((across << (bits + 1)) + both * y, 2 * bits - 1);
-    q[2] = rounded((down << (bits + 1)) + both * x, 2 * bits - 1);
-    q[3] = rounded(both, 2 * bits - 2);
+  for (std::uint32_t left = corrected_; left != 0; left &= left - 1) {
+    const auto head = static_cast<HeadIndex>(std::countr_zero(left));
+    for (std::size_t c = 0; c < static_cast<std::size_t>(job_.components); ++c) compute(head, c);
   }
+}
+
+void LowBand::compute(HeadIndex head, std::size_t c) {
+  Corners corners;
+  for (std::size_t k = 0; k < cell_count_; ++k) {
+    const Corrections& at = at_[head][c];
+    std::array<int, 4> v{at[cells_[k][0]], at[cells_[k][1]], at[cells_[k][2]], at[cells_[k][3]]};
+    if (std::min(std::min(v[0], v[1]), std::min(v[2], v[3])) == kUnseen) fill_unseen(v);
+    for (std::size_t i = 0; i < 4; ++i) corners[i][k] = v[i];
+  }
+  std::array<std::int16_t, 4>* const to = coefficients_[head][c].data();
+  cell_bits_ == 0 ? fit_small_cells(corners, cell_count_, to) : fit_large_cells(corners, cell_count_, to);
 }
 
 /// Corners that the head does not see count as the mean of the others, or as 0.

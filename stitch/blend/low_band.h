@@ -35,36 +35,44 @@ class LowBand {
 
   explicit LowBand(const BlendJob& job);
 
-  /// Computes the corrections at the points of a block.
+  /// Computes the corrections of a block.
   void begin_block(std::size_t block);
   /// The tile (column, row) of the block is next.
-  void begin_tile(int column, int row);
-  /// For each component, coefficients of 1, i, j, ij: the head's correction in the tile, negative light, in 1/4 of the
-  /// unit of light. Null if the head is not corrected there.
-  const std::int16_t* coefficients(HeadIndex head);
+  void begin_tile(int column, int row) {
+    const int cell = (row >> cell_bits_) * grid_.low_cells_across() + (column >> cell_bits_);
+    const int part = (row & cell_bits_) * 2 + (column & cell_bits_);
+    tile_ = static_cast<std::size_t>(part) * cell_count_ + static_cast<std::size_t>(cell);
+  }
+  /// Whether the head is corrected anywhere in the block.
+  bool corrects(HeadIndex head) const { return (corrected_ >> head & 1) != 0; }
+  /// If so, coefficients of 1, i, j, ij: its correction in the tile, negative light, in 1/4 of the unit of light.
+  const std::int16_t* coefficients(HeadIndex head, std::size_t c) const { return coefficients_[head][c][tile_].data(); }
 
  private:
   using Corrections = std::array<std::int16_t, GridTable::kMostLowPoints>;
   static constexpr std::int16_t kUnseen = -32768;
 
   void correct(std::size_t point);
-  void compute(HeadIndex head);
+  void correct_carefully(std::size_t point);
+  void set(HeadIndex head, std::size_t c, std::size_t point, std::int16_t correction);
+  void compute(HeadIndex head, std::size_t c);
   static void fill_unseen(std::array<int, 4>& corners);
   std::int16_t negative_light(const LowSight& sight, std::size_t c) const;
   std::uint32_t confidence(const LowSight& sight) const;
 
   const BlendJob& job_;
   const GridTable& grid_;
+  const int cell_bits_;  ///< a cell is 1 << cell_bits_ tiles wide
   std::size_t first_point_ = 0;
+  const std::size_t cell_count_;                        ///< of a block
   const std::array<std::uint8_t, 4>* cells_ = nullptr;  ///< of the block
-  const std::uint8_t* corners_ = nullptr;               ///< of the tile's cell
-  int quadrant_x_ = 0;                                  ///< of the tile in its cell
-  int quadrant_y_ = 0;
-  std::uint32_t seen_ = 0;  ///< heads that see a point of the block, one bit each
-  std::uint32_t done_ = 0;  ///< heads whose coefficients in the tile are computed
-  std::uint32_t moved_ = 0;
+  std::size_t tile_ = 0;                                ///< the tile's place in a head's coefficients
+  std::uint32_t corrected_ = 0;                         ///< one bit for each head with a correction that is not 0
   std::array<std::array<Corrections, kMaxPlanes>, kMaxHeads> at_;
-  std::array<std::array<std::int16_t, 4 * kMaxPlanes>, kMaxHeads> coefficients_;
+  /// Of the upper left tiles of all cells, cell by cell; with cells of several tiles then of the upper right, the lower left
+  /// and the lower right ones.
+  using Coefficients = std::array<std::array<std::int16_t, 4>, GridTable::kBlockTiles * GridTable::kBlockTiles>;
+  std::array<std::array<Coefficients, kMaxPlanes>, kMaxHeads> coefficients_;
 };
 
 }  // namespace nodal::blend

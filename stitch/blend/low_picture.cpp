@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
+#include <cstddef>
 #include <cstring>
+#include <type_traits>
 
 #include "stitch/blend/clones.h"
 #include "stitch/blend/tone.h"
@@ -11,129 +14,206 @@ namespace nodal::blend {
 namespace {
 
 /// Rows of each square that are read. More tell little: make_low_picture() smooths over nine squares.
-constexpr int kLowRows = 2;
-constexpr int kColumns = 4096;  // at once; whole squares of every size
+constexpr std::size_t kLowRows = 2;
+constexpr std::size_t kColumns = 4096;  // at once; whole squares of every size
+constexpr std::size_t kEight = sizeof(std::uint64_t);
+/// Rows of squares are computed in whole registers.
+constexpr std::size_t kVector = 32;
+/// The widest picture has 65535 columns.
+constexpr std::size_t kMostSquares = 65536 / kLeastLowSize;
 
-/// The rows of a row of squares that are read.
-using Rows = std::array<const std::uint8_t*, kLowRows>;
-
-/// By column: over those rows.
-struct Columns {
-  alignas(64) std::array<std::uint16_t, kColumns> sum;
-  alignas(64) std::array<std::uint8_t, kColumns> least;
-  alignas(64) std::array<std::uint8_t, kColumns> most;
+/// A row of squares, by what LowSample holds; with room for one more on both sides and for whole registers.
+struct LowRow {
+  static constexpr std::size_t kFirst = 1;
+  static constexpr std::size_t kSize = kMostSquares + 2 * kVector;
+  alignas(64) std::array<std::uint16_t, kSize> mean;
+  alignas(64) std::array<std::uint8_t, kSize> least;
+  alignas(64) std::array<std::uint8_t, kSize> most;
 };
 
-template <int kStride>
-[[gnu::always_inline]] inline void add_up(const Rows& rows, std::size_t count, Columns& columns) {
-  const std::uint8_t* const a = rows[0];
-  const std::uint8_t* const b = rows[1];
-  std::uint16_t* __restrict sum = columns.sum.data();
-  std::uint8_t* __restrict least = columns.least.data();
-  std::uint8_t* __restrict most = columns.most.data();
-  for (std::size_t x = 0; x < count; ++x) {
-    const std::size_t at = x * kStride;
-    sum[x] = static_cast<std::uint16_t>(a[at] + b[at]);
+/// Of two rows of a picture, by eight columns, afterwards by square.
+struct Columns {
+  alignas(64) std::array<std::uint64_t, kColumns / kEight> sum;
+  alignas(64) std::array<std::uint8_t, kColumns / kEight> least;
+  alignas(64) std::array<std::uint8_t, kColumns / kEight> most;
+};
+
+/// Four times eight samples, or four numbers. Registers, because loads of what was just stored elsewhere have to wait.
+using Samples [[gnu::vector_size(32)]] = std::uint8_t;
+using Eights [[gnu::vector_size(32)]] = std::uint64_t;
+
+/// Of each eight samples, in the lowest byte: the least, or (kMost) the greatest.
+template <bool kMost>
+[[gnu::always_inline]] inline void reduce(const Samples& of, Eights& to) {
+  Samples all = of;
+  for (const int bits : {32, 16, 8}) {
+    const auto other = reinterpret_cast<Samples>(reinterpret_cast<Eights>(all) >> bits);
+    all = kMost ? (all > other ? all : other) : (all < other ? all : other);
   }
-  for (std::size_t x = 0; x < count; ++x) {
-    const std::size_t at = x * kStride;
-    least[x] = std::min(a[at], b[at]);
-    most[x] = std::max(a[at], b[at]);
+  to = reinterpret_cast<Eights>(all) & 0xff;
+}
+/// Adds sums of two neighbouring samples each, as four 16-bit numbers.
+[[gnu::always_inline]] inline void add_pairs(const Samples& of, Eights& to) {
+  const auto all = reinterpret_cast<Eights>(of);
+  to += (all & 0x00ff00ff00ff00ff) + (all >> 8 & 0x00ff00ff00ff00ff);
+}
+
+[[gnu::always_inline]] inline void add_up(const std::uint8_t* a, const std::uint8_t* b, std::size_t count,
+                                          Columns& columns) {
+  for (std::size_t begin = 0; begin < count; begin += sizeof(Samples)) {
+    const std::size_t bytes = std::min(sizeof(Samples), count - begin);
+    Samples upper{};
+    Samples lower{};
+    if (bytes == sizeof(Samples)) {
+      std::memcpy(&upper, a + begin, sizeof upper);
+      std::memcpy(&lower, b + begin, sizeof lower);
+    } else {
+      std::memcpy(&upper, a + begin, bytes);
+      std::memcpy(&lower, b + begin, bytes);
+    }
+    Eights sums{};
+    add_pairs(upper, sums);
+    add_pairs(lower, sums);
+    sums = (sums & 0x0000ffff0000ffff) + (sums >> 16 & 0x0000ffff0000ffff);
+    sums = (sums + (sums >> 32)) & 0xffffffff;
+    Eights least;
+    Eights most;
+    reduce<false>(upper < lower ? upper : lower, least);
+    reduce<true>(upper > lower ? upper : lower, most);
+    for (std::size_t k = 0; k < 4; ++k) {
+      columns.sum[begin / kEight + k] = sums[k];
+      columns.least[begin / kEight + k] = static_cast<std::uint8_t>(least[k]);
+      columns.most[begin / kEight + k] = static_cast<std::uint8_t>(most[k]);
+    }
   }
 }
 
-template <std::size_t kSquare>
-[[gnu::always_inline]] inline LowSample sample_of(const Columns& columns, std::size_t begin) {
-  std::uint32_t sum = 0;
-  std::uint8_t least = 255;
-  std::uint8_t most = 0;
-  for (std::size_t x = begin; x < begin + kSquare; ++x) sum += columns.sum[x];
-  for (std::size_t x = begin; x < begin + kSquare; ++x) least = std::min(least, columns.least[x]);
-  for (std::size_t x = begin; x < begin + kSquare; ++x) most = std::max(most, columns.most[x]);
-  constexpr std::uint32_t kSamples = kLowRows * kSquare;
-  return {static_cast<std::uint16_t>(((sum << kSampleBits) + kSamples / 2) / kSamples), least, most};
+/// Samples of a row, one after another; beyond the row's end the last one.
+[[gnu::always_inline]] inline void collect(const PlaneView& in, const std::uint8_t* row, int begin, std::size_t count,
+                                           std::uint8_t* to) {
+  const auto inside = static_cast<std::size_t>(std::clamp(in.width - begin, 0, static_cast<int>(count)));
+  const std::uint8_t* from = row + std::ptrdiff_t{begin} * in.pixel_stride;
+  const auto copy = [&](auto stride) __attribute__((always_inline)) {
+    for (std::size_t x = 0; x < inside; ++x) to[x] = from[x * stride];
+  };
+  switch (in.pixel_stride) {
+    case 2: copy(std::integral_constant<std::size_t, 2>()); break;
+    case 3: copy(std::integral_constant<std::size_t, 3>()); break;
+    case 4: copy(std::integral_constant<std::size_t, 4>()); break;
+    default: copy(static_cast<std::size_t>(in.pixel_stride)); break;
+  }
+  std::fill(to + inside, to + count, row[std::ptrdiff_t{in.width - 1} * in.pixel_stride]);
 }
 
-template <std::size_t kSquare>
-[[gnu::always_inline]] inline void make_row_of(const PlaneView& in, int y, const PlaneView& low, std::uint8_t* to) {
+/// Line k that is read of row y of squares.
+[[gnu::always_inline]] inline const std::uint8_t* line_of(int square, const PlaneView& in, int y, std::size_t k) {
+  const int line = std::min(square * y + square / 4 + static_cast<int>(k) * square / 2, in.height - 1);
+  return in.data + line * in.row_stride;
+}
+
+/// The processor's own prefetch begins anew with each line.
+[[gnu::always_inline]] inline void prefetch_row(int square, const PlaneView& in, int y) {
+  for (std::size_t k = 0; k < kLowRows; ++k) {
+    const std::uint8_t* line = line_of(square, in, y, k);
+    for (std::ptrdiff_t at = 0; at < std::ptrdiff_t{in.width} * in.pixel_stride; at += 64)
+      __builtin_prefetch(line + at);
+  }
+}
+
+/// Row y of squares, not smoothed.
+[[gnu::always_inline]] inline void make_row(int square, const PlaneView& in, int y, int width, LowRow& row) {
   Columns columns;
-  constexpr int kSide = kSquare;
-  constexpr int kAtOnce = kColumns / kSide;  // squares
-  const bool whole = in.width >= kSide && in.pixel_stride <= 4;
-  for (int begin = 0; begin < low.width; begin += kAtOnce) {
-    const int squares = std::min(kAtOnce, low.width - begin);
-    const auto count = static_cast<std::size_t>(squares) * kSquare;
-    Rows rows;
-    std::array<std::array<std::uint8_t, kColumns>, kLowRows> copied;  // of narrow pictures, or with other strides
+  const int at_once = static_cast<int>(kColumns) / square;  // squares
+  const int shift = std::countr_zero(kLowRows * static_cast<unsigned>(square));
+  for (int begin = 0; begin < width; begin += at_once) {
+    const auto squares = static_cast<std::size_t>(std::min(at_once, width - begin));
+    const std::size_t count = squares * static_cast<std::size_t>(square);
+    std::array<const std::uint8_t*, kLowRows> read;
+    std::array<std::array<std::uint8_t, kColumns>, kLowRows> collected;  // of narrow pictures, or with gaps
     for (std::size_t k = 0; k < kLowRows; ++k) {
-      const int line = std::min(kSide * y + kSide / 4 + static_cast<int>(k) * kSide / 2, in.height - 1);
-      const std::uint8_t* row = in.data + line * in.row_stride;
-      rows[k] = row + std::ptrdiff_t{begin} * kSide * in.pixel_stride;
-      if (whole) continue;
-      for (std::size_t x = 0; x < count; ++x) {
-        const int at = std::min(begin * kSide + static_cast<int>(x), in.width - 1);
-        copied[k][x] = row[std::ptrdiff_t{at} * in.pixel_stride];
-      }
-      rows[k] = copied[k].data();
+      const std::uint8_t* from = line_of(square, in, y, k);
+      read[k] = from + begin * square;
+      if (in.width >= square && in.pixel_stride == 1) continue;
+      collect(in, from, begin * square, count, collected[k].data());
+      read[k] = collected[k].data();
     }
-    switch (whole ? in.pixel_stride : 1) {
-      case 1: add_up<1>(rows, count, columns); break;
-      case 2: add_up<2>(rows, count, columns); break;
-      case 3: add_up<3>(rows, count, columns); break;
-      default: add_up<4>(rows, count, columns); break;
-    }
-    for (std::size_t x = 0; x < static_cast<std::size_t>(squares); ++x) {
-      const LowSample sample = sample_of<kSquare>(columns, x * kSquare);
-      std::memcpy(to, &sample, sizeof sample);
-      to += sizeof sample;
-    }
-  }
-}
-
-NODAL_CLONES void make_row(int square, const PlaneView& in, int y, const PlaneView& low, std::uint8_t* to) {
-  switch (square) {
-    case 8: make_row_of<8>(in, y, low, to); break;
-    case 16: make_row_of<16>(in, y, low, to); break;
-    case 32: make_row_of<32>(in, y, low, to); break;
-    case 64: make_row_of<64>(in, y, low, to); break;
-    case 128: make_row_of<128>(in, y, low, to); break;
-    default: make_row_of<256>(in, y, low, to); break;
-  }
-}
-
-/// Weights (1 2 1) / 4; the darkest and the brightest of all three.
-[[gnu::always_inline]] inline LowSample smoothed(const LowSample& before, const LowSample& own,
-                                                 const LowSample& after) {
-  return {static_cast<std::uint16_t>((before.mean + 2U * own.mean + after.mean + 2) >> 2),
-          std::min(std::min(before.least, after.least), own.least),
-          std::max(std::max(before.most, after.most), own.most)};
-}
-
-/// In place, along rows and then along columns; beyond the edges the edge sample is repeated.
-NODAL_CLONES void smooth(LowSample* samples, int width, int height) {
-  for (int y = 0; y < height; ++y) {
-    LowSample* row = samples + std::ptrdiff_t{y} * width;
-    LowSample before = row[0];
-    for (int x = 0; x < width; ++x) {
-      const LowSample own = row[x];
-      row[x] = smoothed(before, own, row[std::min(x + 1, width - 1)]);
-      before = own;
-    }
-  }
-  constexpr int kAtOnce = 64;
-  for (int begin = 0; begin < width; begin += kAtOnce) {
-    const int count = std::min(kAtOnce, width - begin);
-    std::array<LowSample, kAtOnce> before;
-    std::copy_n(samples + begin, count, before.begin());
-    for (int y = 0; y < height; ++y) {
-      LowSample* own = samples + std::ptrdiff_t{y} * width + begin;
-      const LowSample* after = samples + std::ptrdiff_t{std::min(y + 1, height - 1)} * width + begin;
-      for (int x = 0; x < count; ++x) {
-        const LowSample here = own[x];
-        own[x] = smoothed(before[static_cast<std::size_t>(x)], here, after[x]);
-        before[static_cast<std::size_t>(x)] = here;
+    add_up(read[0], read[1], count, columns);
+    for (std::size_t left = count / kEight / 2; left >= squares; left /= 2) {
+      for (std::size_t x = 0; x < left; ++x) {
+        columns.sum[x] = columns.sum[2 * x] + columns.sum[2 * x + 1];
+        columns.least[x] = std::min(columns.least[2 * x], columns.least[2 * x + 1]);
+        columns.most[x] = std::max(columns.most[2 * x], columns.most[2 * x + 1]);
       }
     }
+    const std::size_t to = LowRow::kFirst + static_cast<std::size_t>(begin);
+    for (std::size_t x = 0; x < squares; ++x) {
+      row.mean[to + x] = static_cast<std::uint16_t>(((columns.sum[x] << kSampleBits) + (1U << shift >> 1)) >> shift);
+    }
+    std::copy_n(columns.least.begin(), squares, row.least.begin() + to);
+    std::copy_n(columns.most.begin(), squares, row.most.begin() + to);
+  }
+}
+
+/// By value: GCC does not vectorize std::min of references to three numbers.
+[[gnu::always_inline]] inline std::uint8_t least_of(std::uint8_t a, std::uint8_t b, std::uint8_t c) {
+  const std::uint8_t both = a < b ? a : b;
+  return both < c ? both : c;
+}
+[[gnu::always_inline]] inline std::uint8_t most_of(std::uint8_t a, std::uint8_t b, std::uint8_t c) {
+  const std::uint8_t both = a > b ? a : b;
+  return both > c ? both : c;
+}
+
+/// Weights (1 2 1) / 4.
+[[gnu::always_inline]] inline std::uint32_t smoothed(std::uint32_t before, std::uint32_t own, std::uint32_t after) {
+  return (before + 2 * own + after + 2) >> 2;
+}
+
+/// Row y of squares, smoothed along the row.
+NODAL_CLONES void make_smooth_row(int square, const PlaneView& in, int y, std::size_t width, LowRow& to) {
+  prefetch_row(square, in, y + 2);
+  LowRow row;
+  make_row(square, in, y, static_cast<int>(width), row);
+  const std::size_t padded = (width + kVector - 1) / kVector * kVector;
+  const auto repeat_edges = [&](auto& of) {
+    of[0] = of[1];
+    std::fill(of.begin() + width + 1, of.begin() + padded + 2, of[width]);
+  };
+  repeat_edges(row.mean);
+  repeat_edges(row.least);
+  repeat_edges(row.most);
+  for (std::size_t x = 0; x < padded; ++x) {
+    to.mean[x] = static_cast<std::uint16_t>(smoothed(row.mean[x], row.mean[x + 1], row.mean[x + 2]));
+  }
+  for (std::size_t x = 0; x < padded; ++x) {
+    to.least[x] = least_of(row.least[x], row.least[x + 1], row.least[x + 2]);
+    to.most[x] = most_of(row.most[x], row.most[x + 1], row.most[x + 2]);
+  }
+}
+
+/// Three rows of squares, smoothed along the column and stored.
+NODAL_CLONES void store_row(const LowRow& before, const LowRow& own, const LowRow& after, std::size_t width,
+                            std::uint8_t* to) {
+  static_assert(std::endian::native == std::endian::little && offsetof(LowSample, least) == 2);
+  std::array<std::uint32_t, LowRow::kSize> samples;  // one LowSample each: so the loop is vectorized
+  for (std::size_t x = 0; x < (width + kVector - 1) / kVector * kVector; ++x) {
+    const std::uint32_t least = least_of(before.least[x], own.least[x], after.least[x]);
+    const std::uint32_t most = most_of(before.most[x], own.most[x], after.most[x]);
+    samples[x] = smoothed(before.mean[x], own.mean[x], after.mean[x]) | least << 16 | most << 24;
+  }
+  std::memcpy(to, samples.data(), width * sizeof samples[0]);
+}
+
+void make_plane(int square, const PlaneView& in, const PlaneView& low, std::uint8_t* to) {
+  const auto width = static_cast<std::size_t>(low.width);
+  std::array<LowRow, 3> rows;  // row y is the one numbered y modulo 3
+  const auto row = [&](int y) __attribute__((always_inline))->LowRow& { return rows[static_cast<std::size_t>(y) % 3]; };
+  for (int y = -1; y < low.height; ++y) {
+    const int below = std::min(y + 1, low.height - 1);
+    if (below > y) make_smooth_row(square, in, below, width, row(below));
+    if (y < 0) continue;
+    store_row(row(std::max(y - 1, 0)), row(y), row(below), width, to);
+    to += low.row_stride;
   }
 }
 
@@ -163,12 +243,8 @@ void make_low_picture(const BlendTable::Source& source, const ImageView& read, s
   const ImageView low = low_picture(source, read, memory);
   for (std::size_t c = 0; c < static_cast<std::size_t>(component_count(read.format)); ++c) {
     const PlaneView& plane = low.planes[c];
-    auto* samples = reinterpret_cast<LowSample*>(memory);  // prepare_picture() begins it at a multiple of its size
-    for (int y = 0; y < plane.height; ++y) {
-      make_row(square_of(source, c), read.planes[c], y, plane, memory);
-      memory += plane.row_stride;
-    }
-    smooth(samples, plane.width, plane.height);
+    make_plane(square_of(source, c), read.planes[c], plane, memory);
+    memory += plane.row_stride * plane.height;
   }
 }
 

@@ -75,10 +75,8 @@ inline std::int16_t negative_light_of(const BlendJob& job, const GridTable& grid
     const bool alone = grid.gains.empty();
     negative_light = mulr(negative_light, alone ? head_gain : mulr(bilinear_at(grid.gains[r].data(), i, j), head_gain));
   }
-  if (job.low_band == nullptr) return negative_light;
-  const std::int16_t* correction = job.low_band->coefficients(head);
-  if (correction == nullptr) return negative_light;
-  const int corrected = negative_light + mulr(bilinear_at(correction + 4 * c, i, j), LowBand::kUnit);
+  if (job.low_band == nullptr || !job.low_band->corrects(head)) return negative_light;
+  const int corrected = negative_light + mulr(bilinear_at(job.low_band->coefficients(head, c), i, j), LowBand::kUnit);
   return static_cast<std::int16_t>(std::clamp(corrected, -kMaxSample, kMaxSample));
 }
 
