@@ -16,6 +16,8 @@
 namespace nodal::registration {
 namespace {
 
+// Of the loosest head: what is looser than this part of it is not made so by it alone.
+constexpr double kMuchLooser = 0.25;
 constexpr double kLooseSigmaPx =
     0.5;  // pixels of the picture, or of the raymap if that is coarser: more is visible at seams
 constexpr int kAgreementWidth = 400;  // narrower raymaps show the position of the sky, but no detail
@@ -209,10 +211,10 @@ Status Run::check_placed(bool& changed) {
     }
     off_px[h] = loose_sigma_[h] * precision;
   }
-  // A loose head makes its neighbours loose: they are judged again without it.
+  // A head that is much looser than others makes its neighbours loose: they are judged again without it.
   const double loosest = std::ranges::max(off_px);
-  for (std::size_t h = 0; loosest > kLooseSigmaPx && h < heads_.size(); ++h) {
-    if (off_px[h] < loosest) continue;
+  for (std::size_t h = 0; h < heads_.size(); ++h) {
+    if (!(off_px[h] > kLooseSigmaPx) || off_px[h] < kMuchLooser * loosest) continue;
     unplace(h, little_detail_[h]
                    ? std::string("it shows much less detail than the other heads, too little for a rotation")
                    : std::string("the detail it shares with other heads does not determine its rotation in "
