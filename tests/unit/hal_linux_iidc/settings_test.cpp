@@ -3,6 +3,7 @@
 #include <cerrno>
 #include <chrono>
 #include <future>
+#include <memory>
 #include <thread>
 
 #include "head_fixture.h"
@@ -137,14 +138,15 @@ TEST_F(IidcHeadTest, AControlThatTakesLong_DelaysNoFrame) {
   pass_frame(*head);
   std::promise<void> answer;
   std::shared_future<void> answered = answer.get_future().share();
-  std::atomic<bool> asked{false};
-  bus_.before_write = [&, answered](std::uint64_t, std::uint32_t) {
-    asked = true;
+  // Shared, because the worker still writes to the camera when this function has ended: the head stops then.
+  const auto asked = std::make_shared<std::atomic<bool>>(false);
+  bus_.before_write = [asked, answered](std::uint64_t, std::uint32_t) {
+    *asked = true;
     answered.wait();
     return 0;
   };
   ASSERT_TRUE(head->set_exposure(Exposure::microseconds(1'000)));
-  while (!asked) std::this_thread::yield();
+  while (!*asked) std::this_thread::yield();
   for (int i = 0; i < 5; ++i) {
     clock_.advance(period_);
     const auto frame = head->take_frame();
