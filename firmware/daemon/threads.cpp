@@ -141,12 +141,13 @@ void RigThreads::keep() {
   std::uint64_t adopted = 0;
   while (!stop_.load()) {
     const auto heard = keeper_bell_.count();
+    const std::uint64_t now =
+        rig_.blender().counts().adopted.load();  // before the step, so that the step frees the old table
     if (rig_.step_keeper()) {
       blend_bell_.ring();
       control_bell_.ring();
     } else {
-      const std::uint64_t now = rig_.blender().counts().adopted.load();
-      if (std::exchange(adopted, now) != now) give_back_memory();  // a new table is in force, and the old one is freed
+      if (std::exchange(adopted, now) != now) give_back_memory();
       keeper_bell_.wait(heard, kSleep);
     }
   }

@@ -32,8 +32,10 @@ Resident resident(pid_t pid) {
 
 /// Measures after three calibrations, two of which were uploaded while another one was in use, and raymaps with each.
 /// One picture per head is included, because a camera's driver also keeps its frames in memory.
+/// The rate is one that a busy machine follows: while a raymap waits for its JPEG, the next one needs another buffer, and
+/// buffers are kept.
 Resident memory_of(const Workload& work) {
-  ReplayedRig rig(work, PixelFormat::kI420);
+  ReplayedRig rig(work, PixelFormat::kI420, false, "5");
   const auto daemon = rig.start();
   const auto say = [&](const char* when) {
     const Resident found = resident(daemon->pid());
@@ -45,15 +47,15 @@ Resident memory_of(const Workload& work) {
   Resident last = say("started");
   for (const char* name : {"first", "second", "third"}) {
     rig.upload(name);
-    rig.nodal({"raymap", "pull", "-n", "20", "--out", (rig.folder() / "%04d.jpg").string()});
+    rig.nodal({"raymap", "pull", "-n", "10", "--out", (rig.folder() / "%04d.jpg").string()});
     last = say(name);
   }
   return last;
 }
 
-TEST(ResidentMemory, TenHeadsInto2048_FitInto40MiB) { EXPECT_LT(memory_of(r10()).now, 40); }
+TEST(ResidentMemory, TenHeadsInto2048_FitInto38MiB) { EXPECT_LT(memory_of(r10()).now, 38); }
 
-TEST(ResidentMemory, EightFisheyesInto3840_FitInto140MiB) { EXPECT_LT(memory_of(r8()).now, 140); }
+TEST(ResidentMemory, EightFisheyesInto3840_FitInto105MiB) { EXPECT_LT(memory_of(r8()).now, 105); }
 
 }  // namespace
 }  // namespace nodal::bench
