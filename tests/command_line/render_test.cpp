@@ -1,12 +1,10 @@
 // Takes that the real nodald recorded, afterwards: `nodal render` beside the raymaps that it made while it filmed, `nodal take show`
 // and `take export`, and heads that play a take.
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <csignal>
 #include <filesystem>
 #include <map>
-#include <thread>
 #include <utility>
 
 #include "rig_process.h"
@@ -145,7 +143,7 @@ TEST_F(RenderTest, CalibrationsSwappedInATake_AreEachUsedForTheirSets) {
     ASSERT_EQ(nodal({"calibration", "rollback"}).code, 0);
     pull("three-%04d.raw");
     if (killed) {
-      std::this_thread::sleep_for(std::chrono::seconds(2));  // until all of it is on the disk
+      wait_until_durable();
       nodald().signal(SIGKILL);
       nodald().wait();
       start_nodald();

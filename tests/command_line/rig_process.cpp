@@ -3,7 +3,9 @@
 #include <signal.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cmath>
+#include <cstdint>
 #include <fstream>
 #include <numbers>
 #include <sstream>
@@ -96,6 +98,16 @@ std::vector<Json> RigTest::nodal_json(Words words) const {
   std::istringstream lines(finished.out);
   for (std::string line; std::getline(lines, line);) documents.push_back(Json::parse(line));
   return documents;
+}
+
+void RigTest::wait_until_durable() const {
+  // A second later, sets of now are no longer on their way to the files, which the next sync then makes durable.
+  const auto later = std::chrono::steady_clock::now() + std::chrono::seconds(1);
+  ASSERT_TRUE(wait_until([&] {
+    const std::chrono::nanoseconds since = std::chrono::steady_clock::now() - later;  // before the rig says its age
+    const Json age = nodal_json({"status"}).at(0)["recording"]["durable_ns"];
+    return age.is_number() && age.get<std::int64_t>() < since.count();
+  }));
 }
 
 void RigTest::bring_up() const {

@@ -39,6 +39,8 @@ class RigTest : public ::testing::Test {
   /// The same with --json; returns its documents, one per line.
   std::vector<Json> nodal_json(Words words) const;
   std::unique_ptr<Process> start(Words words) const;
+  /// Waits until all that a take has recorded so far is on the disk for certain.
+  void wait_until_durable() const;
   /// Uploads six.json, starts the genlock and waits until it is locked.
   void bring_up() const;
   /// Writes a program for NODAL_SSH: a shell script in which BRIDGE is replaced by the bridge command.

@@ -11,6 +11,7 @@
 #include "hal/linux/link/socket_link.h"
 #include "protocol/upload.h"
 #include "tests/scenario/small_rig.h"
+#include "tests/support/process.h"
 
 namespace nodal::crash {
 namespace {
@@ -108,6 +109,17 @@ std::optional<wire::RigStatus> LinkHost::status() {
   const auto reply = ask(request);
   if (!reply) return std::nullopt;
   return reply->status();
+}
+
+bool LinkHost::wait_for(const std::function<bool(const wire::RigStatus&)>& holds) {
+  bool held = false;
+  return test::wait_until([&] {
+           const auto now = status();
+           if (!now) return true;
+           held = holds(*now);
+           return held || !pump();
+         }) &&
+         held;
 }
 
 bool LinkHost::upload_and_commit(const std::string& document) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -37,6 +38,8 @@ class LinkHost {
   /// Does an upload except for waiting for its answer.
   bool upload_and_commit(const std::string& document);
   std::optional<wire::RigStatus> status();
+  /// Asks for the status until it is so; false after a minute, and if the link is closed.
+  bool wait_for(const std::function<bool(const wire::RigStatus&)>& holds);
   /// Waits briefly for bytes in either direction; false if the link is closed.
   bool pump();
   std::optional<wire::Reply> take_reply(std::uint64_t id);

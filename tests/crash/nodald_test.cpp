@@ -21,13 +21,7 @@ namespace nodal::crash {
 namespace {
 
 bool in_force(LinkHost& host, const std::string& id) {
-  for (int i = 0; i < 2000; ++i) {
-    const auto status = host.status();
-    if (!status) return false;
-    if (status->calibration_id() == id) return true;
-    if (!host.pump()) return false;
-  }
-  return false;
+  return host.wait_for([&](const wire::RigStatus& status) { return status.calibration_id() == id; });
 }
 
 std::string id_of(const Calibration& calibration) { return sha256_to_wire(calibration_id(calibration)); }

@@ -34,7 +34,7 @@ class Process {
   /// Limits the pipe of standard error to one page from now on, for tests that do not read it.
   void narrow() const;
   /// Waits for its end; kills it (code 137) after `at_most`.
-  Finished wait(std::chrono::seconds at_most = std::chrono::seconds(60));
+  Finished wait(std::chrono::seconds at_most = std::chrono::seconds(110));
 
  private:
   void read_more();
