@@ -45,7 +45,7 @@ function(nodal_test name)
     list(APPEND ARG_LABELS board)
   endif()
   if(NOT ARG_TIMEOUT)
-    set(ARG_TIMEOUT 60)
+    set(ARG_TIMEOUT 180)
   endif()
   list(JOIN ARG_LABELS " " labels)  # one property; gtest_discover_tests takes a list apart
   set(properties TIMEOUT ${ARG_TIMEOUT} LABELS "${labels}")
