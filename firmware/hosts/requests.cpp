@@ -175,6 +175,12 @@ wire::RigStatus Control::status(Instant now) {
   add_count(*status.mutable_set_losses(), "no-calibration", read(counts.without_calibration));
   add_count(*status.mutable_set_losses(), "no-buffer", read(counts.without_buffer));
   add_count(*status.mutable_set_losses(), "shed", read(counts.shed));
+  if (config_.raymap.seams == SeamPlacement::kPlaced) {
+    wire::Seams& seams = *status.mutable_seams();
+    seams.set_placed(read(counts.seams_moved));
+    seams.set_late(read(counts.seams_late));
+    seams.set_refused(read(counts.seams_refused));
+  }
   status.set_publish_shed(publisher_.shed());
   status.set_published(publisher_.published());
   status.set_rate_wanted_millihertz(operation_.rate_wanted_millihertz());

@@ -65,6 +65,7 @@ std::vector<Answer> Operation::take_answers(Instant now) {
 
 void Operation::end_step(bool lossless, Instant now) {
   watch(lossless, now);
+  watch_seams();
   watch_stability(now);
   step_panel(now);
 }

@@ -129,6 +129,7 @@ class Operation {
   void watch(bool lossless, Instant now);
   void watch_frames(Condition condition, Instant now);
   void shed(bool lossless, Instant now);
+  void watch_seams();
   void watch_stability(Instant now);
   void step_panel(Instant now);
   void act(PanelAction action, Instant now);
@@ -157,6 +158,7 @@ class Operation {
   Instant newest_set_;
   std::uint64_t sets_lost_by_disk_ = 0;  ///< of the take that is recorded
   std::optional<Instant> newest_lost_set_;
+  bool seams_refused_told_ = false;
   bool frames_arrive_ = true;  ///< as last logged by watch_frames()
   std::uint64_t adopted_ = 0;
   Instant steady_since_;

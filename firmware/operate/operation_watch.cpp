@@ -70,6 +70,14 @@ void Operation::watch_frames(Condition condition, Instant now) {
   news_.say(NewsKind::kRig, arrive ? "frames arrive" : no_frames(config_, *capture_));
 }
 
+/// Logs the first placed seams that were refused; the status counts them.
+void Operation::watch_seams() {
+  if (seams_refused_told_ || stages_.blender.counts().seams_refused.load(std::memory_order_acquire) == 0) return;
+  seams_refused_told_ = true;
+  news_.say(NewsKind::kRig, "placed seams were refused, and the old ones stay; the status counts further ones: " +
+                                stages_.blender.seams_refused().read());
+}
+
 void Operation::watch_stability(Instant now) {
   const RigState state = supervisor_.state();
   if (state == RigState::kStarting || state == RigState::kHanging) unstable_ = now;

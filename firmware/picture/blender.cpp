@@ -23,6 +23,7 @@ Blender::Blender(const RaymapConfig& config, hal::ClockPort& clock, Outlet<SetLo
       raymaps_out_(kRaymapsWaiting),
       seams_out_(1),
       seams_in_(1),
+      seam_changes_out_(kSeamChangesWaiting),
       light_out_(4),
       adoptions_out_(4) {
   NODAL_ASSERT(bands_ <= kMostBands);
@@ -130,7 +131,7 @@ void Blender::adopt_seams(std::uint64_t set) {
   if (!seams_) seams_ = seams_in_.pop();
   if (!seams_) return;
   const bool stale = !seams_period_;
-  if (!stale && sets::seam_period(set) == *seams_period_) return;
+  if (!stale && (sets::seam_period(set) == *seams_period_ || seam_changes_out_.full() || seam_change_)) return;
   if (seams_->installed) {
     if (tables_out_.full()) return;
     if (stale) {
@@ -138,10 +139,21 @@ void Blender::adopt_seams(std::uint64_t set) {
     } else {
       tables_out_.push(blend_.adopt(std::move(seams_->installed)));
       count(counts_.seams_moved);
+      log_seams(set);
     }
+  } else if (!seams_->refused.empty()) {
+    seams_refused_.publish(seams_->refused);
+    counts_.seams_refused.fetch_add(1, std::memory_order_release);  // after why
   }
   seams_.reset();
   placing_seams_ = false;
+}
+
+/// For takes: the seams in force from this set on. While the ring is full, no seams are placed; then the change that waits is a
+/// calibration with its own seams, and so is every further one.
+void Blender::log_seams(std::uint64_t set) {
+  const sets::InstalledPtr& installed = blend_.installed();
+  if (logs_seams_ && installed->seams && !seam_change_) seam_change_ = SeamChange{set, installed->seam_labels};
 }
 
 bool Blender::begin() {
@@ -156,9 +168,11 @@ bool Blender::begin() {
     Adoption adoption{set->number, blend_.installed()->id};
     adoption_.publish(adoption);
     adoptions_out_.push(std::move(adoption));
+    log_seams(set->number);
   }
-  sets_begun_.store(set->number + 1, std::memory_order_release);
   adopt_seams(set->number);
+  if (seam_change_ && seam_changes_out_.push(std::move(*seam_change_))) seam_change_.reset();
+  sets_begun_.store(set->number + 1, std::memory_order_release);
   bool ready = false;
   if (!blend_.installed()) {
     count(counts_.without_calibration);

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cstdint>
 #include <optional>
+#include <string>
 
 #include "firmware/config/config.h"
 #include "firmware/frame/frame_set.h"
@@ -54,6 +55,12 @@ class Blender {
   /// Placed seams: the seam stage's work, and what it made of it. One request is under way at most.
   SpscRing<SeamRequest>& seams_out() { return seams_out_; }
   SpscRing<SeamAnswer>& seams_in() { return seams_in_; }
+  /// Which seams sets are blended with, for takes; nothing before log_seams(). Seams stay where they are while it is full.
+  SpscRing<SeamChange>& seam_changes_out() { return seam_changes_out_; }
+  /// Call before the first step.
+  void log_seams() { logs_seams_ = true; }
+  /// Why placed seams were refused last. For control.
+  Snapshot<std::string>& seams_refused() { return seams_refused_; }
   /// The metered light of each blended set. When the ring is full, new entries are discarded.
   SpscRing<blend::SphereLight>& light_out() { return light_out_; }
   /// The first set that a calibration is in force for.
@@ -64,7 +71,8 @@ class Blender {
   SpscRing<Adoption>& adoptions_out() { return adoptions_out_; }
   /// The newest of them, for control.
   Snapshot<Adoption>& adoption() { return adoption_; }
-  /// Every set with a lower number was begun, skipped or missed, and adoptions_out() has named its calibration.
+  /// Every set with a lower number was begun, skipped or missed; adoptions_out() has named its calibration, and seam_changes_out()
+  /// its seams.
   std::uint64_t sets_begun() const { return sets_begun_.load(std::memory_order_acquire); }
 
   /// Only each `every`-th set is blended. Any thread.
@@ -79,6 +87,7 @@ class Blender {
     std::atomic<std::uint64_t> adopted{0};              ///< calibrations put in force
     std::atomic<std::uint64_t> seams_moved{0};          ///< tables with other seams put in force
     std::atomic<std::uint64_t> seams_late{0};           ///< periods without placing: the one before was not done
+    std::atomic<std::uint64_t> seams_refused{0};        ///< tables with other seams that were not proven
 
     /// Rises whenever a set is released.
     std::uint64_t finished() const {
@@ -104,6 +113,7 @@ class Blender {
   static constexpr int kBandRows = 64;
   static constexpr std::size_t kMaxBuffers = 60;
   static constexpr std::size_t kRaymapsWaiting = 2;
+  static constexpr std::size_t kSeamChangesWaiting = 64;
 
  private:
   // The next band, packed in one 64-bit value: {round number, bands in the round, next band}. One compare-and-swap covers
@@ -119,6 +129,7 @@ class Blender {
   bool finish();
   bool adopt();
   void adopt_seams(std::uint64_t set);
+  void log_seams(std::uint64_t set);
   bool begin();
   void begin_views();
   void begin_blend();
@@ -138,6 +149,8 @@ class Blender {
   SpscRing<Raymap> raymaps_out_;
   SpscRing<SeamRequest> seams_out_;
   SpscRing<SeamAnswer> seams_in_;
+  SpscRing<SeamChange> seam_changes_out_;
+  Snapshot<std::string> seams_refused_;
   SpscRing<blend::SphereLight> light_out_;
   SpscRing<Adoption> adoptions_out_;
   Snapshot<Adoption> adoption_;
@@ -150,6 +163,8 @@ class Blender {
   std::optional<std::uint64_t> seams_period_;  ///< of the newest request; empty: none for this calibration
   std::optional<std::uint64_t> late_period_;   ///< the last one that counts_.seams_late has
   std::optional<SeamAnswer> seams_;            ///< waits for the next period
+  bool logs_seams_ = false;
+  std::optional<SeamChange> seam_change_;      ///< waits for room in seam_changes_out_
   bool adoption_unreported_ = false;           ///< goes to adoptions_out_ with the next set
   std::uint64_t round_ = 0;
   SetLoan set_;                       ///< the set being blended

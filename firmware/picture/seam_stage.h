@@ -14,8 +14,12 @@ struct SeamRequest {
   sets::InstalledPtr installed;
   std::uint64_t set = 0;
 };
-struct SeamAnswer {
-  sets::InstalledPtr installed;  ///< with the new seams; null: they stay
+using SeamAnswer = sets::PlacedSeams;
+
+/// For takes: from a set on, sets are blended with other seams.
+struct SeamChange {
+  std::uint64_t first_set = 0;
+  sets::SeamLabels labels;  ///< null: the calibration's own
 };
 
 /// Places the seams of one set a step; may take longer than a set. A rig with fixed seams gives it no requests.

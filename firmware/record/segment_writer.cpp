@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "protocol/take/seam_map.h"
 #include "stitch/media/jpeg_writer.h"
 #include "stitch/media/ut_video.h"
 
@@ -89,6 +90,9 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::create(const TakePlace& pl
   if (const Status begun = made->append_record(record); !begun) return fail(begun.error());
   for (const take::Manifest::Calibration& calibration : place.calibrations) {
     if (const Status noted = made->note(calibration); !noted) return fail(noted.error());
+  }
+  if (place.seams) {
+    if (const Status noted = made->note(*place.seams); !noted) return fail(noted.error());
   }
   return made;
 }
@@ -333,6 +337,13 @@ Status SegmentWriter::note(const take::Manifest::Calibration& calibration) {
   record.mutable_calibration()->set_file(calibration.file);
   record.mutable_calibration()->set_id(calibration.id);
   record.mutable_calibration()->set_set(calibration.set);
+  return append_record(record);
+}
+
+Status SegmentWriter::note(const SeamChange& seams) {
+  take::wire::Record record;
+  const std::vector<std::uint8_t> own;
+  *record.mutable_seams() = take::seams_record(seams.first_set, sets::kSeamMapWidth, seams.labels ? *seams.labels : own);
   return append_record(record);
 }
 

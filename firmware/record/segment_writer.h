@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "firmware/picture/seam_stage.h"
 #include "firmware/record/take_row.h"
 #include "hal/disk.h"
 #include "protocol/base/result.h"
@@ -33,6 +34,8 @@ struct TakePlace {
   std::vector<std::uint8_t> calibration_id;
   /// Those after the take's first, in order. Every segment's evidence has them, because earlier segments may be deleted.
   std::vector<take::Manifest::Calibration> calibrations;
+  /// The newest placed seams in force for a written set. Every segment's evidence has them, likewise.
+  std::optional<SeamChange> seams{};
 };
 
 /// One file for each head that has a stream, one for raymaps, and the evidence. A row appends one cluster to each file that
@@ -56,6 +59,7 @@ class SegmentWriter {
   Status write(const TakeRow& row);
   Status mark(const std::string& text, Instant now);
   Status note(const take::Manifest::Calibration& calibration);
+  Status note(const SeamChange& seams);
   /// Call after DiskPort::sync_all(): what is written is durable.
   Status note_durable(Instant now, std::int64_t utc_ns);
   /// Writes the index of every file and ends the evidence. Returns the segment's files for the manifest.

@@ -24,17 +24,19 @@ std::string_view take_state_name(TakeState state) {
 }
 
 TakeKeeper::TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& recorder, std::string software,
-                       UtcClock utc, FlightLog* flight)
+                       UtcClock utc, FlightLog* flight, Blender* places_seams)
     : config_(config),
       disk_(disk),
       recorder_(recorder),
       software_(std::move(software)),
       utc_(std::move(utc)),
       flight_(flight),
+      places_seams_(places_seams),
       requests_(64),
       calibrations_(2),
       answers_(64 + 4) {
   report_.loop = config_.takes->loop;
+  if (places_seams_) places_seams_->log_seams();
 }
 
 TakeKeeper::~TakeKeeper() = default;
@@ -47,6 +49,7 @@ bool TakeKeeper::step(Instant now) {
     busy = true;
   }
   busy |= store_calibration();
+  busy |= take_seams();
   busy |= write_rows(now);
   busy |= write_flight(now, kFlightRecordsAStep);
   sync_if_due(now);
@@ -202,6 +205,7 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
   if (!writer) return fail(writer.error());
   takes_[number] = entry;
   writing_ = std::move(*writer);
+  if (seams_) writing_->use_seams(*seams_);
   report_.recording = number;
   report_.since = now;
   report_.durable.reset();
@@ -228,20 +232,44 @@ bool TakeKeeper::store_calibration() {
   return true;
 }
 
+bool TakeKeeper::take_seams() {
+  if (!places_seams_) return false;
+  bool busy = false;
+  while (!writing_ || writing_->takes_seams()) {
+    auto change = places_seams_->seam_changes_out().pop();
+    if (!change) break;
+    seams_ = std::move(*change);
+    if (writing_ && !broken_) writing_->use_seams(*seams_);
+    busy = true;
+  }
+  return busy;
+}
+
+/// Whether the seams of a row's sets may come yet.
+bool TakeKeeper::blend_is_behind(const TakeRow& row, Instant now) {
+  if (!places_seams_ || row.sets.empty() || closing_) return false;
+  const std::uint64_t begun = places_seams_->sets_begun();
+  if (std::exchange(begun_, begun) != begun) begun_at_ = now;
+  const bool room = 100 * recorder_.ring().used() <= kSetsAhead * recorder_.ring().size();
+  return begun <= row.sets.back().number && room && now - begun_at_ < kBlendWithin;
+}
+
 bool TakeKeeper::write_rows(Instant now) {
   bool busy = false;
   for (int k = 0; k < kRowsAStep; ++k) {
-    auto row = recorder_.rows().pop();
-    if (!row) break;
+    if (!row_) row_ = recorder_.rows().pop().value_or(nullptr);
+    if (!row_ || blend_is_behind(*row_, now)) break;
+    take_seams();
     busy = true;
+    std::unique_ptr<TakeRow> row = std::move(row_);
     if (broken_) {
-      dropped_sets_ += (*row)->sets.size();
-    } else if (const Status written = writing_->write(**row); !written) {
+      dropped_sets_ += row->sets.size();
+    } else if (const Status written = writing_->write(*row); !written) {
       give_up(written.error());
     }
-    const bool last = (*row)->last;
-    recorder_.ring().release((*row)->ring_end);
-    const bool returned = recorder_.rows_back().push(std::move(*row));
+    const bool last = row->last;
+    recorder_.ring().release(row->ring_end);
+    const bool returned = recorder_.rows_back().push(std::move(row));
     NODAL_ASSERT(returned);
     if (last) end(now);
   }
@@ -342,6 +370,7 @@ void TakeKeeper::close(Instant now) {
   if (!writing_) return;
   tell_to_end("nodald ended");
   reason_ = "nodald ended";
+  closing_ = true;
   while (writing_) {
     recorder_.step();
     write_rows(now);

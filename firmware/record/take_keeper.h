@@ -13,6 +13,7 @@
 
 #include "firmware/config/config.h"
 #include "firmware/frame/snapshot.h"
+#include "firmware/picture/blender.h"
 #include "firmware/record/disk_test.h"
 #include "firmware/record/recorder.h"
 #include "hal/disk.h"
@@ -136,9 +137,9 @@ class TakeKeeper {
   /// The board's clock in nanoseconds since 1970; 0: unknown.
   using UtcClock = std::function<std::int64_t()>;
 
-  /// `flight`: of [takes] flight_recorder; null without it.
+  /// `flight`: of [takes] flight_recorder; null without it. `places_seams`: that stage, if seams are placed; it logs them.
   TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& recorder, std::string software, UtcClock utc,
-             FlightLog* flight = nullptr);
+             FlightLog* flight = nullptr, Blender* places_seams = nullptr);
   ~TakeKeeper();
 
   /// True when it did something.
@@ -164,6 +165,10 @@ class TakeKeeper {
   /// [takes] when_full = "loop": room is made when the disk has less than for so long, beside what finishing needs.
   static constexpr Duration kLoopAhead = Duration::seconds(5);
   static constexpr int kRowsAStep = 4;
+  /// Sets are written after the blend has begun them, because then it has logged which seams are theirs. But they are if it
+  /// has begun none for so long, or if kSetsAhead percent of the recorder's memory is used.
+  static constexpr Duration kBlendWithin = Duration::seconds(1);
+  static constexpr std::size_t kSetsAhead = 20;
   /// Of a flight record: nodald's first hour is written in less than 2 s.
   static constexpr int kFlightRecordsAStep = 32;
   static constexpr Duration kReportEvery = Duration::milliseconds(200);
@@ -191,6 +196,8 @@ class TakeKeeper {
   std::uint64_t room_to_start() const;
   Status check_room();
   bool store_calibration();
+  bool take_seams();
+  bool blend_is_behind(const TakeRow& row, Instant now);
   bool write_rows(Instant now);
   void begin_flight();
   bool write_flight(Instant now, int most);
@@ -209,6 +216,7 @@ class TakeKeeper {
   const std::string software_;
   const UtcClock utc_;
   FlightLog* const flight_;
+  Blender* const places_seams_;
   SpscRing<TakeRequest> requests_;
   SpscRing<TakeCalibration> calibrations_;
   SpscRing<TakeAnswer> answers_;
@@ -228,6 +236,11 @@ class TakeKeeper {
   };
   std::optional<Test> test_;
   std::unique_ptr<TakeWriter> writing_;
+  std::unique_ptr<TakeRow> row_;     ///< waits for the blend
+  std::optional<SeamChange> seams_;  ///< the newest
+  std::uint64_t begun_ = 0;          ///< sets, by the blend
+  Instant begun_at_;
+  bool closing_ = false;  ///< the blend does not go on
   std::vector<std::uint64_t> stopping_;  ///< tickets of Stop
   bool still_ = false;                   ///< the take is a still
   bool ending_ = false;                  ///< the recorder was told to end

@@ -46,6 +46,7 @@ Status TakeWriter::write(const TakeRow& row) {
   }
   if (!segment_) {
     if (row.sets.empty()) return {};
+    (void)note_seams(row.sets.front().number);  // no segment is open: they are noted at its begin
     auto segment = SegmentWriter::create(place_, next_segment_, finished_sets_, row);
     if (!segment) return fail(segment.error());
     segment_ = std::move(*segment);
@@ -57,10 +58,22 @@ Status TakeWriter::write(const TakeRow& row) {
     }
   }
   unsynced_ = true;
-  const Status written = segment_->write(row);
+  Status written = row.sets.empty() ? Status() : note_seams(row.sets.back().number);
+  if (written) written = segment_->write(row);
   failed_ = failed_ || !written;
   if (written && !row.raymaps.empty() && !thumbnail_tried_) write_thumbnail(row);
   return written;
+}
+
+/// Takes the seams that are in force for this set, and for those before.
+Status TakeWriter::note_seams(std::uint64_t set) {
+  while (!seams_ahead_.empty() && seams_ahead_.front().first_set <= set) {
+    place_.seams = std::move(seams_ahead_.front());
+    seams_ahead_.pop_front();
+    if (!segment_) continue;
+    if (const Status noted = segment_->note(*place_.seams); !noted) return noted;
+  }
+  return {};
 }
 
 /// Once, of the first raymap; durable with the next sync. A take without it is as good, so its errors do not count.

@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "firmware/record/recovery.h"
@@ -47,6 +48,9 @@ class TakeWriter {
   /// Stores a calibration, durably, and notes from which set on it is in force. One that is in force already, and those after
   /// take::kMostCalibrations, are left out.
   Status use_calibration(const TakeCalibration& calibration);
+  /// Notes placed seams before the first set that is blended with them. At most kMostSeamsAhead may be for sets that are not written yet.
+  void use_seams(SeamChange seams) { seams_ahead_.push_back(std::move(seams)); }
+  bool takes_seams() const { return seams_ahead_.size() < kMostSeamsAhead; }
   /// Appends to the flight record, and makes its file first. After an error the take goes on without it.
   void write_flight(std::span<const std::uint8_t> record);
   /// Finishes all files and writes the manifest. After an error of the disk this may work or not; if not, the take is recovered
@@ -61,9 +65,11 @@ class TakeWriter {
   bool synced() const { return !unsynced_; }
 
   static constexpr Duration kLongestSegment = Duration::seconds(60);
+  static constexpr std::size_t kMostSeamsAhead = 64;
   static constexpr std::uint64_t kLargestFile = std::uint64_t{2} << 30;
 
  private:
+  Status note_seams(std::uint64_t set);
   Status finish_segment(const std::string& reason);
   void write_thumbnail(const TakeRow& row);
   void close_flight();
@@ -82,6 +88,7 @@ class TakeWriter {
     Instant at;
   };
   std::vector<EarlyMark> early_marks_;
+  std::deque<SeamChange> seams_ahead_;
   struct Flight {
     std::optional<hal::FileHandle> file;  ///< empty: the disk failed
     take::PieceHashes hashes;

@@ -96,6 +96,12 @@ Json to_json(const wire::RigStatus& status, const std::string& rig_name, const s
                  {"deleted_segments", takes.deleted_segments()},
                  {"problem", takes.problem()}};
   }
+  Json seams;  // null: they are fixed
+  if (status.has_seams()) {
+    seams = {{"placed", status.seams().placed()},
+             {"late", status.seams().late()},
+             {"refused", status.seams().refused()}};
+  }
   Json trial;  // null: no trial
   if (status.has_trial()) {
     trial = {{"id", hex_of(status.trial().id())},
@@ -127,6 +133,7 @@ Json to_json(const wire::RigStatus& status, const std::string& rig_name, const s
           {"calibration_id", hex_of(status.calibration_id())},
           {"calibration_name", status.calibration_name()},
           {"trial", trial},
+          {"seams", seams},
           {"recording", recording},
           {"genlock", to_json(status.genlock())},
           {"blend_ns", status.blend_ns()},

@@ -11,6 +11,7 @@
 #include "protocol/base/units.h"
 #include "protocol/framing.h"
 #include "protocol/silence_protobuf.h"
+#include "protocol/take/seam_map.h"
 
 namespace nodal::take {
 namespace {
@@ -29,6 +30,7 @@ class Reader {
     if (record.has_clusters()) return clusters(record.clusters(), end);
     if (record.has_mark()) segment_.marks.push_back(record.mark());
     if (record.has_calibration()) return calibration(record.calibration());
+    if (record.has_seams()) return seams(record.seams());
     if (record.has_durable()) {
       segment_.durable = record.durable();
       segment_.durable_rows = segment_.rows.size();
@@ -153,6 +155,17 @@ class Reader {
     Manifest::Calibration calibration{told.file(), told.id(), told.set()};
     if (const Status good = check_next(calibration, segment_.calibrations); !good) return good;
     segment_.calibrations.push_back(std::move(calibration));
+    return {};
+  }
+
+  Status seams(const wire::Seams& seams) {
+    if (!segment_.seams.empty() && seams.set() <= segment_.seams.back().set()) {
+      return fail(Errc::kBadFormat,
+                  fmt::format("seams from set {} on come after those from set {} on", seams.set(),
+                              segment_.seams.back().set()));
+    }
+    if (const Status good = check_seams(seams); !good) return good;
+    segment_.seams.push_back(seams);
     return {};
   }
 

@@ -41,6 +41,7 @@ struct Segment {
   std::vector<wire::Raymap> raymaps;
   std::vector<wire::Mark> marks;
   std::vector<Manifest::Calibration> calibrations;  ///< those after the take's first, so far
+  std::vector<wire::Seams> seams;                   ///< by rising set; labels_of() of seam_map.h
   /// After one cluster of every file.
   struct Row {
     std::uint64_t sets = 0;                ///< of `sets`

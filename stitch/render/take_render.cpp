@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <iterator>
 #include <string>
 #include <utility>
 
 #include "protocol/take/documents.h"
+#include "protocol/take/seam_map.h"
 #include "stitch/decode/frame_decoder.h"
 #include "stitch/sets/raymap_toml.h"
 #include "stitch/sets/rig_heads.h"
@@ -103,20 +105,64 @@ Result<bool> TakeRender::next_set(const std::function<void(double)>& compiled) {
   if (const Status tables = use_tables(compiled); !tables) return fail(tables.error());
   if (const Status read = sets_.read_pictures(set_); !read) return fail(read.error());
   const std::uint64_t period = sets::seam_period(set_.evidence.number());
-  if (period != seams_period_ && placed_) blend_.adopt(std::exchange(placed_, {}));
+  if (has_seams()) {
+    if (const Status used = use_seams(); !used) return fail(used.error());
+  } else if (period != seams_period_ && placed_) {
+    blend_.adopt(std::exchange(placed_, {}));
+  }
   blend_.begin(before);
   undecodable_ = begin_set();
-  if (blend_.installed()->seams && period != seams_period_) place_seams(period);
+  if (blend_.installed()->seams && !has_seams() && period != seams_period_) {
+    if (const Status placed = place_seams(period); !placed) return fail(placed.error());
+  }
   return true;
 }
 
+/// Whether the rig recorded with which seams it blended the segment, with the take's calibration.
+bool TakeRender::has_seams() {
+  return blend_.installed()->seams && !options_.calibration && !sets_.segment().evidence().seams.empty();
+}
+
+/// Puts the recorded seams of a set in force.
+Status TakeRender::use_seams() {
+  const std::vector<take::wire::Seams>& recorded = sets_.segment().evidence().seams;
+  const auto next =
+      std::ranges::upper_bound(recorded, std::uint64_t{set_.evidence.number()}, {}, &take::wire::Seams::set);
+  std::optional<std::uint64_t> from;
+  if (next != recorded.begin()) from = std::prev(next)->set();
+  if (from == recorded_seams_) return {};
+  recorded_seams_ = from;
+  if (!from || std::prev(next)->columns() == 0) {
+    blend_.adopt(own_seams_);
+    return {};
+  }
+  const take::wire::Seams& seams = *std::prev(next);
+  const auto in_take = [&](const Error& error) {
+    return fail(error.in("the seams from set " + std::to_string(*from) + " on")
+                    .in(folder_.shown(take::evidence_file(sets_.segment().evidence().begin.segment()))));
+  };
+  if (seams.columns() != sets::kSeamMapWidth) {
+    return in_take({Errc::kUnsupported, "their map has " + std::to_string(seams.columns()) +
+                                            " columns; this program reads " + std::to_string(sets::kSeamMapWidth)});
+  }
+  auto labels = take::labels_of(seams);
+  if (!labels) return in_take(labels.error());
+  auto seamed = sets::with_seams(*blend_.installed(), std::move(*labels));
+  if (!seamed) return in_take(seamed.error());
+  blend_.adopt(std::move(*seamed));
+  return {};
+}
+
 /// From the first set of each period, as a rig does that is not overloaded.
-void TakeRender::place_seams(std::uint64_t period) {
+Status TakeRender::place_seams(std::uint64_t period) {
   blend_.begin_views();
-  if (blend_.to_view() == 0) return;
+  if (blend_.to_view() == 0) return {};
   workers_.run(static_cast<int>(blend_.to_view()), [&](int k) { blend_.view(static_cast<std::size_t>(k)); });
-  placed_ = sets::place_seams(*blend_.installed());
+  sets::PlacedSeams placed = sets::place_seams(*blend_.installed());
+  if (!placed.refused.empty()) return fail(Errc::kTableInvalid, "placing seams: " + placed.refused);
+  placed_ = std::move(placed.installed);
   seams_period_ = period;
+  return {};
 }
 
 /// Compiles tables for a set's calibration and for the heads' formats in its segment, if they are not those of the set before.
@@ -170,6 +216,8 @@ Status TakeRender::use_tables(const std::function<void(double)>& compiled) {
   blend_.adopt(sets::make_installed(used_->id, fitted->name, std::move(*tables), std::move(*meter),
                                     table::compile_tone_table(*fitted, options_.raymap.format, options_.raymap.soft),
                                     formats, std::move(seams)));
+  own_seams_ = blend_.installed();
+  recorded_seams_.reset();
   placed_ = {};
   seams_period_.reset();
   compiled_ = used_;

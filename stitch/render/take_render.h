@@ -45,8 +45,8 @@ struct RenderedRaymap {
 };
 
 /// With the take's calibrations, each for the sets that the rig blended with it, and pictures as the heads delivered them,
-/// the bytes are those of the rig's own raymaps: the same code makes them, with the settings that the evidence has. Every set is
-/// rendered, also those that the rig had no time to blend.
+/// the bytes are those of the rig's own raymaps: the same code makes them, with the settings and the placed seams that the evidence has.
+/// Without seams in it, as with another calibration, they are placed anew from the first set on. Every set is rendered, also those that the rig had no time to blend.
 ///
 /// Threading: thread-bound; starts its own threads and waits for them.
 /// Ownership: the folder outlives it.
@@ -75,7 +75,9 @@ class TakeRender {
   Result<bool> next_set(const std::function<void(double)>& compiled);
   Status use_tables(const std::function<void(double)>& compiled);
   std::size_t begin_set();
-  void place_seams(std::uint64_t period);
+  bool has_seams();
+  Status use_seams();
+  Status place_seams(std::uint64_t period);
   void blend(RenderedRaymap& into);
 
   const media::TakeFolder& folder_;
@@ -91,6 +93,8 @@ class TakeRender {
   std::vector<PixelFormat> formats_;      ///< that the tables are for
   std::optional<Fields> fields_;          ///< that the tables are for
   sets::SetBlend blend_;
+  sets::InstalledPtr own_seams_;                 ///< the tables as compiled
+  std::optional<std::uint64_t> recorded_seams_;  ///< `set` of the record in force; empty: the tables are as compiled
   sets::InstalledPtr placed_;                  ///< with the seams of the next period; null: they stay
   std::optional<std::uint64_t> seams_period_;  ///< in which seams were placed last; empty: not yet with these tables
   std::size_t next_field_ = 0;                 ///< of the set that was read; 0: the next set comes first

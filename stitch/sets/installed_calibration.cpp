@@ -49,12 +49,14 @@ InstalledPtr make_installed(const Sha256& id, std::string name, std::vector<blen
                                                                            {}});
 }
 
-Result<InstalledPtr> with_seams(const InstalledCalibration& installed, const std::vector<std::uint8_t>& labels) {
-  auto tables = installed.seams->tables(installed.tables, installed.seam_labels, labels);
+Result<InstalledPtr> with_seams(const InstalledCalibration& installed, std::vector<std::uint8_t> labels) {
+  const SeamLabels& before = installed.seam_labels;
+  auto tables = installed.seams->tables(installed.tables, before ? *before : std::vector<std::uint8_t>(), labels);
   if (!tables) return fail(tables.error());
   return std::make_shared<const InstalledCalibration>(InstalledCalibration{
       installed.id, installed.name, std::move(*tables), installed.tone, installed.prepared, installed.decoders,
-      installed.meter, installed.exposures, installed.seams, installed.seam_pictures, labels});
+      installed.meter, installed.exposures, installed.seams, installed.seam_pictures,
+      std::make_shared<const std::vector<std::uint8_t>>(std::move(labels))});
 }
 
 }  // namespace nodal::sets

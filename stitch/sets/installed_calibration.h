@@ -23,6 +23,11 @@ namespace nodal::sets {
 class SeamViews;
 struct SeamPictures;
 
+/// Columns of the map of the sphere on which seams are placed; half as many rows. Pixels of 1.4 degrees.
+inline constexpr int kSeamMapWidth = 256;
+/// seams::Labels on this map; null: the calibration's own, fixed seams.
+using SeamLabels = std::shared_ptr<const std::vector<std::uint8_t>>;
+
 /// Immutable.
 struct InstalledCalibration {
   Sha256 id{};
@@ -39,7 +44,7 @@ struct InstalledCalibration {
   std::shared_ptr<const SeamViews> seams;  ///< of placed seams; null: seams are fixed
   /// Memory of the views of one set, for placing seams; null where they are fixed.
   std::shared_ptr<SeamPictures> seam_pictures;
-  std::vector<std::uint8_t> seam_labels;  ///< seams::Labels that the tables were made with; empty: fixed seams
+  SeamLabels seam_labels;  ///< that the tables were made with
 };
 using InstalledPtr = std::shared_ptr<const InstalledCalibration>;
 
@@ -52,6 +57,6 @@ InstalledPtr make_installed(const Sha256& id, std::string name, std::vector<blen
 
 /// The same calibration with other seams; shares all memory but that of the tables. For one with SeamViews.
 /// Errors: those of SeamViews::tables().
-Result<InstalledPtr> with_seams(const InstalledCalibration& installed, const std::vector<std::uint8_t>& labels);
+Result<InstalledPtr> with_seams(const InstalledCalibration& installed, std::vector<std::uint8_t> labels);
 
 }  // namespace nodal::sets

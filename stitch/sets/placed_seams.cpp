@@ -7,15 +7,16 @@
 
 namespace nodal::sets {
 
-InstalledPtr place_seams(const InstalledCalibration& in_force) {
+PlacedSeams place_seams(const InstalledCalibration& in_force) {
   try {
-    const seams::Labels labels = in_force.seams->place(*in_force.seam_pictures, in_force.seam_labels);
-    if (labels == in_force.seam_labels) return nullptr;
-    auto placed = with_seams(in_force, labels);
-    NODAL_ASSERT(placed);  // the same patches as in a table that was proven, and weights that sum to one
-    return std::move(*placed);
+    const seams::Labels before = in_force.seam_labels ? *in_force.seam_labels : seams::Labels();
+    seams::Labels labels = in_force.seams->place(*in_force.seam_pictures, before);
+    if (labels == before) return {};
+    auto placed = with_seams(in_force, std::move(labels));
+    if (!placed) return {nullptr, placed.error().message};
+    return {std::move(*placed), ""};
   } catch (const std::bad_alloc&) {
-    return nullptr;
+    return {};
   }
 }
 

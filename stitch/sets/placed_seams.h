@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 #include "stitch/sets/installed_calibration.h"
 
@@ -12,8 +13,12 @@ namespace nodal::sets {
 inline constexpr std::uint64_t kSeamPeriod = 8;
 inline std::uint64_t seam_period(std::uint64_t set) { return set / kSeamPeriod; }
 
-/// The calibration in force with the seams for the set whose views are in its `seam_pictures`; null if they stay where they
-/// are, also where there is no memory for other ones. For a calibration with SeamViews.
-InstalledPtr place_seams(const InstalledCalibration& in_force);
+struct PlacedSeams {
+  InstalledPtr installed;  ///< the calibration in force, with other seams; null: they stay where they are
+  std::string refused;     ///< why tables with other seams were not proven, so that the old ones stay; empty: they were
+};
+/// Places the seams for the set whose views are in the `seam_pictures` of the calibration in force, one with SeamViews. They stay, too,
+/// where there is no memory for other ones.
+PlacedSeams place_seams(const InstalledCalibration& in_force);
 
 }  // namespace nodal::sets

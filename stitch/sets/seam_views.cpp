@@ -12,7 +12,7 @@
 namespace nodal::sets {
 namespace {
 
-constexpr bands::Grid kMap{SeamViews::kMapWidth, SeamViews::kMapWidth / 2};
+constexpr bands::Grid kMap{kSeamMapWidth, kSeamMapWidth / 2};
 
 /// Components of a view that are compared: luma, or R G B. In I420 chroma has other samples than luma.
 std::size_t compared(PixelFormat format) {
@@ -27,7 +27,7 @@ Result<std::shared_ptr<const SeamViews>> SeamViews::make(const Calibration& cali
   const PixelFormat format = in_8_bits(raymap.format);
   std::vector<PixelFormat> formats;  // as blended
   for (const blend::BlendTable::Source& source : tables[0].sources) formats.push_back(source.format);
-  auto scores = table::seam_scores(calibration, formats, format, kMapWidth);
+  auto scores = table::seam_scores(calibration, formats, format, kSeamMapWidth);
   if (!scores) return fail(scores.error());
   made->scores_ = std::move(*scores);
   table::TableOptions options;
@@ -55,7 +55,7 @@ Result<std::shared_ptr<const SeamViews>> SeamViews::make(const Calibration& cali
   const auto layout = geometry::make_layout(raymap.layout, raymap.width, raymap.height);
   if (!layout) return fail(layout.error());
   for (const blend::BlendTable& table : tables) {
-    made->seamed_.emplace_back(table, **layout, kMapWidth, raymap.seam_width_deg);
+    made->seamed_.emplace_back(table, **layout, kSeamMapWidth, raymap.seam_width_deg);
   }
   return std::shared_ptr<const SeamViews>(made);
 }

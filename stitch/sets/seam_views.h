@@ -13,6 +13,7 @@
 #include "stitch/blend/exposure_tone.h"
 #include "stitch/blend/tone.h"
 #include "stitch/seams/placement.h"
+#include "stitch/sets/installed_calibration.h"
 #include "stitch/table/seamed_table.h"
 
 namespace nodal::sets {
@@ -30,8 +31,6 @@ struct SeamPictures {
 /// Errors: those of table::TableCompiler.
 class SeamViews {
  public:
-  static constexpr int kMapWidth = 256;  ///< pixels of 1.4 degrees
-
   /// `tables`: those of the calibration for this raymap, each with a cover.
   static Result<std::shared_ptr<const SeamViews>> make(const Calibration& calibration, const RaymapConfig& raymap,
                                                        std::span<const blend::BlendTable> tables);

@@ -1,7 +1,10 @@
 // Placed seams in the real nodald, and in `nodal render` of a take that it recorded.
+#include <chrono>
+#include <csignal>
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <thread>
 
 #include "rig_process.h"
 
@@ -11,38 +14,98 @@ namespace {
 class PlacedSeamsTest : public RigTest {
  protected:
   using Raymaps = std::map<std::uint64_t, std::string>;  ///< by set
-  Raymaps rendered(Words more = {}) const {
-    Words words{"render", path("takes/000001"), "-o", path("later-%04d.raw")};
-    words.insert(words.end(), more.begin(), more.end());
+
+  void place_seams(const std::string& more = "") {
+    std::string toml = read("rig.toml");
+    const auto insert = [&](const std::string& after, const std::string& text) {
+      ASSERT_NE(toml.find(after), std::string::npos);
+      toml.insert(toml.find(after) + after.size(), text);
+    };
+    insert("[raymap]\n", "seams = \"placed\"\n");
+    insert("folder = \"store\"\n", "[takes]\nfolder = \"takes\"\nbuffer_mb = 16\n" + more);
+    insert("[sim]\n", "noise = 2\n");
+    write("rig.toml", toml);
+    start_nodald();
+    bring_up();
+  }
+  Raymaps raymaps_of(const std::vector<Json>& said) const {
     Raymaps raymaps;
-    for (const Json& line : nodal_json(words)) {
+    for (const Json& line : said) {
       if (!line.contains("raymap")) continue;
       const std::string file = line["raymap"]["file"];
       raymaps[line["raymap"]["set"].get<std::uint64_t>()] = read(std::filesystem::path(file).filename().string());
     }
     return raymaps;
   }
+  Raymaps pulled(const std::string& name, int count = 40) const {
+    return raymaps_of(
+        nodal_json({"raymap", "pull", "-n", std::to_string(count), "--lossless", "--out", path(name + "-%04d.raw")}));
+  }
+  Raymaps rendered(Words more = {}) const {
+    Words words{"render", path("takes/000001"), "-o", path("later-%04d.raw")};
+    words.insert(words.end(), more.begin(), more.end());
+    return raymaps_of(nodal_json(words));
+  }
+  Json seams() const { return nodal_json({"status"}).at(0)["seams"]; }
+  /// How many of the live raymaps are among the rendered ones; they have to have the same bytes.
+  static std::size_t compared(const Raymaps& live, const Raymaps& later) {
+    std::size_t count = 0;
+    for (const auto& [set, bytes] : live) {
+      const auto found = later.find(set);
+      if (found == later.end()) continue;
+      EXPECT_EQ(found->second == bytes, true) << "set " << set;
+      ++count;
+    }
+    return count;
+  }
 };
 
-TEST_F(PlacedSeamsTest, ATakeThatIsRendered_HasFixedSeamsInItsFirstPeriodAndPlacedOnesLater) {
-  std::string toml = read("rig.toml");
-  const auto insert = [&](const std::string& after, const std::string& text) {
-    ASSERT_NE(toml.find(after), std::string::npos);
-    toml.insert(toml.find(after) + after.size(), text);
-  };
-  insert("[raymap]\n", "seams = \"placed\"\n");
-  insert("folder = \"store\"\n", "[takes]\nfolder = \"takes\"\nbuffer_mb = 16\n");
-  insert("[sim]\n", "noise = 2\n");
-  write("rig.toml", toml);
+/// Seams move before and during the take; a calibration that is swapped meanwhile begins with its own.
+TEST_F(PlacedSeamsTest, ATakeThatIsRendered_HasTheSeamsThatTheRigHad) {
+  Calibration other = six_heads("other");
+  for (HeadCalibration& head : other.heads) head.center_x += 3;
+  write("other.json", to_json(other));
+  place_seams();
+  pulled("before", 20);
+  EXPECT_GE(seams()["placed"], 1) << "before the take";
+  ASSERT_EQ(nodal({"take", "start"}).code, 0);
+  Raymaps live = pulled("one");
+  ASSERT_EQ(nodal({"calibration", "upload", path("other.json")}).code, 0);
+  live.merge(pulled("two"));
+  const Json counted = seams();
+  EXPECT_GE(counted["placed"], 2);
+  EXPECT_EQ(counted["refused"], 0);
+  ASSERT_EQ(nodal({"take", "stop"}).code, 0);
+  const Raymaps later = rendered();
+  EXPECT_GE(compared(live, later), 70U);
+  EXPECT_EQ(rendered({"--threads", "1"}), later);
+  const Raymaps part = rendered({"--from", "0.8s"});
+  EXPECT_EQ(compared(part, later), part.size()) << "also from the middle on";
+}
+
+/// Recovery cuts what is not durable; the seams of what is left are there.
+TEST_F(PlacedSeamsTest, ATakeOfANodaldThatWasKilled_HasThemToo) {
+  place_seams();
+  ASSERT_EQ(nodal({"take", "start"}).code, 0);
+  const Raymaps live = pulled("live");
+  std::this_thread::sleep_for(std::chrono::seconds(2));  // until all of it is on the disk
+  nodald().signal(SIGKILL);
+  nodald().wait();
   start_nodald();
-  bring_up();
-  EXPECT_EQ(nodal({"take", "start"}).code, 0);
-  EXPECT_EQ(nodal({"raymap", "pull", "-n", "40", "--lossless", "--out", path("live-%04d.raw")}).code, 0);
-  EXPECT_EQ(nodal({"take", "stop"}).code, 0);
-  const Raymaps all = rendered();
+  ASSERT_TRUE(wait_until([&] { return std::filesystem::exists(path("takes/000001/manifest")); }));
+  EXPECT_GE(compared(live, rendered()), 35U);
+}
+
+/// With another calibration the recorded seams are not its own: they begin with fixed ones and are placed anew.
+TEST_F(PlacedSeamsTest, ATakeThatIsRenderedWithAnotherCalibration_HasFixedSeamsInItsFirstPeriodAndPlacedOnesLater) {
+  place_seams();
+  ASSERT_EQ(nodal({"take", "start"}).code, 0);
+  pulled("live");
+  ASSERT_EQ(nodal({"take", "stop"}).code, 0);
+  const Raymaps all = rendered({"--calibration", path("six.json")});
   ASSERT_GE(all.size(), 40U);
-  EXPECT_EQ(rendered({"--threads", "1"}), all);
-  const Raymaps later = rendered({"--from", "0.8s"});  // begins again with fixed seams, in set 20 of the take
+  EXPECT_EQ(rendered({"--calibration", path("six.json"), "--threads", "1"}), all);
+  const Raymaps later = rendered({"--calibration", path("six.json"), "--from", "0.8s"});  // in set 20 of the take
   constexpr std::uint64_t kPeriod = 8;
   const std::uint64_t first = later.begin()->first;
   ASSERT_GE(first / kPeriod, all.begin()->first / kPeriod + 2);

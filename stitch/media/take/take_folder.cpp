@@ -1,10 +1,12 @@
 #include "stitch/media/take/take_folder.h"
-#include "stitch/media/ut_video.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <utility>
+
+#include "protocol/take/seam_map.h"
+#include "stitch/media/ut_video.h"
 
 namespace nodal::media {
 namespace {
@@ -138,6 +140,9 @@ Result<TakeSegment> TakeFolder::segment(std::size_t k, SetsBefore before) const 
     for (const take::wire::Frame& frame : set.frames()) {
       if (const Status good = segment.check_frame(frame, set.index()); !good) return fail(good.error().in(path));
     }
+  }
+  for (const take::wire::Seams& seams : segment.evidence_.seams) {
+    if (const Status good = take::check_seams(seams, about_.heads.size()); !good) return fail(good.error().in(path));
   }
   for (const TakeStream& stream : segment.streams_) {
     if (!stream.head || *stream.head < about_.heads.size()) continue;

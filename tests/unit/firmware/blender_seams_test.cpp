@@ -51,7 +51,7 @@ TEST_F(PlacedSeams, AreInForceFromTheNextPeriodOn) {
     EXPECT_EQ(raymap_of(set), fixed) << set;
     EXPECT_FALSE(stage.step()) << "one request a period";
   }
-  const sets::InstalledPtr placed = sets::place_seams(*calibration);  // of the views that set 0 left there
+  const sets::InstalledPtr placed = sets::place_seams(*calibration).installed;  // of the views that set 0 left there
   ASSERT_TRUE(placed);
   const LineVector moved = whole(full_set(sets::kSeamPeriod), *placed);
   EXPECT_NE(moved, fixed);
@@ -102,6 +102,92 @@ TEST_F(PlacedSeams, ACalibrationSwappedMeanwhile_IsBlendedWithItsOwnSeams) {
   EXPECT_EQ(blender.counts().seams_moved.load(), 0u);
   EXPECT_TRUE(stage.step()) << "the new one's turn";
   EXPECT_NE(raymap_of(sets::kSeamPeriod), fixed);
+}
+
+/// For takes.
+TEST_F(PlacedSeams, AreLoggedWithTheFirstSetThatIsBlendedWithThem) {
+  blender.log_seams();
+  const auto logged = [&] { return blender.seam_changes_out().pop(); };
+  install(with_placed_seams(1));
+  raymap_of(3);
+  auto change = logged();
+  ASSERT_TRUE(change) << "a calibration begins with its own seams";
+  EXPECT_EQ(change->first_set, 3U);
+  EXPECT_FALSE(change->labels);
+  EXPECT_EQ(blender.sets_begun(), 4U) << "afterwards";
+  stage.step();
+  raymap_of(7);
+  EXPECT_FALSE(logged());
+  raymap_of(10);  // 8 and 9 were not blended
+  change = logged();
+  ASSERT_TRUE(change);
+  EXPECT_EQ(change->first_set, 10U);
+  ASSERT_TRUE(change->labels);
+  EXPECT_EQ(change->labels->size(), static_cast<std::size_t>(sets::kSeamMapWidth * sets::kSeamMapWidth / 2));
+  install(with_placed_seams(2, 120));
+  raymap_of(12);
+  change = logged();
+  ASSERT_TRUE(change);
+  EXPECT_EQ(change->first_set, 12U);
+  EXPECT_FALSE(change->labels);
+}
+
+TEST_F(PlacedSeams, WhileTheirLogIsFull_StayAndACalibrationsOwnAreLoggedLater) {
+  blender.log_seams();
+  const sets::InstalledPtr calibration = with_placed_seams(1);
+  std::uint64_t set = 0;
+  for (std::size_t k = 0; k < Blender::kSeamChangesWaiting + 3; ++k, ++set) {
+    install(calibration);
+    raymap_of(set);
+    blender.tables_out().pop();
+    blender.adoptions_out().pop();
+  }
+  const std::uint64_t full_from = Blender::kSeamChangesWaiting;  // this set's change is the first without room
+  for (std::uint64_t end = set + 3 * sets::kSeamPeriod; set < end; ++set) {
+    raymap_of(set);
+    stage.step();
+    blender.tables_out().pop();
+  }
+  EXPECT_EQ(blender.counts().seams_moved.load(), 0U);
+  for (std::uint64_t k = 0; k < Blender::kSeamChangesWaiting; ++k) EXPECT_EQ(blender.seam_changes_out().pop()->first_set, k);
+  raymap_of(set);
+  const auto own = blender.seam_changes_out().pop();
+  ASSERT_TRUE(own);
+  EXPECT_EQ(own->first_set, full_from);
+  EXPECT_FALSE(own->labels);
+  raymap_of(++set);
+  const auto moved = blender.seam_changes_out().pop();
+  ASSERT_TRUE(moved);
+  EXPECT_EQ(moved->first_set, set);
+  EXPECT_TRUE(moved->labels);
+}
+
+TEST_F(PlacedSeams, WithoutATakeToLogThemFor_AreNotLogged) {
+  install(with_placed_seams(1));
+  raymap_of(0);
+  stage.step();
+  raymap_of(sets::kSeamPeriod);
+  EXPECT_EQ(blender.counts().seams_moved.load(), 1U);
+  EXPECT_TRUE(blender.seam_changes_out().empty());
+}
+
+/// As with a table compiler that has a fault.
+TEST_F(PlacedSeams, WhoseTableFailsItsProof_AreRefusedAndTheOldOnesStay) {
+  sets::InstalledCalibration broken = *with_placed_seams(1);
+  for (blend::PatchRecord& record : broken.tables[0].cover[0].records) {
+    if (!record.listed()) record.x[0] = 20'000;  // far outside of the picture
+  }
+  const auto installed = std::make_shared<const sets::InstalledCalibration>(std::move(broken));
+  install(installed);
+  const LineVector fixed = whole(full_set(0), *installed);
+  for (std::uint64_t set = 0; set < 3 * sets::kSeamPeriod; ++set) {
+    EXPECT_EQ(raymap_of(set), fixed) << set;
+    stage.step();
+  }
+  EXPECT_EQ(blender.counts().seams_refused.load(), 2U) << "in the two periods after the first";
+  EXPECT_NE(blender.seams_refused().read().find("blend table"), std::string::npos) << blender.seams_refused().read();
+  EXPECT_EQ(blender.counts().seams_moved.load(), 0U);
+  EXPECT_EQ(blender.counts().seams_late.load(), 0U);
 }
 
 }  // namespace
