@@ -164,8 +164,8 @@ class Blender {
   std::optional<std::uint64_t> late_period_;   ///< the last one that counts_.seams_late has
   std::optional<SeamAnswer> seams_;            ///< waits for the next period
   bool logs_seams_ = false;
-  std::optional<SeamChange> seam_change_;      ///< waits for room in seam_changes_out_
-  bool adoption_unreported_ = false;           ///< goes to adoptions_out_ with the next set
+  std::optional<SeamChange> seam_change_;  ///< waits for room in seam_changes_out_
+  bool adoption_unreported_ = false;       ///< goes to adoptions_out_ with the next set
   std::uint64_t round_ = 0;
   SetLoan set_;                       ///< the set being blended
   std::size_t field_ = 0;             ///< index of the field being blended, and of its table

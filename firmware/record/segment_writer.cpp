@@ -343,7 +343,8 @@ Status SegmentWriter::note(const take::Manifest::Calibration& calibration) {
 Status SegmentWriter::note(const SeamChange& seams) {
   take::wire::Record record;
   const std::vector<std::uint8_t> own;
-  *record.mutable_seams() = take::seams_record(seams.first_set, sets::kSeamMapWidth, seams.labels ? *seams.labels : own);
+  *record.mutable_seams() =
+      take::seams_record(seams.first_set, sets::kSeamMapWidth, seams.labels ? *seams.labels : own);
   return append_record(record);
 }
 

@@ -240,7 +240,7 @@ class TakeKeeper {
   std::optional<SeamChange> seams_;  ///< the newest
   std::uint64_t begun_ = 0;          ///< sets, by the blend
   Instant begun_at_;
-  bool closing_ = false;  ///< the blend does not go on
+  bool closing_ = false;                 ///< the blend does not go on
   std::vector<std::uint64_t> stopping_;  ///< tickets of Stop
   bool still_ = false;                   ///< the take is a still
   bool ending_ = false;                  ///< the recorder was told to end

@@ -81,10 +81,12 @@ void show(Console& console, const wire::RigStatus& status, const std::string& na
   const std::uint64_t sum = status.frames_in_sets() + lost + status.frames_held();
   if (status.has_seams()) {
     const wire::Seams& seams = status.seams();
-    row("seams", fmt::format("placed anew {}; late {}", counted(seams.placed(), "time"), counted(seams.late(), "time")));
+    row("seams",
+        fmt::format("placed anew {}; late {}", counted(seams.placed(), "time"), counted(seams.late(), "time")));
     if (seams.refused() != 0) {
-      row("", console.paint(Colour::kBad, fmt::format("{} refused, because the table failed its proof; this is a bug of nodald",
-                                                      seams.refused())));
+      row("", console.paint(Colour::kBad,
+                            fmt::format("{} refused, because the table failed its proof; this is a bug of nodald",
+                                        seams.refused())));
     }
   }
   row("frames", fmt::format("{} taken = {} in sets + {} lost + {} held", status.frames_taken(), status.frames_in_sets(),

@@ -98,9 +98,8 @@ Json to_json(const wire::RigStatus& status, const std::string& rig_name, const s
   }
   Json seams;  // null: they are fixed
   if (status.has_seams()) {
-    seams = {{"placed", status.seams().placed()},
-             {"late", status.seams().late()},
-             {"refused", status.seams().refused()}};
+    seams = {
+        {"placed", status.seams().placed()}, {"late", status.seams().late()}, {"refused", status.seams().refused()}};
   }
   Json trial;  // null: no trial
   if (status.has_trial()) {

@@ -160,9 +160,8 @@ class Reader {
 
   Status seams(const wire::Seams& seams) {
     if (!segment_.seams.empty() && seams.set() <= segment_.seams.back().set()) {
-      return fail(Errc::kBadFormat,
-                  fmt::format("seams from set {} on come after those from set {} on", seams.set(),
-                              segment_.seams.back().set()));
+      return fail(Errc::kBadFormat, fmt::format("seams from set {} on come after those from set {} on", seams.set(),
+                                                segment_.seams.back().set()));
     }
     if (const Status good = check_seams(seams); !good) return good;
     segment_.seams.push_back(seams);

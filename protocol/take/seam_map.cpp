@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <string_view>
 
-
 namespace nodal::take {
 namespace {
 
@@ -42,8 +41,9 @@ bool for_runs(std::string_view runs, std::uint32_t pixels, std::size_t heads, co
 }
 
 Error not_a_map(const wire::Seams& seams, std::size_t heads) {
-  return {Errc::kBadFormat, fmt::format("the seams from set {} on are not a map of {}x{} pixels, each with one of {} heads",
-                                        seams.set(), seams.columns(), seams.columns() / 2, heads)};
+  return {Errc::kBadFormat,
+          fmt::format("the seams from set {} on are not a map of {}x{} pixels, each with one of {} heads", seams.set(),
+                      seams.columns(), seams.columns() / 2, heads)};
 }
 
 }  // namespace

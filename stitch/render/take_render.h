@@ -95,9 +95,9 @@ class TakeRender {
   sets::SetBlend blend_;
   sets::InstalledPtr own_seams_;                 ///< the tables as compiled
   std::optional<std::uint64_t> recorded_seams_;  ///< `set` of the record in force; empty: the tables are as compiled
-  sets::InstalledPtr placed_;                  ///< with the seams of the next period; null: they stay
-  std::optional<std::uint64_t> seams_period_;  ///< in which seams were placed last; empty: not yet with these tables
-  std::size_t next_field_ = 0;                 ///< of the set that was read; 0: the next set comes first
+  sets::InstalledPtr placed_;                    ///< with the seams of the next period; null: they stay
+  std::optional<std::uint64_t> seams_period_;    ///< in which seams were placed last; empty: not yet with these tables
+  std::size_t next_field_ = 0;                   ///< of the set that was read; 0: the next set comes first
   std::size_t undecodable_ = 0;
   std::size_t other_calibrations_ = 0;
 };

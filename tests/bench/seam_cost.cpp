@@ -7,6 +7,7 @@
 #include <functional>
 #include <vector>
 
+#include "protocol/take/seam_map.h"
 #include "stitch/sets/seam_views.h"
 #include "stitch/sets/set_blend.h"
 #include "stitch/sets/table_job.h"
@@ -82,7 +83,8 @@ void measure(const Workload& work) {
   blend.adopt(fixed);
   sets::InstalledPtr now = fixed;
   seams::Labels labels;
-  std::vector<double> view_ms, place_ms, still_ms, table_ms, fixed_ms, placed_ms;
+  std::vector<double> view_ms, first_place_ms, first_table_ms, take_bytes, place_ms, still_ms, table_ms, fixed_ms,
+      placed_ms;
   std::vector<std::uint8_t> raymap(packed_size(config.format, config.width, config.height));
   for (int k = 0; k < kTimes; ++k) {
     const auto set = set_of(films[static_cast<std::size_t>(k % 3)], films[static_cast<std::size_t>((k + 1) % 3)]);
@@ -91,21 +93,29 @@ void measure(const Workload& work) {
     view_ms.push_back(took([&] {
       for (std::size_t v = 0; v < blend.to_view(); ++v) blend.view(v);
     }));
+    seams::Labels first;
+    first_place_ms.push_back(took([&] { first = views->place(*fixed->seam_pictures, {}); }));
+    first_table_ms.push_back(took([&] { (void)sets::with_seams(*fixed, first).value(); }));
     place_ms.push_back(took([&] { labels = views->place(*fixed->seam_pictures, labels); }));
     still_ms.push_back(took([&] { labels = views->place(*fixed->seam_pictures, labels); }));
     table_ms.push_back(took([&] { now = sets::with_seams(*now, labels).value(); }));
+    take_bytes.push_back(
+        static_cast<double>(take::seams_record(1'000'000, sets::kSeamMapWidth, labels).ByteSizeLong()));
     blend.adopt(now);
     placed_ms.push_back(took([&] { blend_set(blend, set, raymap); }));
     blend.adopt(fixed);
     fixed_ms.push_back(took([&] { blend_set(blend, set, raymap); }));
   }
   std::printf(
-      "%s: views %.2f ms, placing %.1f (all changes) and %.1f (nothing changes), table %.1f with its proof; prepare "
+      "%s: views %.2f ms, placing %.1f (the first), %.1f (all changes) and %.1f (nothing changes), table %.1f (the "
+      "first) "
+      "and %.1f with its proof, %.0f bytes in a take; prepare "
       "and blend %.2f with fixed "
       "seams, %.2f with placed ones; once: tables %.0f ms, views %.0f\n"
       "  tables: %.2f MB fixed, %.2f placed, cover %.2f\n",
-      work.name.c_str(), median(view_ms), median(place_ms), median(still_ms), median(table_ms), median(fixed_ms),
-      median(placed_ms), compile, make, static_cast<double>(bytes_of(fixed->tables[0].grids)) * 1e-6,
+      work.name.c_str(), median(view_ms), median(first_place_ms), median(place_ms), median(still_ms),
+      median(first_table_ms), median(table_ms), median(take_bytes), median(fixed_ms), median(placed_ms), compile, make,
+      static_cast<double>(bytes_of(fixed->tables[0].grids)) * 1e-6,
       static_cast<double>(bytes_of(now->tables[0].grids)) * 1e-6,
       static_cast<double>(bytes_of(now->tables[0].cover)) * 1e-6);
 }

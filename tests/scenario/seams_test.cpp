@@ -33,11 +33,17 @@ TEST(PlacedSeams, ARig_PlacesThemAndMakesTheSameRaymapsOnEveryRun) {
   StandOptions as_fixed = placed();
   as_fixed.config.raymap.seams = SeamPlacement::kFixed;
   Stand fixed(as_fixed);
-  const auto raymaps = film(first, first.bring_up(), 40);
+  TestHost& host = first.bring_up();
+  const auto raymaps = film(first, host, 40);
+  const wire::RigStatus status = host.status();
+  EXPECT_EQ(status.seams().placed(), counts(first).seams_moved.load());
+  EXPECT_EQ(status.seams().late() + status.seams().refused(), 0U);
   expect_same(raymaps, film(second, second.bring_up(), 40));
   EXPECT_GE(counts(first).seams_moved.load(), 1u);
   EXPECT_EQ(counts(first).seams_late.load(), 0u);
-  const auto unmoved = film(fixed, fixed.bring_up(), 40);
+  TestHost& host_of_fixed = fixed.bring_up();
+  EXPECT_FALSE(host_of_fixed.status().has_seams());
+  const auto unmoved = film(fixed, host_of_fixed, 40);
   EXPECT_NE(raymaps.back().body, unmoved.back().body);
   EXPECT_EQ(counts(fixed).seams_moved.load(), 0u);
 }
@@ -88,6 +94,37 @@ TEST(PlacedSeams, AnotherCalibration_HasItsOwn) {
   ASSERT_FALSE(reply.has_error()) << reply.error().message();
   film(stand, host, 20);
   EXPECT_GT(counts(stand).seams_moved.load(), moved);
+}
+
+/// When the blend has begun a set, it has logged the set's seams. A blend that hangs stops no recording.
+TEST(PlacedSeams, ATakeWaitsForTheBlendThatLogsThem_ButNotForOneThatHangs) {
+  StandOptions options = placed();
+  options.config.takes = firmware::TakesConfig{.folder = "takes", .buffer_mb = 64};
+  Stand stand(options);
+  TestHost& host = stand.bring_up();
+  wire::Request start;
+  start.mutable_take_start();
+  ASSERT_TRUE(host.ask(start).has_take());
+  stand.run(Duration::seconds(1));
+  const auto written = [&] { return stand.rig->takes().snapshot().read().sets; };
+  const auto run_without_blend = [&](Duration length) {
+    for (const Instant end = stand.world.clock().now() + length; stand.world.clock().now() < end;) {
+      stand.world.clock().advance(Duration::milliseconds(1));
+      while (stand.rig->step_capture() || stand.rig->step_record() || stand.rig->step_takes()) {}
+    }
+  };
+  const std::uint64_t before = written(), recorded = stand.rig->recorder().counts().sets.load();
+  EXPECT_GT(before, 15U);
+  run_without_blend(Duration::milliseconds(900));
+  EXPECT_GT(stand.rig->recorder().counts().sets.load(), recorded + 20);
+  EXPECT_LE(written(), before + 8) << "rows whose sets the blend has begun";
+  run_without_blend(Duration::milliseconds(700));
+  EXPECT_GT(written(), before + 20);
+  stand.run(Duration::seconds(1));
+  wire::Request stop;
+  stop.mutable_take_stop();
+  EXPECT_TRUE(host.ask(stop).has_take());
+  EXPECT_EQ(stand.rig->recorder().counts().lost_sets.load(), 0U);
 }
 
 }  // namespace

@@ -1,6 +1,8 @@
 // Placed seams between the blender and the seam stage: which sets are blended with which seams.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "blender_fixture.h"
 #include "firmware/picture/seam_stage.h"
 #include "stitch/sets/seam_views.h"
@@ -149,7 +151,8 @@ TEST_F(PlacedSeams, WhileTheirLogIsFull_StayAndACalibrationsOwnAreLoggedLater) {
     blender.tables_out().pop();
   }
   EXPECT_EQ(blender.counts().seams_moved.load(), 0U);
-  for (std::uint64_t k = 0; k < Blender::kSeamChangesWaiting; ++k) EXPECT_EQ(blender.seam_changes_out().pop()->first_set, k);
+  for (std::uint64_t k = 0; k < Blender::kSeamChangesWaiting; ++k)
+    EXPECT_EQ(blender.seam_changes_out().pop()->first_set, k);
   raymap_of(set);
   const auto own = blender.seam_changes_out().pop();
   ASSERT_TRUE(own);
@@ -174,9 +177,7 @@ TEST_F(PlacedSeams, WithoutATakeToLogThemFor_AreNotLogged) {
 /// As with a table compiler that has a fault.
 TEST_F(PlacedSeams, WhoseTableFailsItsProof_AreRefusedAndTheOldOnesStay) {
   sets::InstalledCalibration broken = *with_placed_seams(1);
-  for (blend::PatchRecord& record : broken.tables[0].cover[0].records) {
-    if (!record.listed()) record.x[0] = 20'000;  // far outside of the picture
-  }
+  std::ranges::fill(broken.tables[0].cover[0].coordinates, std::int16_t{20'000});  // far outside of the pictures
   const auto installed = std::make_shared<const sets::InstalledCalibration>(std::move(broken));
   install(installed);
   const LineVector fixed = whole(full_set(0), *installed);

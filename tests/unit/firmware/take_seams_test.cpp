@@ -20,7 +20,6 @@ namespace {
 using namespace take_film;
 
 constexpr Duration kSlowPeriod = Duration::seconds(15);  // a segment of 60 s has 5 sets
-constexpr std::uint64_t kFirst = 100;                    // number of the film's first set
 
 /// A map that differs from those of other numbers.
 sets::SeamLabels labels(std::uint8_t number) {
@@ -36,7 +35,7 @@ std::map<std::uint64_t, sets::SeamLabels> changes() {
 
 /// Writes a film of 30 sets, a set a row, until the disk fails; the seams come as the blend logs them.
 std::uint64_t record_with_seams(hal::DiskPort& disk, bool end, bool deletes = false) {
-  const Film made = film(30, kTakeHeight, 1, kSlowPeriod);
+  const Film made = take_film::film(30, kTakeHeight, 1, kSlowPeriod);
   TakeWriter::Documents slow = documents();
   slow.about.rate = {1, 15};
   auto writer = TakeWriter::begin(disk, slow);
@@ -56,7 +55,9 @@ std::uint64_t record_with_seams(hal::DiskPort& disk, bool end, bool deletes = fa
     durable = (*writer)->sets();
     if (deletes && k >= 15 && k % 5 == 2 && !(*writer)->delete_oldest()) return durable;
   }
-  if (end) EXPECT_TRUE((*writer)->end("stopped", 0));
+  if (end) {
+    EXPECT_TRUE((*writer)->end("stopped", 0));
+  }
   return durable;
 }
 
@@ -77,7 +78,8 @@ std::uint64_t check_seams_of_sets(hal::DiskPort& disk) {
       EXPECT_EQ(std::prev(found)->set(), of_set->first) << "set " << set.number();
       const auto map = take::labels_of(*std::prev(found));
       EXPECT_TRUE(map);
-      EXPECT_EQ(map.value_or(std::vector<std::uint8_t>()), of_set->second ? *of_set->second : std::vector<std::uint8_t>());
+      EXPECT_EQ(map.value_or(std::vector<std::uint8_t>()),
+                of_set->second ? *of_set->second : std::vector<std::uint8_t>());
       ++sets;
     }
   }
@@ -120,11 +122,11 @@ TEST(TakeSeams, PowerCutAnywhere_SetsThatAreLeftHaveTheirs) {
 /// The hashes are right, but the map is not of this take.
 TEST(TakeSeams, AMapWithAHeadThatTheTakeDoesNotHave_IsRefusedByName) {
   auto disk = std::make_unique<hal::sim::SimDisk>();
-  const Film made = film(2);
+  const Film made = take_film::film(2);
   auto writer = TakeWriter::begin(*disk, documents());
   ASSERT_TRUE(writer);
   const std::size_t pixels = static_cast<std::size_t>(sets::kSeamMapWidth * sets::kSeamMapWidth / 2);
-  (*writer)->use_seams({kFirst + 1, std::make_shared<const std::vector<std::uint8_t>>(pixels, std::uint8_t{kTakeHeads})});
+  (*writer)->use_seams({101, std::make_shared<const std::vector<std::uint8_t>>(pixels, std::uint8_t{kTakeHeads})});
   for (const TakeRow& row : made.rows) ASSERT_TRUE((*writer)->write(row));
   ASSERT_TRUE((*writer)->end("stopped", 0));
   const auto reel = open_take_reel(std::move(disk), "000042", "take", "a");
