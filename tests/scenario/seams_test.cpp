@@ -1,7 +1,11 @@
 // Whole rigs with placed seams.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "protocol/base/field.h"
+#include "stitch/sets/seam_views.h"
+#include "stitch/sets/table_job.h"
 #include "tests/scenario/stand.h"
 
 namespace nodal::scenario {
@@ -94,6 +98,38 @@ TEST(PlacedSeams, AnotherCalibration_HasItsOwn) {
   ASSERT_FALSE(reply.has_error()) << reply.error().message();
   film(stand, host, 20);
   EXPECT_GT(counts(stand).seams_moved.load(), moved);
+}
+
+/// As if the compiler of tables had a fault: a head's patches are far outside of its picture.
+sets::InstalledPtr broken_calibration(const StandOptions& options) {
+  std::vector<PixelFormat> formats;
+  for (const firmware::HeadConfig& head : options.config.heads) formats.push_back(head.format);
+  auto job = sets::TableJob::make(options.truth, options.config.raymap, Fields::kProgressive, formats).value();
+  while (!job.done()) job.compile_some(64);
+  auto tables = std::move(job).finish().value();
+  auto views = sets::SeamViews::make(options.truth, options.config.raymap, tables).value();
+  blend::GridTable& cover = tables[0].cover[0];
+  std::ranges::fill(cover.coordinates, std::int16_t{20'000});
+  for (blend::PatchRecord& record : cover.records) {
+    if (!record.listed()) record.x[0] = 20'000;
+  }
+  return sets::make_installed({}, "broken", std::move(tables), {}, {}, formats, std::move(views));
+}
+
+TEST(PlacedSeams, ThatAreRefused_AreCountedAndSaidOnceAndTheRigFilmsOn) {
+  Stand stand(placed());
+  TestHost& host = stand.bring_up();
+  stand.rig->control().take_news();
+  ASSERT_TRUE(stand.rig->blender().tables_in().push(broken_calibration(stand.options)));
+  EXPECT_EQ(film(stand, host, 60).size(), 60U);
+  EXPECT_GE(host.status().seams().refused(), 3U);
+  EXPECT_EQ(host.status().state(), "running");
+  const std::vector<std::string> news = stand.rig->control().take_news();
+  const auto says = [](const std::string& line) {
+    return line.find("placed seams were refused, and the old ones stay") != std::string::npos &&
+           line.find("blend table: ") != std::string::npos;
+  };
+  EXPECT_EQ(std::ranges::count_if(news, says), 1);
 }
 
 /// When the blend has begun a set, it has logged the set's seams. A blend that hangs stops no recording.
