@@ -75,6 +75,7 @@ TEST_F(PlacedSeamsTest, ATakeThatIsRendered_HasTheSeamsThatTheRigHad) {
   ASSERT_EQ(nodal({"calibration", "upload", path("other.json")}).code, 0);
   live.merge(pulled("two"));
   EXPECT_EQ(seams()["refused"], 0);
+  EXPECT_NE(nodal({"status"}).out.find("placed anew "), std::string::npos);
   ASSERT_EQ(nodal({"take", "stop"}).code, 0);
   const Raymaps later = rendered();
   EXPECT_GE(compared(live, later), 70U);

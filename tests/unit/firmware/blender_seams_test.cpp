@@ -81,6 +81,7 @@ TEST_F(PlacedSeams, OfTheSamePictures_StayAndCostNoTable) {
   EXPECT_EQ(blender.counts().seams_late.load(), 0u);
 }
 
+/// The first placement takes longest: the fixed seams stay until it is done.
 TEST_F(PlacedSeams, AStageThatIsLate_LeavesTheOldSeamsAndIsCounted) {
   const sets::InstalledPtr calibration = with_placed_seams(1);
   install(calibration);
