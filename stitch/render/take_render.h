@@ -45,8 +45,9 @@ struct RenderedRaymap {
 };
 
 /// With the take's calibrations, each for the sets that the rig blended with it, and pictures as the heads delivered them,
-/// the bytes are those of the rig's own raymaps: the same code makes them, with the settings and the placed seams that the evidence has.
-/// Without seams in it, as with another calibration, they are placed anew from the first set on. Every set is rendered, also those that the rig had no time to blend.
+/// the bytes are those of the rig's own raymaps: the same code makes them, with the settings and the placed seams that the
+/// evidence has. Without seams in it, as with another calibration, they are placed anew from the first set on. Every set is
+/// rendered, also those that the rig had no time to blend.
 ///
 /// Threading: thread-bound; starts its own threads and waits for them.
 /// Ownership: the folder outlives it.

@@ -89,7 +89,9 @@ class Folder {
 const Folder& filmed() {
   static const std::unique_ptr<Folder> folder = [] {
     auto made = std::make_unique<Folder>();
-    Stand stand(flying_rig());
+    StandOptions placed = flying_rig();
+    placed.config.raymap.seams = SeamPlacement::kPlaced;
+    Stand stand(placed);
     TestHost& host = stand.bring_up();
     stand.lock(host);
     stand.world.head(1).unplug();
@@ -134,6 +136,9 @@ TEST(FlightRecord, OfARigWithFaults_ReplaysWithoutADifference) {
   const test::Finished played = test::Process({NODAL_BIN_DIR "/flight", (filmed().path / "000001").string()}).wait();
   EXPECT_EQ(played.code, 0) << played.out << played.err;
   EXPECT_NE(played.out.find("no difference"), std::string::npos) << played.out;
+  const auto evidence = take::read_evidence(bytes_of(filmed().path / "000001" / "evidence-0000"), "evidence-0000");
+  ASSERT_TRUE(evidence) << evidence.error().text();
+  EXPECT_FALSE(evidence->seams.empty()) << "they are in the evidence, and of no importance to capture";
 }
 
 TEST(FlightRecord, WithOneGenlockConstantChanged_TheFirstDifferenceIsNamed) {
