@@ -1,10 +1,8 @@
 // Placed seams in the real nodald, and in `nodal render` of a take that it recorded.
-#include <chrono>
 #include <csignal>
 #include <cstdint>
 #include <filesystem>
 #include <map>
-#include <thread>
 
 #include "rig_process.h"
 
@@ -89,7 +87,7 @@ TEST_F(PlacedSeamsTest, ATakeOfANodaldThatWasKilled_HasThemToo) {
   place_seams();
   ASSERT_EQ(nodal({"take", "start"}).code, 0);
   const Raymaps live = pulled("live");
-  std::this_thread::sleep_for(std::chrono::seconds(2));  // until all of it is on the disk
+  wait_until_durable();
   nodald().signal(SIGKILL);
   nodald().wait();
   start_nodald();
