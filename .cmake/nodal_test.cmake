@@ -1,21 +1,18 @@
 # nodal_test(NAME SOURCES a.cpp ... SEES module ... PACKAGES package ... LABELS label ...
-#            [TIMEOUT seconds] [SERIAL] [SEPARATE])
+#            [TIMEOUT seconds] [SERIAL])
 #
 # Defines a GoogleTest program; each of its tests is a separate ctest. LABELS gives its kind (unit, conformance, scenario,
-# crash, data, tidy, ...): `ninja tests_unit` builds and `ctest -L unit` runs all tests of a kind. Unit tests of code that
-# a board does not run have the label host, too; the others get the label board. Tests may include the
-# modules that SEES names. NODAL_SOURCE_DIR is the checkout, NODAL_SHARED_DIR the test data beside it, which may be absent.
+# crash, data, tidy, ...): `ninja tests_unit` builds and `ctest -L unit` runs all tests of a kind. Unit tests get the label
+# board, too, and run again on a board's processor, unless they have the label host (tests/README.md says which do). Tests
+# may include the modules that SEES names. NODAL_SOURCE_DIR is the checkout, NODAL_SHARED_DIR the test data beside it, which may be absent.
 find_package(GTest REQUIRED)
 include(GoogleTest)
 nodal_package(rapidcheck rapidcheck)
 
 function(nodal_test name)
-  cmake_parse_arguments(ARG "SERIAL;SEPARATE" "TIMEOUT" "SOURCES;SEES;PACKAGES;LABELS" ${ARGN})
+  cmake_parse_arguments(ARG "SERIAL" "TIMEOUT" "SOURCES;SEES;PACKAGES;LABELS" ${ARGN})
   set(test test_${name})
   add_executable(${test} ${ARG_SOURCES})
-  if(ARG_SEPARATE)
-    set_target_properties(${test} PROPERTIES UNITY_BUILD OFF)
-  endif()
   if(NODAL_UNITY)
     target_compile_options(${test} PRIVATE -O1)  # tests need little time themselves; what they test has all optimization
   endif()
@@ -49,6 +46,9 @@ function(nodal_test name)
   endif()
   list(JOIN ARG_LABELS " " labels)  # one property; gtest_discover_tests takes a list apart
   set(properties TIMEOUT ${ARG_TIMEOUT} LABELS "${labels}")
+  if(CMAKE_CROSSCOMPILING)
+    list(APPEND properties ENVIRONMENT "RC_PARAMS=max_success=20")  # cases of a property, 100 otherwise: emulation is slow
+  endif()
   if(ARG_SERIAL)
     list(APPEND properties RUN_SERIAL TRUE)
   endif()

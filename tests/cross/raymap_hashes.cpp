@@ -1,6 +1,6 @@
 // Prints the SHA-256 of blend tables and of their raymaps, compiled and blended on this machine: two machines with the
 // same output stitch the same bytes. Pictures are integer noise; the rigs have all lens models, pixel formats, gains,
-// vignetting and responses, and one has ten heads with Figure 3's lens.
+// vignetting and responses, and one has ten heads with Figure 3's lens. Every layout and every transition occurs.
 #include <cstdio>
 #include <string>
 #include <vector>
@@ -9,6 +9,7 @@
 #include "protocol/calibration.h"
 #include "stitch/blend/blend.h"
 #include "stitch/blend/linear_tone.h"
+#include "stitch/geometry/raymap/layout.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/table/table_compiler.h"
 #include "stitch/table/tone_compiler.h"
@@ -94,8 +95,9 @@ void add(Sha256Stream& hash, const void* data, std::size_t bytes) {
 }
 
 /// Returns whether it worked.
-bool print_case(const Calibration& rig, const table::RaymapSpec& spec, const std::vector<PixelFormat>& formats) {
-  const Result<blend::BlendTable> table = table::compile_blend_table(rig, spec, formats);
+bool print_case(const Calibration& rig, const table::RaymapSpec& spec, const std::vector<PixelFormat>& formats,
+                const table::TableOptions& options = {}) {
+  const Result<blend::BlendTable> table = table::compile_blend_table(rig, spec, formats, options);
   if (!table) {
     std::fprintf(stderr, "%s: %s\n", rig.name.c_str(), table.error().text().c_str());
     return false;
@@ -127,9 +129,25 @@ bool print_case(const Calibration& rig, const table::RaymapSpec& spec, const std
   std::vector<std::uint8_t> raymap(packed_size(spec.format, spec.width, spec.height));
   blend::blend_rows(*table, test::PreparedHeads(*table, heads).views(), tone,
                     packed_image(spec.format, spec.width, spec.height, raymap.data()), 0, spec.height);
-  std::printf("%-10s %-16s %-6s table %s raymap %s\n", rig.name.c_str(), spec.layout.c_str(),
-              std::string(pixel_format_name(spec.format)).c_str(), to_hex(table_hash.finish()).c_str(),
-              to_hex(sha256(raymap)).c_str());
+  std::printf("%-10s %-24s %-6s transition %d table %s raymap %s\n", rig.name.c_str(), spec.layout.c_str(),
+              std::string(pixel_format_name(spec.format)).c_str(), static_cast<int>(options.transition),
+              to_hex(table_hash.finish()).c_str(), to_hex(sha256(raymap)).c_str());
+  return true;
+}
+
+bool print_every_layout_and_transition(const Calibration& rig) {
+  std::vector<std::string> layouts{"cube:pad=3", "equiangular_cube:pad=2", "central_cylinder:fov=140"};
+  for (const geometry::LayoutKind& kind : geometry::layout_kinds()) layouts.emplace_back(kind.name);
+  const std::vector<PixelFormat> formats(rig.heads.size(), PixelFormat::kGrey8);
+  for (const std::string& layout : layouts) {
+    const geometry::RaymapSize size = geometry::LayoutName::parse(layout).value().size_for_width(48);
+    for (const auto transition : {table::Transition::kTwoBand, table::Transition::kSeam, table::Transition::kFeather}) {
+      if (transition != table::Transition::kTwoBand && layout != "cube") continue;
+      table::TableOptions options;
+      options.transition = transition;
+      if (!print_case(rig, {layout, size.width, size.height, PixelFormat::kGrey8}, formats, options)) return false;
+    }
+  }
   return true;
 }
 
@@ -148,6 +166,7 @@ int main() {
                     print_case(mixed(), {"cube", 384, 256, kRgb24}, std::vector(3, kRgb24)) &&
                     print_case(ten_heads(), {"equirectangular", 512, 256, kNv12}, std::vector(10, kYuyv)) &&
                     print_case(ten_heads(), {"equirectangular", 512, 256, kRgb48}, std::vector(10, kRgb24)) &&
-                    print_case(mixed(), {"cube", 384, 256, kGrey16}, std::vector(3, kGrey8));
+                    print_case(mixed(), {"cube", 384, 256, kGrey16}, std::vector(3, kGrey8)) &&
+                    print_every_layout_and_transition(mixed());
   return good ? 0 : 1;
 }

@@ -12,7 +12,7 @@
 namespace nodal::geometry {
 namespace {
 
-Head made(const HeadCalibration& calibration) {
+Head head_of(const HeadCalibration& calibration) {
   Result<Head> head = Head::make(calibration);
   EXPECT_TRUE(head) << (head ? "" : head.error().text());
   return *head;
@@ -26,7 +26,7 @@ Ray ray_at(const Head& head, double a, double psi) {
 
 TEST(Head, PinholeWithAspect_IsTheTextbooksMatrixProduct) {
   HeadCalibration calibration = head_with(RectilinearLens{{500}});
-  const Head head = made(calibration);
+  const Head head = head_of(calibration);
   Eigen::Matrix3d K;
   K << 500, 0, 362.3, 0, 1.083 * 500, 233.9, 0, 0, 1;
   for (const Eigen::Vector3d& d :
@@ -41,7 +41,7 @@ TEST(Head, PinholeWithAspect_IsTheTextbooksMatrixProduct) {
 }
 
 TEST(Head, RayBehindAPinhole_FallsNowhere) {
-  const Head head = made(head_with(RectilinearLens{{500}}));
+  const Head head = head_of(head_with(RectilinearLens{{500}}));
   EXPECT_FALSE(head.project(Ray::towards(-head.axis().direction())));
   EXPECT_FALSE(head.project(ray_at(head, kPi / 2, 0.3)));
 }
@@ -49,7 +49,7 @@ TEST(Head, RayBehindAPinhole_FallsNowhere) {
 TEST(Head, RayBehindAFisheye_FallsWhereItsAngleSays) {
   HeadCalibration calibration = head_with(EquidistantLens{{100}});
   calibration.R_head_rig = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-  const Head head = made(calibration);
+  const Head head = head_of(calibration);
   const std::optional<Pixel> pixel = head.project(Ray::towards(1, 0, -1));  // 135 degrees to the right
   ASSERT_TRUE(pixel);
   EXPECT_NEAR(pixel->x, 362.3 + 100 * 3 * kPi / 4, 1e-10);
@@ -58,7 +58,7 @@ TEST(Head, RayBehindAFisheye_FallsWhereItsAngleSays) {
 
 RC_GTEST_PROP(EveryHead, UnprojectOfProject_IsTheRay, ()) {
   for (const auto& [name, model] : every_kind_of_lens()) {
-    const Head head = made(head_with(model));
+    const Head head = head_of(head_with(model));
     // Also close to the turning point, where the identity holds only to the square root of rounding.
     const bool near_end = *rc::gen::arbitrary<bool>();
     const double part = between(0, 1);
@@ -75,7 +75,7 @@ RC_GTEST_PROP(EveryHead, UnprojectOfProject_IsTheRay, ()) {
 
 RC_GTEST_PROP(EveryHead, ProjectOfUnproject_IsThePixel, ()) {
   for (const auto& [name, model] : every_kind_of_lens()) {
-    const Head head = made(head_with(model));
+    const Head head = head_of(head_with(model));
     const Pixel pixel{between(0, 720), between(0, 480)};
     const std::optional<Ray> ray = head.unproject(pixel);
     if (!ray) continue;
@@ -87,7 +87,7 @@ RC_GTEST_PROP(EveryHead, ProjectOfUnproject_IsThePixel, ()) {
 
 RC_GTEST_PROP(EveryHead, Jacobian_IsTheDifferenceQuotientOfProject, ()) {
   for (const auto& [name, model] : every_kind_of_lens()) {
-    const Head head = made(head_with(model));
+    const Head head = head_of(head_with(model));
     const double end = std::min(head.lens().max_angle(), 1.4);
     const double a = *rc::gen::arbitrary<bool>() ? end * between(0, 0.98) : 1e-7 * between(0, 1);
     const Ray ray = ray_at(head, a, between(-kPi, kPi));
@@ -111,7 +111,7 @@ RC_GTEST_PROP(EveryHead, Jacobian_IsTheDifferenceQuotientOfProject, ()) {
 
 RC_GTEST_PROP(EveryHead, Density_IsPixelsPerSteradianAsDifferencesMeasureThem, ()) {
   for (const auto& [name, model] : every_kind_of_lens()) {
-    const Head head = made(head_with(model));
+    const Head head = head_of(head_with(model));
     const double end = std::min(head.lens().max_angle(), 1.4);
     const Ray ray = ray_at(head, end * between(0, 0.97), between(-kPi, kPi));
     // A small square around the ray, along two tangents; the area of its picture is the density.
@@ -130,7 +130,7 @@ RC_GTEST_PROP(EveryHead, Density_IsPixelsPerSteradianAsDifferencesMeasureThem, (
 }
 
 TEST(Head, DensityOnTheAxis_IsItsLimit) {
-  const Head head = made(head_with(EquidistantLens{{300}}));
+  const Head head = head_of(head_with(EquidistantLens{{300}}));
   EXPECT_NEAR(head.density({362.3, 233.9}), 1.083 * 300 * 300, 1e-6);
   EXPECT_NEAR(head.density({362.3 + 1e-4, 233.9}), 1.083 * 300 * 300, 1e-3);
 }
@@ -139,7 +139,7 @@ TEST(Head, DensityOfAPinhole_IsFocalSquaredOverCosineCubed) {
   // Gamma = cos^3 a / f^2 for an ideal pixel (§4.2).
   HeadCalibration calibration = head_with(RectilinearLens{{500}});
   calibration.aspect = 1;
-  const Head head = made(calibration);
+  const Head head = head_of(calibration);
   const double a = 0.6;
   EXPECT_NEAR(head.density({362.3 + 500 * std::tan(a), 233.9}), 500 * 500 / std::pow(std::cos(a), 3), 1e-5);
 }
@@ -147,7 +147,7 @@ TEST(Head, DensityOfAPinhole_IsFocalSquaredOverCosineCubed) {
 TEST(Head, DensityBeyondTheLens_IsZero) {
   HeadCalibration calibration = head_with(EquidistantLens{{300}});
   calibration.max_angle = 0.5;
-  EXPECT_EQ(made(calibration).density({362.3 + 151, 233.9}), 0);
+  EXPECT_EQ(head_of(calibration).density({362.3 + 151, 233.9}), 0);
 }
 
 TEST(HeadRegion, DistanceToEdge_IsToTheNearestOfRectangleCircleAndLens) {
@@ -155,7 +155,7 @@ TEST(HeadRegion, DistanceToEdge_IsToTheNearestOfRectangleCircleAndLens) {
   calibration.aspect = 1;
   calibration.region = {10, 20, 700, 470, Region::Circle{362.3, 233.9, 240}};
   calibration.max_angle = 0.7;  // ends 210 px from the centre
-  const Head head = made(calibration);
+  const Head head = head_of(calibration);
   EXPECT_NEAR(head.distance_to_edge({362.3, 233.9}), 210, 1e-9);
   EXPECT_NEAR(head.distance_to_edge({362.3, 25}), 1.1, 1e-9);   // the lens's limit, before the top edge
   EXPECT_NEAR(head.distance_to_edge({362.3, 5}), -18.9, 1e-9);  // outside the lens
@@ -163,8 +163,8 @@ TEST(HeadRegion, DistanceToEdge_IsToTheNearestOfRectangleCircleAndLens) {
   EXPECT_TRUE(head.contains({362.3 + 209.9, 233.9}));
   EXPECT_FALSE(head.contains({362.3 + 210.1, 233.9}));
   calibration.max_angle = 0;
-  EXPECT_NEAR(made(calibration).distance_to_edge({362.3, 25}), 5, 1e-9);           // the top edge
-  EXPECT_NEAR(made(calibration).distance_to_edge({362.3 + 235, 233.9}), 5, 1e-9);  // the circle
+  EXPECT_NEAR(head_of(calibration).distance_to_edge({362.3, 25}), 5, 1e-9);           // the top edge
+  EXPECT_NEAR(head_of(calibration).distance_to_edge({362.3 + 235, 233.9}), 5, 1e-9);  // the circle
 }
 
 TEST(HeadRegion, WherePicturesAreStretched_TheLensEndsOnAnEllipse) {
@@ -172,7 +172,7 @@ TEST(HeadRegion, WherePicturesAreStretched_TheLensEndsOnAnEllipse) {
   calibration.aspect = 2;
   calibration.region = {0, 0, 720, 480, {}};
   calibration.max_angle = 0.3;  // 90 px across, 180 px down
-  const Head head = made(calibration);
+  const Head head = head_of(calibration);
   EXPECT_NEAR(head.distance_to_edge({362.3 + 80, 233.9}), 10, 1e-9);
   EXPECT_NEAR(head.distance_to_edge({362.3, 233.9 + 160}), 20, 1e-9);
 }
@@ -180,7 +180,7 @@ TEST(HeadRegion, WherePicturesAreStretched_TheLensEndsOnAnEllipse) {
 TEST(Head, Vignetting_FallsOffFromItsOwnCentreWithTheAspectTakenOut) {
   HeadCalibration calibration = head_with(figure3_lens());
   calibration.vignetting = {360, 240, 400, {-0.2, -0.08, 0.01}};
-  const Head head = made(calibration);
+  const Head head = head_of(calibration);
   EXPECT_DOUBLE_EQ(head.vignetting({360, 240}), 1);
   EXPECT_DOUBLE_EQ(head.vignetting({760, 240}), 1 - 0.2 - 0.08 + 0.01);
   EXPECT_NEAR(head.vignetting({360, 240 + 1.083 * 200}), 1 - 0.2 / 4 - 0.08 / 16 + 0.01 / 64, 1e-15);
@@ -189,7 +189,7 @@ TEST(Head, Vignetting_FallsOffFromItsOwnCentreWithTheAspectTakenOut) {
 TEST(Head, Axis_IsWhereYawAndPitchPoint) {
   HeadCalibration calibration = head_with(figure3_lens());
   calibration.R_head_rig = rows_of(to_R_head_rig({90, 0, 17}));
-  EXPECT_LE(angle_between(made(calibration).axis(), Ray::towards(1, 0, 0)), 1e-15);
+  EXPECT_LE(angle_between(head_of(calibration).axis(), Ray::towards(1, 0, 0)), 1e-15);
 }
 
 TEST(Head, MatrixThatIsAReflection_IsRefusedByName) {

@@ -10,14 +10,14 @@
 namespace nodal::geometry {
 namespace {
 
-Lens made(const LensModel& model, double max_angle = 0) {
+Lens lens_of(const LensModel& model, double max_angle = 0) {
   Result<Lens> lens = Lens::make(model, max_angle);
   EXPECT_TRUE(lens) << lens.error().text();
   return *lens;
 }
 
 TEST(Tsai, Figure3_StretchesByOneAndAHalfAtTheSideAndNearlyTwoInTheCorner) {
-  const Lens lens = made(figure3_lens());
+  const Lens lens = lens_of(figure3_lens());
   // 1 + 2.29e-6 * 360^2 + 1.65e-11 * 360^4 = 1 + 0.296784 + 0.277136...
   const double at_side = 360 * (1 + 2.29e-6 * 129600 + 1.65e-11 * 129600.0 * 129600.0);
   EXPECT_NEAR(at_side / 360, 1.574, 5e-4);
@@ -30,7 +30,7 @@ TEST(Tsai, Figure3_StretchesByOneAndAHalfAtTheSideAndNearlyTwoInTheCorner) {
 }
 
 TEST(Tsai, WithoutDistortion_IsAPinhole) {
-  const Lens lens = made(TsaiLens{500, 0, 0});
+  const Lens lens = lens_of(TsaiLens{500, 0, 0});
   for (const double degrees : {1.0, 30.0, 60.0, 80.0}) {
     const double a = degrees * kPi / 180;
     EXPECT_NEAR(*lens.radius(a), 500 * std::tan(a), 1e-9);
@@ -39,7 +39,7 @@ TEST(Tsai, WithoutDistortion_IsAPinhole) {
 }
 
 TEST(Rectilinear, ItsPolynomial_IsOfTheTangent) {
-  const Lens lens = made(RectilinearLens{{500, 0, -60}});
+  const Lens lens = lens_of(RectilinearLens{{500, 0, -60}});
   const double t = 0.75;
   EXPECT_NEAR(*lens.radius(std::atan(t)), 500 * t - 60 * t * t * t, 1e-10);
   // Turns at t = sqrt(500 / 180).
@@ -50,7 +50,7 @@ TEST(Rectilinear, ItsPolynomial_IsOfTheTangent) {
 TEST(KannalaBrandt, AgreesWithOpenCvsFisheyeFormula) {
   // cv::fisheye: theta_d = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8), theta = atan(r_ideal).
   const double f = 285, k1 = -0.0034, k2 = 0.0007, k3 = -0.0021, k4 = 0.0003;
-  const Lens lens = made(KannalaBrandtLens{f, {k1, k2, k3, k4}});
+  const Lens lens = lens_of(KannalaBrandtLens{f, {k1, k2, k3, k4}});
   for (const double ideal : {0.01, 0.3, 1.0, 2.5}) {
     const double theta = std::atan(ideal), t2 = theta * theta;
     const double theta_d = theta * (1 + k1 * t2 + k2 * t2 * t2 + k3 * t2 * t2 * t2 + k4 * t2 * t2 * t2 * t2);
@@ -59,18 +59,18 @@ TEST(KannalaBrandt, AgreesWithOpenCvsFisheyeFormula) {
 }
 
 TEST(KannalaBrandt, AtOneRadian_IsTheSumOfItsCoefficients) {
-  EXPECT_NEAR(*made(KannalaBrandtLens{100, {0.1, 0.01, 0.001, 0.0001}}).radius(1.0), 111.11, 1e-12);
+  EXPECT_NEAR(*lens_of(KannalaBrandtLens{100, {0.1, 0.01, 0.001, 0.0001}}).radius(1.0), 111.11, 1e-12);
 }
 
 TEST(Equidistant, SeesBehindItself) {
-  const Lens lens = made(EquidistantLens{{300}});
+  const Lens lens = lens_of(EquidistantLens{{300}});
   EXPECT_NEAR(*lens.radius(110 * kPi / 180), 300 * 110 * kPi / 180, 1e-10);
   EXPECT_NEAR(*lens.angle(700), 700.0 / 300, 1e-15);
   EXPECT_NEAR(lens.max_angle(), kPi, 1e-15);
 }
 
 TEST(Lens, MaxAngle_CapsTheLens) {
-  const Lens lens = made(EquidistantLens{{300}}, 1.0);
+  const Lens lens = lens_of(EquidistantLens{{300}}, 1.0);
   EXPECT_EQ(lens.max_angle(), 1.0);
   EXPECT_NEAR(lens.max_radius(), 300, 1e-12);
   EXPECT_TRUE(lens.radius(1.0));
@@ -79,7 +79,7 @@ TEST(Lens, MaxAngle_CapsTheLens) {
 }
 
 TEST(Lens, BeyondItsTurningPoint_GivesNothing) {
-  const Lens lens = made(TsaiLens{400, -1.5e-6, 0});
+  const Lens lens = lens_of(TsaiLens{400, -1.5e-6, 0});
   const double turn = std::sqrt(1 / 4.5e-6);
   EXPECT_NEAR(lens.max_radius(), turn, 1e-9);
   EXPECT_TRUE(lens.angle(turn * (1 - 1e-12)));
@@ -88,7 +88,7 @@ TEST(Lens, BeyondItsTurningPoint_GivesNothing) {
 }
 
 TEST(Lens, NonsenseGoesIn_NothingComesOut) {
-  const Lens lens = made(figure3_lens());
+  const Lens lens = lens_of(figure3_lens());
   EXPECT_FALSE(lens.radius(-0.1));
   EXPECT_FALSE(lens.radius(std::nan("")));
   EXPECT_FALSE(lens.angle(-1));

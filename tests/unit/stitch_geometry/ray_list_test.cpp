@@ -48,7 +48,7 @@ TEST(RayList, UnknownNames_SayWhatToGive) {
   }
 }
 
-void expect_refused(const std::string& text, Errc code, const std::string& says) {
+void expect_no_list(const std::string& text, Errc code, const std::string& says) {
   const Result<RayList> list = parse_ray_list(text);
   ASSERT_FALSE(list) << says;
   EXPECT_EQ(list.error().code, code) << list.error().message;
@@ -56,22 +56,22 @@ void expect_refused(const std::string& text, Errc code, const std::string& says)
 }
 
 TEST(RayList, BadLists_AreRefusedWithTheLine) {
-  expect_refused("", Errc::kBadFormat, "no list of rays");
-  expect_refused("\n1 0 0\n", Errc::kBadFormat, "line 2: the first line must be: rays WIDTH HEIGHT");
-  expect_refused("rays 2\n", Errc::kBadFormat, "line 1");
-  expect_refused("rays 3 2\n", Errc::kBadValue, "line 1: width and height must be even");
-  expect_refused("rays 40000 2\n", Errc::kBadValue, "line 1");
-  expect_refused("rays 32768 32768\n", Errc::kTooLarge, "at most 2097152 rays");
-  expect_refused("rays 99999999999 2\n", Errc::kBadFormat, "line 1");
+  expect_no_list("", Errc::kBadFormat, "no list of rays");
+  expect_no_list("\n1 0 0\n", Errc::kBadFormat, "line 2: the first line must be: rays WIDTH HEIGHT");
+  expect_no_list("rays 2\n", Errc::kBadFormat, "line 1");
+  expect_no_list("rays 3 2\n", Errc::kBadValue, "line 1: width and height must be even");
+  expect_no_list("rays 40000 2\n", Errc::kBadValue, "line 1");
+  expect_no_list("rays 32768 32768\n", Errc::kTooLarge, "at most 2097152 rays");
+  expect_no_list("rays 99999999999 2\n", Errc::kBadFormat, "line 1");
   const std::string two = "rays 2 2\n1 0 0\n0 1 0\n";
-  expect_refused(two, Errc::kTruncated, "there are 2 rays, and the first line says 4");
+  expect_no_list(two, Errc::kTruncated, "there are 2 rays, and the first line says 4");
   for (const std::string ray : {"1 0", "1 0 0 0", "1 0 x", "1,0,0", "1 0 0x1"})
-    expect_refused(two + ray + "\n", Errc::kBadFormat, "line 4: a ray is three numbers");
+    expect_no_list(two + ray + "\n", Errc::kBadFormat, "line 4: a ray is three numbers");
   for (const std::string ray : {"0 0 0", "nan 0 0", "1 inf 0", "1e-200 0 0", "1e300 0 0"})
-    expect_refused(two + ray + "\n", Errc::kBadValue, "line 4: the ray is no direction");
-  expect_refused(two + "3 0 0\n0 0 1\n", Errc::kBadValue, "line 4: the ray is the same as that of line 2");
-  expect_refused(two + "0 0 1\n1 1 1\n1 1 0\n", Errc::kBadFormat, "line 6: there are more than the 4 rays");
-  expect_refused(std::string(kMaxRayFileBytes + 1, '#'), Errc::kTooLarge, "bytes");
+    expect_no_list(two + ray + "\n", Errc::kBadValue, "line 4: the ray is no direction");
+  expect_no_list(two + "3 0 0\n0 0 1\n", Errc::kBadValue, "line 4: the ray is the same as that of line 2");
+  expect_no_list(two + "0 0 1\n1 1 1\n1 1 0\n", Errc::kBadFormat, "line 6: there are more than the 4 rays");
+  expect_no_list(std::string(kMaxRayFileBytes + 1, '#'), Errc::kTooLarge, "bytes");
 }
 
 TEST(RayList, MoreThanAreUsedAtOnce_AreRefused) {

@@ -24,7 +24,7 @@ using geometry::Envelope;
 using geometry::Ray;
 using test::layout_of;
 
-constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kOneDegree = std::numbers::pi / 180;
 
 view::CameraSpec camera_of(double yaw, double pitch, double fov) {
   return {view::Projection::kPerspective, {yaw, pitch, 10}, fov, 120, 90};
@@ -72,9 +72,9 @@ TEST(MeshView, FromTheNodalPoint_ShowsWhatRaysShow_WithinTheStatedError) {
                                  "dual_fisheye", "sinusoidal", "healpix", "compressed_spherical"}) {
     const auto layout = layout_of(name, 192);
     for (const auto& [yaw, pitch] : {std::pair(0.0, 0.0), std::pair(100.0, 40.0), std::pair(-170.0, -90.0)}) {
-      const Apart found = apart(*layout, sphere, camera_of(yaw, pitch, 100), Vector3d::Zero(), 0.3 * kDegree);
+      const Apart found = apart(*layout, sphere, camera_of(yaw, pitch, 100), Vector3d::Zero(), 0.3 * kOneDegree);
       EXPECT_EQ(found.alone, 0) << name << ": a pixel between triangles";
-      EXPECT_LE(found.angle, 0.3 * kDegree + 1e-4) << name << " yaw " << yaw;
+      EXPECT_LE(found.angle, 0.3 * kOneDegree + 1e-4) << name << " yaw " << yaw;
     }
   }
 }
@@ -84,10 +84,10 @@ TEST(MeshView, FlatEnvelopes_AreShownExactly_FromInsideAndOutside) {
   for (const std::string name : {"cube", "octahedron"}) {
     const Envelope envelope = Envelope::named(name + ":2").value();
     const auto layout = layout_of(name, 192);
-    const Apart inside = apart(*layout, envelope, camera_of(20, 10, 110), {0.3, -0.2, 0.25}, 0.01 * kDegree);
+    const Apart inside = apart(*layout, envelope, camera_of(20, 10, 110), {0.3, -0.2, 0.25}, 0.01 * kOneDegree);
     EXPECT_EQ(inside.alone, 0) << name;
     EXPECT_LE(inside.angle, 1e-4) << name;
-    const Apart outside = apart(*layout, envelope, camera_of(-25, -18, 70), {1.5, -1.2, -3}, 0.01 * kDegree);
+    const Apart outside = apart(*layout, envelope, camera_of(-25, -18, 70), {1.5, -1.2, -3}, 0.01 * kOneDegree);
     EXPECT_LE(outside.alone, 2) << name << ": but for rounding at the silhouette";
     EXPECT_GT(outside.both, 1000) << name;
     EXPECT_LE(outside.angle, 1e-4) << name;
@@ -99,12 +99,12 @@ TEST(MeshView, CurvedEnvelopes_FromBesideAndOutside_AgreeUpToTheMeshsFlatness) {
   const auto layout = layout_of("equirectangular", 192);
   // The flat triangles of a mesh with the error 0.05 degrees are up to a few centimetres below the sphere; from elsewhere than the
   // nodal point, this is an angle too. Halving edges divides it by four.
-  const Apart coarse = apart(*layout, sphere, camera_of(0, 0, 90), {0.5, 0.3, -0.4}, 0.2 * kDegree);
-  const Apart fine = apart(*layout, sphere, camera_of(0, 0, 90), {0.5, 0.3, -0.4}, 0.05 * kDegree);
+  const Apart coarse = apart(*layout, sphere, camera_of(0, 0, 90), {0.5, 0.3, -0.4}, 0.2 * kOneDegree);
+  const Apart fine = apart(*layout, sphere, camera_of(0, 0, 90), {0.5, 0.3, -0.4}, 0.05 * kOneDegree);
   EXPECT_EQ(fine.alone, 0);
-  EXPECT_LE(fine.angle, 0.5 * kDegree);
+  EXPECT_LE(fine.angle, 0.5 * kOneDegree);
   EXPECT_LE(fine.angle, 0.5 * coarse.angle);
-  const Apart outside = apart(*layout, sphere, camera_of(0, 0, 70), {0, 0, -5}, 0.02 * kDegree);
+  const Apart outside = apart(*layout, sphere, camera_of(0, 0, 70), {0, 0, -5}, 0.02 * kOneDegree);
   EXPECT_GT(outside.both, 1500);
   EXPECT_LE(outside.alone, outside.both / 50) << "the rim of a mesh is inside of the sphere's";
 }
@@ -128,7 +128,7 @@ TEST(MeshView, Pictures_AreThoseOfTheResampler_AlsoOfScatteredLayouts) {
       }
     }
     const view::CameraSpec spec = camera_of(70, 20, 90);
-    const Raymesh mesh = mesh_of_layout(*layout, sphere, 0.05 * kDegree).value().mesh;
+    const Raymesh mesh = mesh_of_layout(*layout, sphere, 0.05 * kOneDegree).value().mesh;
     const MeshView view = MeshView::make(mesh, spec, Vector3d::Zero(), workers).value();
     const DecodedImage triangles = view.paint(raymap.view(), layout->scattered(), workers);
     const view::Camera camera = view::Camera::make(spec).value();
