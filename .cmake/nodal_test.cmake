@@ -14,7 +14,7 @@ function(nodal_test name)
   set(test test_${name})
   add_executable(${test} ${ARG_SOURCES})
   if(NODAL_UNITY)
-    target_compile_options(${test} PRIVATE -O1)  # tests need little time themselves; what they test has all optimization
+    target_compile_options(${test} PRIVATE -O1)  # tests take little time themselves; what they test has all optimization
   endif()
   target_include_directories(${test} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
   set(links)

@@ -170,6 +170,7 @@ const BlendTable& two_band_table() {
     for (HeadCalibration& head : rig.heads) head.vignetting.coefficients = {-0.1, 0, 0};
     TableOptions options;
     options.transition = Transition::kTwoBand;
+    options.cover = false;
     return compile_blend_table(rig, {"equirectangular", 512, 256, PixelFormat::kI420},
                                std::vector(6, PixelFormat::kYuyv), options)
         .value();
