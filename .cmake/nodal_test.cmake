@@ -4,7 +4,8 @@
 # Defines a GoogleTest program; each of its tests is a separate ctest. LABELS gives its kind (unit, conformance, scenario,
 # crash, data, tidy, ...): `ninja tests_unit` builds and `ctest -L unit` runs all tests of a kind. Unit tests get the label
 # board, too, and run again on a board's processor, unless they have the label host (tests/README.md says which do). Tests
-# may include the modules that SEES names. NODAL_SOURCE_DIR is the checkout, NODAL_SHARED_DIR the test data beside it, which may be absent.
+# may include the modules that SEES names. NODAL_SOURCE_DIR is the checkout, NODAL_SHARED_DIR the test data beside it,
+# which may be absent.
 find_package(GTest REQUIRED)
 include(GoogleTest)
 nodal_package(rapidcheck rapidcheck)
