@@ -148,10 +148,15 @@ Result<RaySampler> RaySampler::make(const Calibration& calibration, const geomet
   return sampler;
 }
 
-std::optional<geometry::Ray> RaySampler::ray(int grid, double x, double y) const {
+geometry::Pixel RaySampler::on_raymap(int grid, double x, double y) const {
   const PlaneGrid& plane_grid = grids_[static_cast<std::size_t>(grid)].on_raymap;
-  return layout_->ray(std::min<double>(layout_->width(), (x + 0.5 - plane_grid.offset_x) * plane_grid.step_x),
-                      std::min<double>(layout_->height(), (y + 0.5 - plane_grid.offset_y) * plane_grid.step_y));
+  return {std::min<double>(layout_->width(), (x + 0.5 - plane_grid.offset_x) * plane_grid.step_x),
+          std::min<double>(layout_->height(), (y + 0.5 - plane_grid.offset_y) * plane_grid.step_y)};
+}
+
+std::optional<geometry::Ray> RaySampler::ray(int grid, double x, double y) const {
+  const geometry::Pixel at = on_raymap(grid, x, y);
+  return layout_->ray(at.x, at.y);
 }
 
 std::optional<HeadSight> RaySampler::sight(HeadIndex head, const geometry::Ray& ray) const {

@@ -77,7 +77,9 @@ class RaySampler {
   double steepest(HeadIndex head) const { return steepest_[head]; }
   std::span<const Grid> grids() const { return grids_; }
   const Plane& plane(int grid, HeadIndex head) const { return planes_[static_cast<std::size_t>(grid)][head]; }
-  /// The ray of sample (x, y) of a grid, or of a point between samples; nothing where the layout has none.
+  /// Where on the raymap sample (x, y) of a grid is, or a point between samples.
+  geometry::Pixel on_raymap(int grid, double x, double y) const;
+  /// The ray there; nothing where the layout has none.
   std::optional<geometry::Ray> ray(int grid, double x, double y) const;
   /// What a head sees of a ray; nothing outside its region.
   std::optional<HeadSight> sight(HeadIndex head, const geometry::Ray& ray) const;

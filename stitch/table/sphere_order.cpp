@@ -15,12 +15,40 @@ namespace {
 /// machines.
 struct Placed {
   std::uint32_t place = 0;
-  std::int32_t strip = 0;
+  std::int32_t part = 0;  ///< the number of its strip or its cell
   std::int32_t theta = 0;
   std::int32_t phi = 0;
 };
 
 constexpr double kAngleSteps = 1 << 28;  // steps of the integer angles in pi
+constexpr std::int32_t kNoPart = INT32_MAX;
+/// Of a cell, at least. Fewer rays: more tiles are in two cells. More: more lines of the raymap are incomplete at one time.
+constexpr std::int64_t kCellRays = 1024;
+/// With fewer cells, the raymap is so small (below half a megapixel) that its lines stay in the cache in any order.
+constexpr std::uint32_t kLeastPeriod = 400;
+
+bool by_phi(const Placed& a, const Placed& b) { return a.phi != b.phi ? a.phi < b.phi : a.place < b.place; }
+bool by_theta(const Placed& a, const Placed& b) { return a.theta != b.theta ? a.theta < b.theta : a.place < b.place; }
+
+double latitude(double phi) { return std::numbers::pi * (phi / kAngleSteps - 0.5); }
+
+std::vector<Placed> placed(const RaySampler& sampler, int grid) {
+  const RaySampler::Grid& shape = sampler.grids()[static_cast<std::size_t>(grid)];
+  std::vector<Placed> all;
+  all.reserve(static_cast<std::size_t>(shape.width) * static_cast<std::size_t>(shape.height));
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      Placed& pixel = all.emplace_back(Placed{blend::GridTable::place(x, y), kNoPart, 0, 0});
+      const std::optional<geometry::Ray> ray = sampler.ray(grid, x, y);
+      if (!ray) continue;
+      const geometry::Angles at = ray->angles();
+      pixel.part = 0;
+      pixel.theta = static_cast<std::int32_t>(round_up_ties(at.theta / std::numbers::pi * kAngleSteps));
+      pixel.phi = static_cast<std::int32_t>(round_up_ties((at.phi / std::numbers::pi + 0.5) * kAngleSteps));
+    }
+  }
+  return all;
+}
 
 /// The number of strips from pole to pole. Each of n evenly spread rays has a solid angle of 4 pi / n.
 std::int64_t strips_of(const RaySampler::Grid& shape) {
@@ -29,23 +57,56 @@ std::int64_t strips_of(const RaySampler::Grid& shape) {
   return std::max<std::int64_t>(1, round_up_ties(std::numbers::pi / height));
 }
 
-std::vector<Placed> placed(const RaySampler& sampler, int grid, std::int64_t strips) {
-  const RaySampler::Grid& shape = sampler.grids()[static_cast<std::size_t>(grid)];
-  std::vector<Placed> all;
-  all.reserve(static_cast<std::size_t>(shape.width) * static_cast<std::size_t>(shape.height));
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      Placed& pixel = all.emplace_back(Placed{blend::GridTable::place(x, y), INT32_MAX, 0, 0});
-      const std::optional<geometry::Ray> ray = sampler.ray(grid, x, y);
-      if (!ray) continue;
-      const geometry::Angles at = ray->angles();
-      pixel.theta = static_cast<std::int32_t>(round_up_ties(at.theta / std::numbers::pi * kAngleSteps));
-      pixel.phi = static_cast<std::int32_t>(round_up_ties((at.phi / std::numbers::pi + 0.5) * kAngleSteps));
-      const std::int64_t strip = pixel.phi * strips / static_cast<std::int64_t>(kAngleSteps);
-      pixel.strip = static_cast<std::int32_t>(std::min(strips - 1, strip));
-    }
+/// Strips of the whole sphere from pole to pole, each ordered by longitude.
+void order_in_strips(std::vector<Placed>& rays, std::int64_t strips) {
+  for (Placed& ray : rays) {
+    if (ray.part == kNoPart) continue;
+    const std::int64_t strip = ray.phi * strips / static_cast<std::int64_t>(kAngleSteps);
+    ray.part = static_cast<std::int32_t>(std::min(strips - 1, strip));
   }
-  return all;
+  std::sort(rays.begin(), rays.end(),
+            [](const Placed& a, const Placed& b) { return a.part != b.part ? a.part < b.part : by_theta(a, b); });
+}
+
+/// Orders the rays of one cell, from `begin` to `end` of all, in strips of about square tiles. A strip has whole tiles, because
+/// a tile of two strips reads patches for both.
+void order_cell(std::vector<Placed>& rays, std::size_t begin, std::size_t end) {
+  const auto iterator = [&](std::size_t k) { return rays.begin() + static_cast<std::ptrdiff_t>(k); };
+  std::sort(iterator(begin), iterator(end), by_phi);
+  const auto [west, east] = std::minmax_element(iterator(begin), iterator(end), by_theta);
+  const double height = static_cast<double>(rays[end - 1].phi) - rays[begin].phi;
+  const double middle = latitude((static_cast<double>(rays[end - 1].phi) + rays[begin].phi) / 2);
+  const double width = std::max(1.0, (static_cast<double>(east->theta) - west->theta) * std::cos(middle));
+  const std::size_t count = end - begin;
+  const auto strips = static_cast<std::size_t>(std::max<std::int64_t>(
+      1, round_up_ties(std::sqrt(height / width * static_cast<double>(count) / blend::kTilePixels))));
+  for (std::size_t k = 1, from = begin; k <= strips; ++k) {
+    const std::size_t nearest = (begin + count * k / strips + blend::kTilePixels / 2) / blend::kTilePixels;
+    const std::size_t to = k == strips ? end : std::clamp(nearest * blend::kTilePixels, from, end);
+    std::sort(iterator(from), iterator(to), by_theta);
+    from = to;
+  }
+}
+
+/// Cells of the pixels k, k + period, k + 2 period .. one after the other. The pixels of consecutive cells are side by side.
+void order_in_cells(std::vector<Placed>& rays, std::uint32_t period, const RaySampler& sampler, int grid) {
+  const auto width = static_cast<std::uint64_t>(sampler.layout().width());
+  const auto height = static_cast<std::uint64_t>(sampler.layout().height());
+  for (Placed& ray : rays) {
+    if (ray.part == kNoPart) continue;
+    const geometry::Pixel at = sampler.on_raymap(grid, ray.place & 0xffff, ray.place >> 16);
+    const std::uint64_t row = std::min(static_cast<std::uint64_t>(at.y), height - 1);
+    ray.part =
+        static_cast<std::int32_t>((row * width + std::min(static_cast<std::uint64_t>(at.x), width - 1)) % period);
+  }
+  std::sort(rays.begin(), rays.end(),
+            [](const Placed& a, const Placed& b) { return a.part != b.part ? a.part < b.part : a.place < b.place; });
+  for (std::size_t begin = 0; begin < rays.size() && rays[begin].part != kNoPart;) {
+    std::size_t end = begin + 1;
+    while (end < rays.size() && rays[end].part == rays[begin].part) ++end;
+    order_cell(rays, begin, end);
+    begin = end;
+  }
 }
 
 /// Orders tiles of 64 rays in blocks of about eight strips by eight tiles, so that samples which neighbouring tiles
@@ -59,10 +120,10 @@ std::vector<Placed> in_blocks(const std::vector<Placed>& rays, std::int64_t stri
   std::vector<Tile> tiles;
   for (std::size_t first = 0; first < rays.size(); first += blend::kTilePixels) {
     const Placed& ray = rays[first];
-    const std::int64_t strip = std::min<std::int64_t>(ray.strip, strips);
+    const std::int64_t strip = std::min<std::int64_t>(ray.part, strips);
     const std::int64_t band = strip / kStrips;
     const double bands = static_cast<double>(strips) / kStrips;
-    const double middle = std::numbers::pi * ((static_cast<double>(band) + 0.5) / bands - 0.5);
+    const double middle = latitude((static_cast<double>(band) + 0.5) / bands * kAngleSteps);
     const double around = 2 * bands * std::max(0.0, std::cos(middle));
     const std::int64_t cells = std::max<std::int64_t>(1, round_up_ties(around));
     const auto half = static_cast<std::int64_t>(kAngleSteps);
@@ -84,8 +145,7 @@ std::vector<Placed> in_blocks(const std::vector<Placed>& rays, std::int64_t stri
 void lay(std::span<Placed> rays, std::size_t width, std::size_t height, std::uint32_t* tile) {
   for (std::size_t i = 0; i < width; ++i) {
     const std::span<Placed> column = rays.subspan(i * height, height);
-    std::sort(column.begin(), column.end(),
-              [](const Placed& a, const Placed& b) { return a.phi != b.phi ? a.phi < b.phi : a.place < b.place; });
+    std::sort(column.begin(), column.end(), by_phi);
     for (std::size_t j = 0; j < height; ++j) tile[j * blend::kTile + i] = column[j].place;
   }
 }
@@ -94,13 +154,14 @@ void lay(std::span<Placed> rays, std::size_t width, std::size_t height, std::uin
 
 std::vector<std::uint32_t> sphere_order(const RaySampler& sampler, int grid) {
   const RaySampler::Grid& shape = sampler.grids()[static_cast<std::size_t>(grid)];
-  const std::int64_t strips = strips_of(shape);
-  std::vector<Placed> rays = placed(sampler, grid, strips);
-  std::sort(rays.begin(), rays.end(), [](const Placed& a, const Placed& b) {
-    if (a.strip != b.strip) return a.strip < b.strip;
-    return a.theta != b.theta ? a.theta < b.theta : a.place < b.place;
-  });
-  if (shape.width % blend::kTile == 0 && shape.height % blend::kTile == 0) rays = in_blocks(rays, strips);
+  std::vector<Placed> rays = placed(sampler, grid);
+  if (const std::uint32_t period = sampler.layout().cell_period(kCellRays); period >= kLeastPeriod) {
+    order_in_cells(rays, period, sampler, grid);
+  } else {
+    const std::int64_t strips = strips_of(shape);
+    order_in_strips(rays, strips);
+    if (shape.width % blend::kTile == 0 && shape.height % blend::kTile == 0) rays = in_blocks(rays, strips);
+  }
   blend::GridTable table;
   table.width = shape.width;
   table.height = shape.height;

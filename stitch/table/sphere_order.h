@@ -15,6 +15,9 @@ namespace nodal::table {
 /// evenly, a tile is about square on the sphere; if not, tiles are elongated and need more patches. Pixels without a
 /// ray come last. If both sides of the grid are multiples of 8 (all tiles are whole), tiles are ordered in blocks of
 /// about 8 by 8.
+///
+/// If the layout has a regular order (RaymapLayout::cell_period), each of its cells is cut in this way, cell after cell: as many
+/// cells as a cache line has pixels then write whole lines, which meanwhile stay in the cache.
 std::vector<std::uint32_t> sphere_order(const RaySampler& sampler, int grid);
 
 }  // namespace nodal::table

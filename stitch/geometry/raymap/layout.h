@@ -1,6 +1,7 @@
 // A raymap layout m(x, y) -> (theta, phi): which ray each pixel of a raymap holds (§3.2, §5).
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
@@ -35,6 +36,10 @@ class RaymapLayout {
   /// Whether the layout consists of faces that are convex in the picture, and the ray is a smooth function of the place
   /// within each: then rays can be interpolated. Not if every row has a scale of its own.
   virtual bool smooth() const { return !scattered(); }
+
+  /// For scattered layouts with a regular order: a P for which the pixels k, k + P, k + 2 P .. (row * width + column), for
+  /// every k below P, hold the rays of a compact cell of the sphere, at least `rays` of them. 0 if there is none.
+  virtual std::uint32_t cell_period([[maybe_unused]] std::int64_t rays) const { return 0; }
 
   /// The ray at continuous coordinates, 0..width by 0..height; pixel (i, j)'s own ray is ray(i + .5, j + .5). Nothing
   /// where the layout holds no ray.

@@ -20,6 +20,9 @@ class PointSequence final : public ScatteredRays {
   explicit PointSequence(RaymapSize size) : ScatteredRays(size.width, size.height) {}
   std::string_view name() const override { return Sequence::kName; }
   double solid_angle(int, int) const override { return 4 * kPi / width() / height(); }
+  std::uint32_t cell_period(std::int64_t rays) const override {
+    return Sequence::cell_period(std::int64_t{width()} * height() / rays);
+  }
 
  protected:
   Ray ray_of(int i, int j) const override {
@@ -39,11 +42,24 @@ struct Hammersley {
   static Point point(std::uint64_t k, std::uint64_t count) {
     return {(static_cast<double>(k) + 0.5) / static_cast<double>(count), radical_inverse(2, k)};
   }
+  static std::uint32_t cell_period(std::int64_t) { return 0; }
 };
 
 struct Halton {
   static constexpr std::string_view kName = "halton";
   static Point point(std::uint64_t k, std::uint64_t) { return {radical_inverse(2, k + 1), radical_inverse(3, k + 1)}; }
+  /// The points k, k + 2^a 3^b, .. share the first a digits of u and the first b digits of v. Cells are about square at the
+  /// equator of the equal-area cylinder, which is pi times as wide as high. 0 for fewer than two cells.
+  static std::uint32_t cell_period(std::int64_t most) {
+    std::int64_t halves = 1, thirds = 1;
+    for (;;) {
+      const bool wide = kPi / static_cast<double>(thirds) > 1 / static_cast<double>(halves);
+      const std::int64_t next = halves * thirds * (wide ? 3 : 2);
+      if (next > most) break;
+      (wide ? thirds : halves) *= wide ? 3 : 2;
+    }
+    return halves * thirds > 1 ? static_cast<std::uint32_t>(halves * thirds) : 0;
+  }
 };
 
 }  // namespace

@@ -173,5 +173,36 @@ TEST(ScatteredRays, PixelOfAnyRay_HasTheNearestRay) {
   }
 }
 
+TEST(ScatteredRays, PixelsOfHaltonAPeriodApart_FillACompactCell) {
+  const auto layout = make_layout("halton", 256, 128).value();
+  const std::uint32_t pixels = 256 * 128;
+  for (const std::int64_t rays : {20, 64, 1000}) {
+    const std::uint32_t period = layout->cell_period(rays);
+    ASSERT_GT(period, 1U);
+    EXPECT_GE(pixels / period, rays);
+    EXPECT_LT(pixels / period / 3, rays);
+    const double area = 4 * kPi / period;  // of sin phi and theta: solid angle
+    for (std::uint32_t first = 0; first < period; ++first) {
+      double least[2] = {10, 10}, most[2] = {-10, -10};
+      for (std::uint32_t k = first; k < pixels; k += period) {
+        const Ray ray = layout->ray(k % 256 + 0.5, k / 256 + 0.5).value();
+        const double at[2] = {ray.direction().y(), ray.angles().theta};
+        for (int n = 0; n < 2; ++n) least[n] = std::min(least[n], at[n]), most[n] = std::max(most[n], at[n]);
+      }
+      const double height = most[0] - least[0], width = most[1] - least[1];
+      ASSERT_LE(height * width, area);
+      ASSERT_LE(std::max(height, width), std::sqrt(3 * area));
+    }
+  }
+  EXPECT_EQ(layout->cell_period(pixels), 0U);
+}
+
+TEST(ScatteredRays, WithoutARegularOrder_HaveNoPeriod) {
+  for (const auto& layout : every_layout()) {
+    if (layout->name() == "halton") continue;
+    EXPECT_EQ(layout->cell_period(64), 0U) << described(*layout);
+  }
+}
+
 }  // namespace
 }  // namespace nodal::geometry

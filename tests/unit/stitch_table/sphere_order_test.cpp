@@ -5,6 +5,7 @@
 #include <rapidcheck/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 #include <random>
@@ -126,6 +127,46 @@ TEST(ScatteredRaymap, HeadThatIsMissing_LeavesAsMuchOfEveryRayAsInAPicture) {
   }
 }
 
+/// Tiles whose rays are farther apart than in a square of so many evenly spread rays, with a margin for their positions.
+int wide_tiles(const geometry::RaymapLayout& layout, const std::vector<std::uint32_t>& places) {
+  const double side = 8 * std::sqrt(4 * std::numbers::pi / (layout.width() * layout.height()));
+  int wide = 0;
+  for (std::size_t tile = 0; tile < places.size() / 64; ++tile) {
+    std::array<geometry::Ray, 64> rays;
+    for (std::size_t p = 0; p < 64; ++p) {
+      const std::uint32_t place = places[tile * 64 + p];
+      rays[p] = layout.ray(place & 0xffff, place >> 16).value();
+    }
+    double widest = 0;
+    for (std::size_t p = 0; p < 64; ++p) {
+      for (std::size_t q = 0; q < p; ++q) {
+        widest = std::max(widest, (rays[p].direction() - rays[q].direction()).norm());
+      }
+    }
+    wide += widest > 1.4 * std::sqrt(2.0) * side ? 1 : 0;
+  }
+  return wide;
+}
+
+std::vector<std::uint32_t> order_of(const geometry::RaymapLayout& layout) {
+  const Calibration rig = test::cube_rig(24);
+  const std::vector<PixelFormat> formats(6, PixelFormat::kGrey8);
+  return sphere_order(RaySampler::make(rig, layout, PixelFormat::kGrey8, formats, {}).value(), 0);
+}
+
+/// The most cache lines of 64 pixels that are written to, but not complete, at one time.
+std::size_t most_incomplete_lines(const geometry::RaymapLayout& layout, const std::vector<std::uint32_t>& places) {
+  std::vector<int> written(static_cast<std::size_t>(layout.width() * layout.height() / 64));
+  std::size_t incomplete = 0, most = 0;
+  for (const std::uint32_t place : places) {
+    const std::size_t line = ((place >> 16) * static_cast<std::size_t>(layout.width()) + (place & 0xffff)) / 64;
+    if (++written[line] == 1) most = std::max(most, ++incomplete);
+    if (written[line] == 64) --incomplete;
+  }
+  EXPECT_EQ(incomplete, 0U);
+  return most;
+}
+
 TEST(SphereOrder, RaysSpreadEvenly_AreSideBySideInTheirTiles) {
   // A Fibonacci spiral in random order; each ray represents an area of 4 pi / n.
   class Spiral final : public geometry::RaymapLayout {
@@ -144,28 +185,34 @@ TEST(SphereOrder, RaysSpreadEvenly_AreSideBySideInTheirTiles) {
     std::optional<geometry::Pixel> pixel(const geometry::Ray&) const override { return std::nullopt; }
   };
   const Spiral layout;
-  const Calibration rig = test::cube_rig(24);
-  const std::vector<PixelFormat> formats(6, PixelFormat::kGrey8);
-  const RaySampler sampler = RaySampler::make(rig, layout, PixelFormat::kGrey8, formats, {}).value();
-  const std::vector<std::uint32_t> places = sphere_order(sampler, 0);
+  const std::vector<std::uint32_t> places = order_of(layout);
   ASSERT_EQ(places.size(), 8192U);
-  const double side = 8 * std::sqrt(4 * std::numbers::pi / 8192);
-  int wide = 0;
-  for (std::size_t tile = 0; tile < 128; ++tile) {
-    double widest = 0;
-    const auto ray = [&](std::size_t p) {
-      const std::uint32_t place = places[tile * 64 + p];
-      return layout.ray(place & 0xffff, place >> 16).value();
-    };
-    for (std::size_t p = 0; p < 64; ++p) {
-      for (std::size_t q = 0; q < p; ++q) widest = std::max(widest, geometry::angle_between(ray(p), ray(q)));
-    }
-    wide += widest > 1.4 * std::sqrt(2.0) * side ? 1 : 0;  // a square's diagonal, with a margin for the rays' positions
-  }
-  EXPECT_LE(wide, 14);  // around the poles, and where one strip ends and the next begins
+  EXPECT_LE(wide_tiles(layout, places), 14);  // around the poles, and where one strip ends and the next begins
   std::vector<std::uint32_t> all(places);
   std::ranges::sort(all);
   EXPECT_EQ(std::ranges::adjacent_find(all), all.end());
+}
+
+TEST(SphereOrder, LayoutWithARegularOrder_CompletesLinesSoonAndKeepsItsTilesSmall) {
+  const auto layout = geometry::make_layout("halton", 1024, 512).value();
+  const std::uint32_t period = layout->cell_period(1024);
+  ASSERT_EQ(period, 432U);
+  const std::vector<std::uint32_t> places = order_of(*layout);
+  // Every cell is in lines of its own, and 64 pixels that follow each other are in up to two lines.
+  EXPECT_LE(most_incomplete_lines(*layout, places), 2 * (1024 * 512 / period + 1));
+  // Of 8192 tiles, one for each cell may be in two cells; near the poles some are elongated.
+  EXPECT_LE(wide_tiles(*layout, places), 720);
+  std::vector<std::uint32_t> all(places);
+  std::ranges::sort(all);
+  EXPECT_EQ(std::ranges::adjacent_find(all), all.end());
+  EXPECT_EQ(all.size(), 1024U * 512U);
+  EXPECT_NE(all.back(), blend::GridTable::kNowhere);
+}
+
+TEST(SphereOrder, SmallRaymapWithARegularOrder_IsInStrips) {
+  const auto layout = geometry::make_layout("halton", 512, 256).value();
+  EXPECT_GT(layout->cell_period(1024), 0U);
+  EXPECT_GT(most_incomplete_lines(*layout, order_of(*layout)), 512U * 256 / 64 / 2);
 }
 
 }  // namespace
