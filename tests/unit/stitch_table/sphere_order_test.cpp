@@ -103,6 +103,33 @@ RC_GTEST_PROP(ScatteredRaymap, AnyOrder_IsWhatDoublePrecisionSaysPixelByPixel, (
   }
 }
 
+TEST(ScatteredRaymap, HaltonInCellsOfOddSize_IsWhatDoublePrecisionSaysPixelByPixel) {
+  std::mt19937 random(5);
+  const Shot shot(PixelFormat::kI420, random);
+  const auto layout = geometry::make_layout("halton", 1021, 515).value();
+  TableOptions options;
+  options.levels = 1;
+  options.transition = Transition::kFeather;
+  const blend::BlendTable table =
+      compile_blend_table(shot.rig, *layout, PixelFormat::kI420, shot.formats, options).value();
+  const test::PreparedHeads prepared(table, shot.heads);
+  test::Picture raymap(PixelFormat::kI420, 1021, 515, 77);
+  blend::blend_rows(table, prepared.views(), blend::calibrated_tone(table), raymap.mutable_view(), 0, 515);
+  const RaySampler sampler = RaySampler::make(shot.rig, *layout, PixelFormat::kI420, shot.formats, options).value();
+  const std::vector<test::RealPlane> real = test::blend_in_double(sampler, shot.heads);
+  double worst = 0;
+  for (std::size_t c = 0; c < real.size(); ++c) {
+    const PlaneView plane = raymap.view().planes[c];
+    for (int y = 0; y < plane.height; ++y) {
+      for (int x = 0; x < plane.width; ++x) {
+        const double expected = real[c].values[static_cast<std::size_t>(y * plane.width + x)];
+        worst = std::max(worst, std::abs(plane.data[y * plane.row_stride + x * plane.pixel_stride] - expected));
+      }
+    }
+  }
+  EXPECT_LE(worst, 1.5);
+}
+
 TEST(ScatteredRaymap, HeadThatIsMissing_LeavesAsMuchOfEveryRayAsInAPicture) {
   std::mt19937 random(3);
   const Shot shot(PixelFormat::kGrey8, random);
