@@ -12,6 +12,7 @@
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
 #include "protocol/take/flight.pb.h"
+#include "protocol/take/seam_map.h"
 
 namespace nodal {
 namespace {
@@ -183,6 +184,11 @@ Bytes take_records() {
   calibration.mutable_calibration()->set_id(std::string(64, 'a'));
   calibration.mutable_calibration()->set_set(8);
   add_record(all, calibration);
+  Bytes labels(8 * 4, take::kNoHeadOfSeams);
+  for (std::size_t k = 0; k < 20; ++k) labels[k] = k < 17 ? 0 : 2;
+  take::wire::Record seams;
+  *seams.mutable_seams() = take::seams_record(8, 8, labels);
+  add_record(all, seams);
   take::wire::Record mark;
   mark.mutable_mark()->set_set(1);
   mark.mutable_mark()->set_text("bus");

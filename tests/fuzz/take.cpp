@@ -12,6 +12,7 @@
 #include "protocol/base/bytes.h"
 #include "protocol/framing.h"
 #include "protocol/take/digest.h"
+#include "protocol/take/seam_map.h"
 #include "stitch/media/take/take_folder.h"
 #include "stitch/media/ut_video.h"
 #include "tests/sim/flight_reader.h"
@@ -104,6 +105,12 @@ void read_all(const media::TakeFolder& folder) {
     }
     NODAL_ASSERT(set.evidence.index() == count + folder.manifest().deleted_sets);
     if (const Status read = sets.read_pictures(set); !read) check(read.error());
+    if (const auto& seams = sets.segment().evidence().seams; !seams.empty()) {
+      const auto labels = take::labels_of(seams.back());
+      NODAL_ASSERT(labels && labels->size() == seams.back().columns() * (seams.back().columns() / 2));
+      for (const std::uint8_t head : *labels)
+        NODAL_ASSERT(head < folder.about().heads.size() || head == take::kNoHeadOfSeams);
+    }
     for (std::size_t head = 0; head < kMaxHeads; ++head) {
       const ImageView& image = set.heads[head].image;
       if (image.planes[0].data == nullptr) continue;
