@@ -89,6 +89,9 @@ std::vector<std::string> confined(const RigFolder& folder) {
   std::ofstream out(list);
   for (const std::string& call : permitted_calls()) out << call << '\n';
   out.close();
+  // The checkout may be where only its owner may look, or in /home, which the sandbox hides.
+  for (const char* program : {"confine", "nodald"})
+    std::filesystem::copy_file(std::filesystem::path(NODAL_BIN_DIR) / program, folder.path / program);
   const std::string store = folder.path.string();
   std::filesystem::permissions(folder.path, std::filesystem::perms::owner_all | std::filesystem::perms::others_exec |
                                                 std::filesystem::perms::group_exec);
@@ -98,16 +101,9 @@ std::vector<std::string> confined(const RigFolder& folder) {
                              " && mount -t tmpfs -o mode=000 none /home && mount -t tmpfs -o mode=000 none /dev"
                              " && umask 0007 && exec setpriv --reuid=65534 --regid=65534 --clear-groups"
                              " --bounding-set=-all --inh-caps=-all --no-new-privs ";
-  return {"unshare",
-          "--mount",
-          "--net",
-          "--ipc",
-          "--uts",
-          "--propagation",
-          "private",
-          "sh",
-          "-c",
-          mounts + NODAL_BIN_DIR "/confine " + list.string() + " " NODAL_BIN_DIR "/nodald --config " + folder.config()};
+  const std::string all =
+      mounts + store + "/confine " + list.string() + " " + store + "/nodald --config " + folder.config();
+  return {"unshare", "--mount", "--net", "--ipc", "--uts", "--propagation", "private", "sh", "-c", all};
 }
 
 bool can_build_a_sandbox() {

@@ -146,7 +146,8 @@ TEST_F(CableRig, NoRigOrTheWrongOneOrSeveral_OneErrorThatListsThem) {
   EXPECT_NE(several.find("usb:RIG8"), std::string::npos) << several;
   EXPECT_EQ(Json::parse(nodal("usb:RIG8", {"status"}).out)["rig"], "rig-RIG8");
 
-  const Finished denied = Process(as_nobody({NODAL_BIN_DIR "/nodal", "--rig", "usb:RIG7", "status"})).wait();
+  const Finished denied =
+      Process(as_nobody({for_everybody(NODAL_BIN_DIR "/nodal"), "--rig", "usb:RIG7", "status"})).wait();
   EXPECT_EQ(denied.code, 3);
   EXPECT_NE(denied.err.find("60-nodal-host.rules"), std::string::npos) << denied.err;
 
