@@ -77,6 +77,7 @@ RigTest::~RigTest() {
 void RigTest::start_nodald() {
   Words words = under_;
   words.insert(words.end(), {NODAL_BIN_DIR "/nodald", "--config", path("rig.toml"), "--blend-threads", "1"});
+  nodald_.reset();  // before the new one starts, which refuses a socket that somebody listens on
   nodald_ = std::make_unique<Process>(words, environment_);
   const bool up = wait_until([this] { return nodal({"status"}).code == 0; });
   ASSERT_TRUE(up) << nodald_->wait(std::chrono::seconds(1)).err;
