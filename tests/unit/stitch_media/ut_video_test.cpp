@@ -26,12 +26,12 @@ enum class Content { kSmooth, kNoise, kFlat, kRare };
 Bytes picture_of(PixelFormat format, int width, int height, Content content) {
   Bytes bytes(packed_size(format, width, height));
   std::mt19937 random(5);
-  double level = 90;
+  int level = 90;
   for (std::size_t i = 0; i < bytes.size(); ++i) {
     if (content == Content::kFlat) bytes[i] = 17;
     if (content == Content::kNoise) bytes[i] = static_cast<std::uint8_t>(random());
     if (content == Content::kSmooth) {
-      level += static_cast<double>(random() % 9) - 4.0;
+      level += static_cast<int>(random() % 9) - 4;
       bytes[i] = static_cast<std::uint8_t>(level);
     }
     // Differences whose counts fall by half: the codes of the rarest would be longer than 14 bits.
