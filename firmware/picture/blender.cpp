@@ -143,14 +143,14 @@ void Blender::adopt_seams(std::uint64_t set) {
     }
   } else if (!seams_->refused.empty()) {
     seams_refused_.publish(seams_->refused);
-    counts_.seams_refused.fetch_add(1, std::memory_order_release);  // after why
+    counts_.seams_refused.fetch_add(1, std::memory_order_release);  // after the reason, for its reader
   }
   seams_.reset();
   placing_seams_ = false;
 }
 
-/// For takes: the seams in force from this set on. While the ring is full, no seams are placed; then the change that waits is a
-/// calibration with its own seams, and so is every further one.
+/// For takes: the seams in force from this set on. While the ring is full, no seams are placed, so a change that waits for room is
+/// that of a new calibration to its own seams; further calibrations have their own seams, too, and need no further record.
 void Blender::log_seams(std::uint64_t set) {
   const sets::InstalledPtr& installed = blend_.installed();
   if (logs_seams_ && installed->seams && !seam_change_) seam_change_ = SeamChange{set, installed->seam_labels};

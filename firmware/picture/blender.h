@@ -59,7 +59,7 @@ class Blender {
   SpscRing<SeamChange>& seam_changes_out() { return seam_changes_out_; }
   /// Call before the first step.
   void log_seams() { logs_seams_ = true; }
-  /// Why placed seams were refused last. For control.
+  /// The reason of the newest refusal of placed seams. For control.
   Snapshot<std::string>& seams_refused() { return seams_refused_; }
   /// The metered light of each blended set. When the ring is full, new entries are discarded.
   SpscRing<blend::SphereLight>& light_out() { return light_out_; }

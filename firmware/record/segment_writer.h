@@ -34,7 +34,7 @@ struct TakePlace {
   std::vector<std::uint8_t> calibration_id;
   /// Those after the take's first, in order. Every segment's evidence has them, because earlier segments may be deleted.
   std::vector<take::Manifest::Calibration> calibrations;
-  /// The newest placed seams in force for a written set. Every segment's evidence has them, likewise.
+  /// Placed seams in force for the newest written set. Every segment's evidence begins with them, for the same reason.
   std::optional<SeamChange> seams{};
 };
 

@@ -245,7 +245,7 @@ bool TakeKeeper::take_seams() {
   return busy;
 }
 
-/// Whether the seams of a row's sets may come yet.
+/// Whether to hold a row back because the blend may still log seams for its sets.
 bool TakeKeeper::blend_is_behind(const TakeRow& row, Instant now) {
   if (!places_seams_ || row.sets.empty() || closing_) return false;
   const std::uint64_t begun = places_seams_->sets_begun();

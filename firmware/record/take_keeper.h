@@ -137,7 +137,7 @@ class TakeKeeper {
   /// The board's clock in nanoseconds since 1970; 0: unknown.
   using UtcClock = std::function<std::int64_t()>;
 
-  /// `flight`: of [takes] flight_recorder; null without it. `places_seams`: that stage, if seams are placed; it logs them.
+  /// `flight`: of [takes] flight_recorder; null without it. `places_seams`: the blend stage, which then logs its seams; null if seams are fixed.
   TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& recorder, std::string software, UtcClock utc,
              FlightLog* flight = nullptr, Blender* places_seams = nullptr);
   ~TakeKeeper();
@@ -165,8 +165,9 @@ class TakeKeeper {
   /// [takes] when_full = "loop": room is made when the disk has less than for so long, beside what finishing needs.
   static constexpr Duration kLoopAhead = Duration::seconds(5);
   static constexpr int kRowsAStep = 4;
-  /// Sets are written after the blend has begun them, because then it has logged which seams are theirs. But they are if it
-  /// has begun none for so long, or if kSetsAhead percent of the recorder's memory is used.
+  /// With placed seams, a row is written after the blend has begun its sets, because then the blend has logged their seams. The
+  /// row is written without waiting if the blend has begun no set for kBlendWithin, or if more than kSetsAhead percent of the
+  /// recorder's memory is used.
   static constexpr Duration kBlendWithin = Duration::seconds(1);
   static constexpr std::size_t kSetsAhead = 20;
   /// Of a flight record: nodald's first hour is written in less than 2 s.
