@@ -116,12 +116,17 @@ struct Avx2 {
   /// Applies the head's curves and gains to the interpolated samples of a record.
   template <int N>
   [[gnu::always_inline]] static inline void tone(const BlendJob& job, std::size_t r, Light<N>& negative_light) {
-    const HeadIndex head = job.grid->records[r].head();
+    const PatchRecord& record = job.grid->records[r];
+    const HeadIndex head = record.head();
     if (job.curves) {
       for (std::size_t c = 0; c < N; ++c) {
         const Pieces<32>& curve = job.curve[head][job.component[c].tone];
         const V base = all(job.component[c].black);
-        for (Rows& rows : negative_light[c]) rows = negated(on_curve<10>(negated(rows, base), curve), base);
+        for (std::size_t half = 0; half < 2; ++half) {
+          if (!record.has(half)) continue;
+          Rows& rows = negative_light[c][half];
+          rows = negated(on_curve<10>(negated(rows, base), curve), base);
+        }
       }
     }
     if (!job.gains) return;
@@ -130,6 +135,7 @@ struct Avx2 {
     if (!alone) vignetting.set(out_of_sight(kConstants), job.grid->gains[r].data());
     for (std::size_t half = 0; half < 2; ++half) {
       const Rows gains = vignetting.half();
+      if (!record.has(half)) continue;
       for (std::size_t c = 0; c < N; ++c) {
         const V of_head = all(job.gain(head, c));
         const V upper = alone ? of_head : _mm256_mulhrs_epi16(gains.upper, of_head);
@@ -161,7 +167,7 @@ struct Avx2 {
     }
   }
 
-  /// The light that a record contributes to a tile, negative.
+  /// The light that a record contributes to its part of a tile, negative.
   template <int N>
   [[gnu::always_inline]] static inline void negative_light_of(const BlendJob& job, std::size_t r,
                                                               Light<N>& negative_light) {
@@ -174,12 +180,25 @@ struct Avx2 {
     for (std::size_t half = 0; half < 2; ++half) {
       const Constants& k = out_of_sight(kConstants);  // per half: common values would be spilled to the stack
       const Places at = coordinates.half(k, half);
+      if (!record.has(half)) continue;
       for (std::size_t c = 0; c < N; ++c) {
         negative_light[c][half] = mix(k, patch[c], at, record, half, all(job.component[c].black));
       }
     }
     if (job.curves || job.gains) tone<N>(job, r, negative_light);
+  }
+
+  /// The light of record r, or of the pair that begins with it. Returns how many records these are.
+  template <int N>
+  static inline std::size_t next_light(const BlendJob& job, std::size_t r, Light<N>& negative_light) {
+    const PatchRecord& record = job.grid->records[r];
+    const std::size_t count = record.paired() ? 2 : 1;
+    for (std::size_t k = r; k < r + count; ++k) {
+      prefetch<N>(job, k);
+      negative_light_of<N>(job, k, negative_light);
+    }
     if (job.low_band != nullptr) correct<N>(job, record.head(), negative_light);
+    return count;
   }
 
   static inline Rows level_of(const BlendJob& job, std::size_t c, Rows light, bool negative) {
@@ -227,9 +246,9 @@ struct Avx2 {
   template <int N, class Number>
   static inline void tile(const BlendJob& job, const Tile& tile, std::size_t records, Number* out) {
     Light<N> negative_light;
-    if (records == 1 && tile.how() == Sharing::kAlone) {
-      prefetch<N>(job, tile.record);
-      negative_light_of<N>(job, tile.record, negative_light);
+    const Sharing how = tile.how();
+    if (records != 0 && how == Sharing::kAlone) {
+      next_light<N>(job, tile.record, negative_light);
       return finish<N>(job, negative_light, true, out);
     }
     Light<N> light;
@@ -237,12 +256,10 @@ struct Avx2 {
     std::array<Rows, 2> rest;
     rest.fill({all(-32768), all(-32768)});
     const std::int16_t* weights = job.grid->weights.data() + tile.weights();
-    const Sharing how = tile.how();
-    for (std::size_t r = 0; r < records; ++r) {
-      prefetch<N>(job, tile.record + r);
-      negative_light_of<N>(job, tile.record + r, negative_light);
+    for (std::size_t r = tile.record, end = r + records; r < end;) {
+      r += next_light<N>(job, r, negative_light);
       std::array<Rows, 2> weight = rest;
-      if (r + 1 < records || how == Sharing::kOpen) {
+      if (r < end || how == Sharing::kOpen) {
         if (how == Sharing::kBilinear) {
           Bilinear bilinear;
           bilinear.set(out_of_sight(kConstants), weights);
@@ -280,6 +297,11 @@ struct Avx2 {
     for (std::size_t half = 0; half < 2; ++half) {
       const Places at = coordinates.half(k, half);
       for (std::size_t c = 0; c < N; ++c) {
+        if (!record.has(half)) {
+          std::fill_n(samples[c].begin() + static_cast<std::ptrdiff_t>(half * kTilePixels / 2), kTilePixels / 2,
+                      std::int16_t{0});
+          continue;
+        }
         list_half(negated(mix(k, patch[c], at, record, half, zero), zero), half, samples[c].data());
       }
     }

@@ -196,6 +196,33 @@ struct Avx512 {
     if (job.low_band != nullptr) correct<N>(job, record.head(), k, negative_light);
   }
 
+  /// The same for a pair of records. What the compiler sees that nobody uses, it does not compute.
+  template <int N>
+  [[gnu::noinline]] static void light_of_pair(const BlendJob& job, std::size_t r, std::array<Rows, N>& negative_light) {
+    const Constants& k = out_of_sight(kConstants);
+    std::array<Rows, N> upper, lower;
+    negative_light_of<N>(job, r, k, upper);
+    negative_light_of<N>(job, r + 1, k, lower);
+    for (std::size_t c = 0; c < N; ++c) negative_light[c] = {upper[c].upper, lower[c].lower};
+  }
+
+  /// The light of record r, or of the pair that begins with it. Returns how many records these are. Pairs are rarer, and not
+  /// inlined: their light goes through memory, that of other records does not.
+  template <int N>
+  [[gnu::always_inline]] static inline std::size_t next_light(const BlendJob& job, std::size_t r, const Constants& k,
+                                                              std::array<Rows, N>& negative_light) {
+    prefetch<N>(job, r);
+    if (!job.grid->records[r].paired()) {
+      negative_light_of<N>(job, r, k, negative_light);
+      return 1;
+    }
+    prefetch<N>(job, r + 1);
+    std::array<Rows, N> of_pair;
+    light_of_pair<N>(job, r, of_pair);
+    negative_light = of_pair;
+    return 2;
+  }
+
   template <int N>
   [[gnu::always_inline]] static inline void apply_gains(const BlendJob& job, std::size_t r, const Constants& k,
                                                         std::array<Rows, N>& negative_light) {
@@ -272,19 +299,18 @@ struct Avx512 {
                                                  Number* out) {
     const Constants& k = out_of_sight(kConstants);
     std::array<Rows, N> negative_light;
-    if (records == 1 && tile.how() == Sharing::kAlone) {
-      prefetch<N>(job, tile.record);
-      negative_light_of<N>(job, tile.record, k, negative_light);
+    const Sharing how = tile.how();
+    if (records != 0 && how == Sharing::kAlone) {
+      next_light<N>(job, tile.record, k, negative_light);
       return finish<N>(job, negative_light, true, out);
     }
     std::array<Rows, N> light{};
     const std::int16_t* weights = job.grid->weights.data() + tile.weights();
-    const Sharing how = tile.how();
     Rows rest{_mm512_set1_epi16(-32768), _mm512_set1_epi16(-32768)};
-    for (std::size_t r = 0; r < records; ++r) {
-      prefetch<N>(job, tile.record + r);
+    for (std::size_t r = tile.record, end = r + records; r < end;) {
+      r += next_light<N>(job, r, k, negative_light);
       Rows weight = rest;
-      if (r + 1 < records || how == Sharing::kOpen) {
+      if (r < end || how == Sharing::kOpen) {
         if (how == Sharing::kBilinear) {
           weight = bilinear(k, weights);
           weights += 4;
@@ -294,7 +320,6 @@ struct Avx512 {
         }
         rest = {_mm512_sub_epi16(rest.upper, weight.upper), _mm512_sub_epi16(rest.lower, weight.lower)};
       }
-      negative_light_of<N>(job, tile.record + r, k, negative_light);
       for (std::size_t c = 0; c < N; ++c) {
         light[c].upper = _mm512_add_epi16(light[c].upper, _mm512_mulhrs_epi16(negative_light[c].upper, weight.upper));
         light[c].lower = _mm512_add_epi16(light[c].lower, _mm512_mulhrs_epi16(negative_light[c].lower, weight.lower));

@@ -220,7 +220,7 @@ inline std::array<Row, 2> on_curve(const std::array<Row, 2>& at, const Pieces<kP
 }
 
 struct Neon {
-  /// The light that a record contributes to all components, negative.
+  /// The light that a record contributes to its part of a tile, negative.
   template <int N>
   static inline void negative_light_of(const BlendJob& job, std::size_t r, std::array<TileRows, N>& negative_light) {
     const PatchRecord& record = job.grid->records[r];
@@ -231,6 +231,7 @@ struct Neon {
     const bool alone = job.grid->gains.empty();
     const TileRows vignetting = !job.gains || alone ? TileRows{} : bilinear_over_tile(job.grid->gains[r].data());
     for (std::size_t j = 0; j < kTile; j += 2) {
+      if (!record.has(j / kQuarter)) continue;
       const int first = record.first_row(j / kQuarter);
       const Places places = places_of(at, j, first, record.last_row());
       for (std::size_t c = 0; c < N; ++c) {
@@ -246,7 +247,19 @@ struct Neon {
         }
       }
     }
+  }
+
+  /// The light of record r, or of the pair that begins with it. Returns how many records these are.
+  template <int N>
+  static inline std::size_t next_light(const BlendJob& job, std::size_t r, std::array<TileRows, N>& negative_light) {
+    const PatchRecord& record = job.grid->records[r];
+    const std::size_t count = record.paired() ? 2 : 1;
+    for (std::size_t k = r; k < r + count; ++k) {
+      prefetch<N>(job, k);
+      negative_light_of<N>(job, k, negative_light);
+    }
     if (job.low_band != nullptr) correct<N>(job, record.head(), negative_light);
+    return count;
   }
 
   /// Adds the correction of the head's low frequencies.
@@ -295,22 +308,20 @@ struct Neon {
   template <int N, class Number>
   static inline void tile(const BlendJob& job, const Tile& tile, std::size_t records, Number* out) {
     std::array<TileRows, N> negative_light;
-    if (records == 1 && tile.how() == Sharing::kAlone) {
-      prefetch<N>(job, tile.record);
-      negative_light_of<N>(job, tile.record, negative_light);
+    const Sharing how = tile.how();
+    if (records != 0 && how == Sharing::kAlone) {
+      next_light<N>(job, tile.record, negative_light);
       return finish<N>(job, negative_light, true, out);
     }
     std::array<TileRows, N> light;
     for (TileRows& rows : light) rows.fill(vdupq_n_s16(0));
     const std::int16_t* weights = job.grid->weights.data() + tile.weights();
-    const Sharing how = tile.how();
     TileRows rest;
     rest.fill(vdupq_n_s16(-32768));
-    for (std::size_t r = 0; r < records; ++r) {
-      prefetch<N>(job, tile.record + r);
-      negative_light_of<N>(job, tile.record + r, negative_light);
+    for (std::size_t r = tile.record, end = r + records; r < end;) {
+      r += next_light<N>(job, r, negative_light);
       TileRows weight = rest;
-      if (r + 1 < records || how == Sharing::kOpen) {
+      if (r < end || how == Sharing::kOpen) {
         if (how == Sharing::kBilinear) {
           weight = bilinear_over_tile(weights);
           weights += 4;

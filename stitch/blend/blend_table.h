@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "protocol/base/field.h"
@@ -40,6 +41,9 @@ using Quadratic = std::array<std::int16_t, 6>;
 /// What one head contributes to one tile. Pixel (i, j) has the patch coordinates x(i, j), y(i, j), modulo 2^16, in
 /// 1 / (1 << kFractionBits) samples. For pixels with weight both are below 15, so that the next sample is in the patch
 /// too. The record is two halves of 16 bytes with the same layout, one for x and one for y.
+///
+/// Where one patch does not hold the samples of a tile, but one for each half of it does, the head has a pair of records: that
+/// of the upper four rows, followed by that of the lower four rows. They have one weight between them.
 struct PatchRecord {
   Quadratic x{};
   std::uint16_t left = 0;  ///< first column and row of the patch in the plane of the record's level
@@ -53,15 +57,21 @@ struct PatchRecord {
   std::uint8_t rows = 14 | 15 << 4;
   /// The patch row from which each quarter is read (its first such row, or an earlier one), for the upper and the lower
   /// half of the tile. Bits 0-3: left quarter; bits 4-7: right quarter. A pixel also reads the row below its upper one.
+  /// kOther for the half of the tile that the other record of a pair has.
   std::array<std::uint8_t, 2> first{};
 
   static constexpr std::uint8_t kListed = 0x80;
+  static constexpr std::uint8_t kOther = 0xff;
   static constexpr std::uint8_t source_of(HeadIndex head, int level, bool listed) {
     return static_cast<std::uint8_t>(head | level << 4 | (listed ? kListed : 0));
   }
   bool listed() const { return (source & kListed) != 0; }
   int pyramid_level() const { return source >> 4 & 7; }
   HeadIndex head() const { return source & 15; }
+  /// Whether the record has this half of the tile, 0 (upper) or 1 (lower).
+  bool has(std::size_t half) const { return first[half] != kOther; }
+  /// Whether the record is the first of a pair.
+  bool paired() const { return !has(1); }
   int last_row() const { return rows & 15; }
   int span() const { return rows >> 4; }
   /// For quarter `side` (0: left, 1: right) of half 0 (upper) or 1 (lower).
@@ -74,13 +84,19 @@ struct PatchRecord {
 };
 static_assert(sizeof(PatchRecord) == 32);
 
-/// How a tile's records share its pixels. Weights are stored negative: a weight of one, -(1 << 15), then fits 16 bits.
+/// How a tile's records share its pixels; a pair counts as one record. Weights are stored negative: a weight of one,
+/// -(1 << 15), then fits 16 bits.
 enum class Sharing : std::uint8_t {
   kAlone,     ///< at most one record; if there is one, its weight is one at every pixel
   kBilinear,  ///< coefficients of 1, i, j, ij per record; the last record has none and gets one minus the others
   kListed,    ///< 64 weights per record, row by row; the last record has none and gets one minus the others
   kOpen,      ///< 64 weights for every record; they sum to one, or to zero where no head sees the pixel
 };
+
+/// How many weights a tile with these records has to share out: a pair has one.
+inline std::size_t share_count(std::span<const PatchRecord> records) {
+  return records.size() - static_cast<std::size_t>(std::ranges::count_if(records, &PatchRecord::paired));
+}
 
 /// The tile's records are those from `record` up to the next tile's `record`. Tiles are stored in the order in which
 /// they are blended, see GridTable::tile_index.

@@ -93,31 +93,44 @@ inline std::uint8_t level_of(const BlendJob& job, std::size_t c, int light) {
 class WeightReader {
  public:
   WeightReader(const GridTable& grid, const Tile& tile, std::size_t records)
-      : how_(tile.how()), at_(grid.weights.data() + tile.weights()), left_(records) {
+      : how_(tile.how()),
+        at_(grid.weights.data() + tile.weights()),
+        record_(grid.records.data() + tile.record),
+        end_(record_ + records) {
     rest_.fill(1 << kWeightBits);
   }
 
-  /// The weights of the next record, row by row, 0 .. 1 << kWeightBits.
+  /// The weights of the next record, row by row, 0 .. 1 << kWeightBits; 0 in the half of the tile that it does not have.
   void next(Weights& weights) {
-    --left_;
-    if (how_ == Sharing::kAlone || (left_ == 0 && how_ != Sharing::kOpen)) {
-      weights = rest_;
+    const PatchRecord& record = *record_++;
+    if (record.has(0)) read(record_ + (record.paired() ? 1 : 0) == end_);
+    for (std::size_t p = 0; p < kTilePixels; ++p) {
+      weights[p] = record.has(p / (kTilePixels / 2)) ? weight_[p] : std::uint16_t{0};
+    }
+  }
+
+ private:
+  /// Reads the weights of a record or a pair.
+  void read(bool last) {
+    if (how_ == Sharing::kAlone || (last && how_ != Sharing::kOpen)) {
+      weight_ = rest_;
       return;
     }
     for (std::size_t p = 0; p < kTilePixels; ++p) {
       const auto row = static_cast<int>(p / kTile);
       const int negative = how_ == Sharing::kBilinear ? bilinear_at(at_, static_cast<int>(p % kTile), row) : at_[p];
-      weights[p] = static_cast<std::uint16_t>(-negative);
+      weight_[p] = static_cast<std::uint16_t>(-negative);
       rest_[p] = static_cast<std::uint16_t>(rest_[p] + negative);
     }
     at_ += how_ == Sharing::kBilinear ? 4 : kTilePixels;
   }
 
- private:
   Sharing how_;
   const std::int16_t* at_;
-  std::size_t left_;
+  const PatchRecord* record_;
+  const PatchRecord* end_;
   Weights rest_{};
+  Weights weight_{};
 };
 
 /// Prefetches the patch `kAhead` records after r. Always kRows rows: a row count per record mispredicts and costs more

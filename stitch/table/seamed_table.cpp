@@ -183,9 +183,18 @@ bool share_out(const GridTable& cover, std::size_t p, const Parts& parts, std::i
 
 /// Appends the tile's records that have any weight. `open`: a pixel inside the grid has no head.
 void append(const GridTable& cover, const TileWeights& tile, bool open, GridTable& to) {
-  std::vector<std::size_t> used;
-  for (std::size_t k = 0; k < tile.count; ++k) {
-    if (std::ranges::any_of(tile.made[k], [](std::uint16_t weight) { return weight != 0; })) used.push_back(k);
+  struct Used {
+    std::size_t first = 0;
+    std::size_t records = 1;  ///< 2: a pair
+  };
+  std::vector<Used> used;
+  for (Used at; at.first < tile.count; at.first += at.records) {
+    at.records = cover.records[tile.first + at.first].paired() ? 2 : 1;
+    const std::span made = std::span(tile.made).subspan(at.first, at.records);
+    const auto any = [](const blend::Weights& of) {
+      return std::ranges::any_of(of, [](auto weight) { return weight != 0; });
+    };
+    if (std::ranges::any_of(made, any)) used.push_back(at);
   }
   blend::Tile made{static_cast<std::uint32_t>(to.records.size()), 0};
   const bool alone = used.empty() || (used.size() == 1 && !open);
@@ -195,18 +204,24 @@ void append(const GridTable& cover, const TileWeights& tile, bool open, GridTabl
   }
   to.tiles.push_back(made);
   for (std::size_t i = 0; i < used.size(); ++i) {
-    copy_record(cover, tile.first + used[i], to);
+    const Used& at = used[i];
+    for (std::size_t k = 0; k < at.records; ++k) copy_record(cover, tile.first + at.first + k, to);
     if (alone || (!open && i + 1 == used.size())) continue;
-    for (const std::uint16_t weight : tile.made[used[i]]) to.weights.push_back(static_cast<std::int16_t>(-weight));
+    for (std::size_t p = 0; p < kTilePixels; ++p) {
+      // The second of a pair has the lower half.
+      const std::size_t k = at.first + (p < kTilePixels / 2 ? 0 : at.records - 1);
+      to.weights.push_back(static_cast<std::int16_t>(-tile.made[k][p]));
+    }
   }
 }
 
 /// Appends tile t of the table as it is.
 void copy_tile(const GridTable& from, std::size_t t, GridTable& to) {
   blend::Tile tile = from.tiles[t];
-  const std::size_t end = from.tiles[t + 1].record, records = end - tile.record;
+  const std::size_t end = from.tiles[t + 1].record;
   if (tile.how() != Sharing::kAlone) {
-    const std::size_t lists = tile.how() == Sharing::kOpen ? records : records - 1;
+    const std::size_t shares = blend::share_count(std::span(from.records).subspan(tile.record, end - tile.record));
+    const std::size_t lists = tile.how() == Sharing::kOpen ? shares : shares - 1;
     const auto at = from.weights.begin() + static_cast<std::ptrdiff_t>(tile.weights());
     const std::size_t each = tile.how() == Sharing::kBilinear ? 4 : kTilePixels;
     tile.sharing = static_cast<std::uint32_t>(tile.how()) << 30 | static_cast<std::uint32_t>(to.weights.size() / 4);

@@ -82,8 +82,11 @@ void list_coordinate(const PixelValues& values, PixelMask mask, int start, int s
   });
 }
 
-/// Computes which rows of its patch a record's pixels read (PatchRecord::first, PatchRecord::rows).
-void name_rows(const std::vector<std::uint16_t>& coordinates, PixelMask mask, PatchRecord& record) {
+constexpr PixelMask kUpperHalf = 0xffffffff;
+
+/// Computes which rows of its patch a record's pixels read (PatchRecord::first, PatchRecord::rows). `paired`: it is one of a
+/// pair.
+void name_rows(const std::vector<std::uint16_t>& coordinates, PixelMask mask, bool paired, PatchRecord& record) {
   std::array<int, 4> first, last;  // by quarter
   first.fill(kPatch);
   last.fill(-1);
@@ -102,6 +105,10 @@ void name_rows(const std::vector<std::uint16_t>& coordinates, PixelMask mask, Pa
   int span = blend::kLeastSpan;
   for (std::size_t k = 0; k < 4; ++k) span = std::max(span, last[k] - first[k] + 1);
   for (std::size_t half = 0; half < 2; ++half) {
+    if (paired && (mask & (half == 0 ? kUpperHalf : ~kUpperHalf)) == 0) {
+      record.first[half] = PatchRecord::kOther;
+      continue;
+    }
     int* starts = first.data() + 2 * half;
     for (std::size_t side = 0; side < 2; ++side) {
       const int start =
@@ -203,21 +210,26 @@ void TileBuilder::split_by_head(const TileSamples& samples) {
 }
 
 /// Adds the patches for those of the part's pixels `of` that are in a block. If one patch does not suffice, the pixels are
-/// separated where they jump to another place in the head's picture, over an edge of the layout. Without a jump, the block
-/// is halved, across or down, whichever leaves the smaller spans of coordinates.
+/// separated where they jump to another place in the head's picture, over an edge of the layout. Without a jump, a pair of
+/// patches is tried, and then the block is halved, across or down, whichever leaves the smaller spans of coordinates.
 void TileBuilder::add_patches(std::size_t k, PixelMask of, const Block& block, TileRun& run) {
   const Part& part = parts_[k];
   const PixelMask mask = of & block_mask(block);
   if (mask == 0) return;
   const int columns = block.right - block.left;
   const int rows = block.bottom - block.top;
-  if (add_patch(part, mask, columns * rows == 1, run)) {
+  const bool one = columns * rows == 1;
+  if (add_patch(part, mask, {false, one}, run)) {
     made_.push_back({k, mask});
     return;
   }
   if (const PixelMask near = before_jump(part, mask); near != mask) {
     add_patches(k, near, block, run);
     add_patches(k, mask & ~near, block, run);
+    return;
+  }
+  if (rows == blend::kTile && columns == blend::kTile && add_pair(part, mask, run)) {
+    made_.push_back({k, mask});
     return;
   }
   Block west = block, east = block, north = block, south = block;
@@ -259,9 +271,23 @@ PixelMask TileBuilder::before_jump(const Part& part, PixelMask mask) {
   return before;
 }
 
+/// Adds one patch for the pixels of the upper half of the tile and one for those of the lower half, and returns true; if these
+/// cannot hold them, or a half has none, returns false.
+bool TileBuilder::add_pair(const Part& part, PixelMask mask, TileRun& run) {
+  const PixelMask upper = mask & kUpperHalf, lower = mask & ~kUpperHalf;
+  if (upper == 0 || lower == 0) return false;
+  const std::size_t lists = run.coordinates.size();
+  if (!add_patch(part, upper, {true, false}, run)) return false;
+  if (add_patch(part, lower, {true, false}, run)) return true;
+  run.records.pop_back();
+  run.coordinates.resize(lists);
+  if (vignetting_scale_ != 0) run.gains.pop_back();
+  return false;
+}
+
 /// Adds one patch for the pixels and returns true; if one patch cannot hold them, returns false. With `must` it always
 /// adds the patch (a single pixel always fits).
-bool TileBuilder::add_patch(const Part& part, PixelMask mask, bool must, TileRun& run) {
+bool TileBuilder::add_patch(const Part& part, PixelMask mask, PatchUse use, TileRun& run) {
   const RaySampler::Plane& plane = sampler_.plane(grid_, part.head);
   const int width = plane.width >> part.level;
   const int height = plane.height >> part.level;
@@ -279,7 +305,7 @@ bool TileBuilder::add_patch(const Part& part, PixelMask mask, bool must, TileRun
       good = good && std::abs(at - part.gain[p]) <= within && at >= 1 && at <= 32767;
     });
     for (std::size_t k = 0; k < 4; ++k) good = good && std::abs(fit[k]) <= 32767;
-    if (!good && !must) return false;
+    if (!good && !use.must) return false;
     for (std::size_t k = 0; k < 4; ++k) gain[k] = good ? static_cast<std::int16_t>(fit[k]) : std::int16_t{0};
     if (!good) for_each(mask, [&](std::size_t p) { gain[0] = static_cast<std::int16_t>(part.gain[p]); });
   }
@@ -303,7 +329,7 @@ bool TileBuilder::add_patch(const Part& part, PixelMask mask, bool must, TileRun
   record.left = static_cast<std::uint16_t>(left);
   record.top = static_cast<std::uint16_t>(top);
   record.source = PatchRecord::source_of(part.head, part.level, listed);
-  name_rows(run.coordinates, mask, record);
+  name_rows(run.coordinates, mask, use.paired, record);
   run.records.push_back(record);
   if (vignetting_scale_ != 0) run.gains.push_back(gain);
   return true;

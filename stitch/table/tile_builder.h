@@ -30,8 +30,8 @@ struct TileSamples {
 
 /// Appends tiles of one grid to a run. A head contributes one patch to a tile. Its coordinates are a quadratic if that
 /// is within kFit of every pixel's coordinates, else they are listed. If the pixels do not fit into one patch, or a
-/// bilinear function does not fit the vignetting gains, the tile is divided, recursively, with one patch for each part: at an
-/// edge of the layout, else in halves.
+/// bilinear function does not fit the vignetting gains, the tile is divided: at an edge of the layout, else into a pair of
+/// its upper and its lower half, else, recursively, in halves, with one patch for each part.
 ///
 /// Threading: only the run changes; one builder per thread.
 /// Ownership: keeps the sampler by reference.
@@ -80,7 +80,12 @@ class TileBuilder {
   void shrink(Part& part) const;
   void add_patches(std::size_t part, PixelMask of, const Block& block, TileRun& run);
   static PixelMask before_jump(const Part& part, PixelMask mask);
-  bool add_patch(const Part& part, PixelMask mask, bool must, TileRun& run);
+  struct PatchUse {
+    bool paired = false;
+    bool must = false;
+  };
+  bool add_pair(const Part& part, PixelMask mask, TileRun& run);
+  bool add_patch(const Part& part, PixelMask mask, PatchUse use, TileRun& run);
   void append_parts(PixelMask inside, TileRun& run);
   void share(PixelMask inside, TileRun& run);
   bool share_bilinear(PixelMask inside, TileRun& run);

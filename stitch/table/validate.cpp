@@ -129,6 +129,8 @@ class GridProof {
   }
 
  private:
+  using Weights = std::array<std::int32_t, blend::kTilePixels>;
+
   bool places_are_every_pixel() const {
     if (grid_.places.size() != grid_.tile_count() * blend::kTilePixels) return false;
     std::vector<bool> seen(static_cast<std::size_t>(grid_.width) * static_cast<std::size_t>(grid_.height), false);
@@ -159,28 +161,46 @@ class GridProof {
     const std::size_t end = grid_.tiles[t + 1].record;
     if (end < tile.record || end > grid_.records.size()) return "its records fall or run past the last";
     const std::size_t records = end - tile.record;
+    const std::span of_tile = std::span(grid_.records).subspan(tile.record, records);
+    if (const char* fault = fault_of_pairs(of_tile)) return fault;
     const Sharing how = tile.how();
-    if (how == Sharing::kAlone && records > 1) return "several records say that they are alone";
-    const std::size_t shared = how == Sharing::kOpen ? records : records == 0 ? 0 : records - 1;
+    const std::size_t shares = blend::share_count(of_tile);
+    if (how == Sharing::kAlone && shares > 1) return "several records say that they are alone";
+    const std::size_t shared = how == Sharing::kOpen ? shares : shares == 0 ? 0 : shares - 1;
     const std::size_t each = how == Sharing::kAlone ? 0 : how == Sharing::kBilinear ? 4 : blend::kTilePixels;
     if (tile.weights() + shared * each > grid_.weights.size()) return "its weights run past the last";
     inside_x_ = std::min(blend::kTile, grid_.width - column * blend::kTile);
     inside_y_ = std::min(blend::kTile, grid_.height - row * blend::kTile);
-    std::array<std::int32_t, blend::kTilePixels> rest;
+    Weights rest;
     rest.fill(1 << blend::kWeightBits);
     const std::int16_t* at = grid_.weights.data() + tile.weights();
-    for (std::size_t k = 0; k < records; ++k, at += each) {
-      const bool given = k < shared;
-      std::array<std::int32_t, blend::kTilePixels> weights = rest;
+    for (std::size_t k = 0, share = 0; k < records; ++share, at += each) {
+      const bool given = share < shared;
+      Weights weights = rest;
       for (std::size_t p = 0; p < blend::kTilePixels && given; ++p) {
         const int i = static_cast<int>(p % blend::kTile);
         const int j = static_cast<int>(p / blend::kTile);
         weights[p] = how == Sharing::kBilinear ? -(at[0] + at[1] * i + at[2] * j + at[3] * i * j) : -at[p];
       }
-      if (const char* fault = fault_of_record(grid_.records[tile.record + k], tile.record + k, weights)) return fault;
+      for (const std::size_t next = k + (of_tile[k].paired() ? 2 : 1); k < next; ++k) {
+        if (const char* fault = fault_of_record(of_tile[k], tile.record + k, weights)) return fault;
+      }
       for (std::size_t p = 0; p < blend::kTilePixels && given; ++p) rest[p] -= weights[p];
     }
     return fault_of_sums(how, records, rest);
+  }
+
+  /// An upper half must be followed by the lower half of the same head, and only then is there a lower half.
+  static const char* fault_of_pairs(std::span<const PatchRecord> records) {
+    bool first_is_there = false;
+    HeadIndex head = 0;
+    for (const PatchRecord& record : records) {
+      if (record.has(0) == first_is_there) return "has half a pair";
+      if (first_is_there && (!record.has(1) || record.head() != head)) return "has a pair of records that do not match";
+      first_is_there = record.paired();
+      head = record.head();
+    }
+    return first_is_there ? "has half a pair" : nullptr;
   }
 
   template <class Each>
@@ -193,7 +213,7 @@ class GridProof {
     return nullptr;
   }
 
-  const char* fault_of_sums(Sharing how, std::size_t records, const std::array<std::int32_t, 64>& rest) const {
+  const char* fault_of_sums(Sharing how, std::size_t records, const Weights& rest) const {
     if (how != Sharing::kOpen || records == 0)
       return nullptr;  // the last record's weight is one minus the sum of the others
     return each_pixel([&](int i, int j) -> const char* {
@@ -202,8 +222,7 @@ class GridProof {
     });
   }
 
-  const char* fault_of_record(const PatchRecord& record, std::size_t r,
-                              const std::array<std::int32_t, 64>& weights) const {
+  const char* fault_of_record(const PatchRecord& record, std::size_t r, const Weights& weights) const {
     if (record.head() >= table_.sources.size()) return "names a head that is not there";
     const int level = record.pyramid_level();
     if (level >= table_.sources[record.head()].levels) return "names a level that its head does not have";
@@ -217,6 +236,7 @@ class GridProof {
     }
     if (record.last_row() > blend::kPatch - 2 || record.span() < blend::kLeastSpan) return "has rows beyond its patch";
     for (std::size_t quarter = 0; quarter < 4; ++quarter) {
+      if (!record.has(quarter / 2)) continue;
       if (record.first_row(quarter / 2, quarter % 2) + record.span() > blend::kPatch - 1)
         return "has rows beyond its patch";
     }
@@ -224,6 +244,7 @@ class GridProof {
       return "names a list that is not there";
     }
     return each_pixel([&](int i, int j) -> const char* {
+      if (!record.has(static_cast<std::size_t>(j / blend::kQuarter))) return nullptr;
       const std::int32_t weight = weights[static_cast<std::size_t>(j * blend::kTile + i)];
       if (weight < 0 || weight > 1 << blend::kWeightBits) return "has a weight of less than nothing or more than one";
       return weight == 0 ? nullptr : fault_of_pixel(record, r, i, j, width, height);
