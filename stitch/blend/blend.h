@@ -32,7 +32,7 @@ using Pictures = std::span<const ImageView>;
 ///   or, for 16-bit raymaps: number = table.linear[light], 0 for light below 0
 ///
 /// where `gain` is HeadTone's alone for tables without vignetting gains. The weights w come from the table. In tiles
-/// with a missing head, and, if SetTone::confidence is set, in tiles with several records, w becomes
+/// with a missing head, and, if SetTone::confidence is set, in tiles with several records (a pair is one), w becomes
 /// (w c 2^15 + W / 2) / W, rounded down; W is the sum of w c over the tile's records; the pixel is black where W is 0.
 /// c is the head's confidence (0: missing; 1: no confidence set) by the pixel's own sample before curve and gain (the
 /// largest of R G B); for chroma, by the luma sample nearest to chroma sample (x, y).

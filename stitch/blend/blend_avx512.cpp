@@ -36,11 +36,11 @@ template <class Number>
 /// One number in every lane of a register.
 [[gnu::always_inline]] inline V all(const RepeatedInt16& number) { return _mm512_set1_epi32(number.both()); }
 
-/// The patch coordinates of a tile's pixels, in the form that interpolation needs.
+/// The patch coordinates of half a tile's pixels, in the form that interpolation needs.
 struct Places {
-  Rows index;   ///< byte pairs: row * 16 + column of the upper left sample, and of its right neighbour
-  Rows across;  ///< byte pairs: the shares of the left and the right sample, in -1/128, because -128 fits a byte
-  Rows down;    ///< the lower row's share, in 1/2^15
+  V index;   ///< byte pairs: row * 16 + column of the upper left sample, and of its right neighbour
+  V across;  ///< byte pairs: the shares of the left and the right sample, in -1/128, because -128 fits a byte
+  V down;    ///< the lower row's share, in 1/2^15
 };
 
 /// For each 16-bit number, the eight bits that start at a given bit, in both of its bytes.
@@ -62,10 +62,8 @@ struct Places {
   return _mm512_and_si512(_mm512_slli_epi16(y, 3), load(k.share));
 }
 
-[[gnu::always_inline]] inline Places places(const Constants& k, Rows x, Rows y) {
-  return {{index_of(k, x.upper, y.upper), index_of(k, x.lower, y.lower)},
-          {across_of(k, x.upper), across_of(k, x.lower)},
-          {down_of(k, y.upper), down_of(k, y.lower)}};
+[[gnu::always_inline]] inline Places places(const Constants& k, V x, V y) {
+  return {index_of(k, x, y), across_of(k, x), down_of(k, y)};
 }
 
 /// The lower (or upper) 128 bits, repeated in all four lanes.
@@ -75,11 +73,18 @@ struct Places {
   return _mm512_shuffle_i64x2(wide, wide, 0x55);
 }
 
-[[gnu::always_inline]] inline Places places_of(const Constants& k, const GridTable& grid, const PatchRecord& record) {
+/// The patch coordinates of a tile's pixels.
+struct Coordinates {
+  Rows x;
+  Rows y;
+};
+
+[[gnu::always_inline]] inline Coordinates coordinates_of(const Constants& k, const GridTable& grid,
+                                                         const PatchRecord& record) {
   if (record.listed()) {
     const std::uint16_t* list = grid.coordinates.data() + record.list() * 2 * kTilePixels;
-    return places(k, {_mm512_loadu_si512(list), _mm512_loadu_si512(list + 32)},
-                  {_mm512_loadu_si512(list + 64), _mm512_loadu_si512(list + 96)});
+    return {{_mm512_loadu_si512(list), _mm512_loadu_si512(list + 32)},
+            {_mm512_loadu_si512(list + 64), _mm512_loadu_si512(list + 96)}};
   }
   const __m256i both = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(&record));  // x in the low half, y above it
   const auto term = [&](std::size_t t) { return _mm256_shuffle_epi8(both, load_half(k.term[t])); };
@@ -93,8 +98,7 @@ struct Places {
     const V four_rows = _mm512_add_epi16(_mm512_slli_epi16(b_, 2), _mm512_mullo_epi16(c_, load(k.next)));
     return {upper, _mm512_add_epi16(upper, four_rows)};
   };
-  return places(k, rows(lower_half(a), lower_half(b), lower_half(c)),
-                rows(upper_half(a), upper_half(b), upper_half(c)));
+  return {rows(lower_half(a), lower_half(b), lower_half(c)), rows(upper_half(a), upper_half(b), upper_half(c))};
 }
 
 /// A bilinear polynomial over a tile: coefficients of 1, i, j, ij.
@@ -114,15 +118,12 @@ struct Places {
                                 _mm512_permutex2var_epi8(patch.rows[2], index, patch.rows[3]));
 }
 
-/// base - sample; base is 128 times black.
-[[gnu::always_inline]] inline Rows mix(const Constants& k, const Patch& patch, const Places& at, V base) {
-  const auto mixed = [&](V index, V across, V share) {
-    const V below = _mm512_add_epi8(index, load(k.row));
-    const V top = _mm512_maddubs_epi16(pick(patch, index), across);  // both negative
-    const V bottom = _mm512_maddubs_epi16(pick(patch, below), across);
-    return _mm512_add_epi16(_mm512_mulhrs_epi16(_mm512_sub_epi16(bottom, top), share), _mm512_add_epi16(base, top));
-  };
-  return {mixed(at.index.upper, at.across.upper, at.down.upper), mixed(at.index.lower, at.across.lower, at.down.lower)};
+/// base - sample for half a tile; base is 128 times black.
+[[gnu::always_inline]] inline V mix(const Constants& k, const Patch& patch, const Places& at, V base) {
+  const V below = _mm512_add_epi8(at.index, load(k.row));
+  const V top = _mm512_maddubs_epi16(pick(patch, at.index), at.across);  // both negative
+  const V bottom = _mm512_maddubs_epi16(pick(patch, below), at.across);
+  return _mm512_add_epi16(_mm512_mulhrs_epi16(_mm512_sub_epi16(bottom, top), at.down), _mm512_add_epi16(base, top));
 }
 
 /// black - curve(sample) for -sample.
@@ -166,69 +167,62 @@ constexpr Picks pair_bytes() {
 constexpr Picks kPairBytes = pair_bytes();
 
 struct Avx512 {
-  /// The light that a record contributes to all components, negative.
-  template <int N>
-  [[gnu::always_inline]] static inline void negative_light_of(const BlendJob& job, std::size_t r, const Constants& k,
-                                                              std::array<Rows, N>& negative_light) {
-    const PatchRecord& record = job.grid->records[r];
-    by_layout<N>(
-        job.plane(record).layout, [&](auto layout) __attribute__((always_inline)) {
-          negative_light_of<N, decltype(layout)::value>(job, r, k, negative_light);
-        });
-  }
-  template <int N, SampleLayout kLayout>
-  [[gnu::always_inline]] static inline void negative_light_of(const BlendJob& job, std::size_t r, const Constants& k,
-                                                              std::array<Rows, N>& negative_light) {
-    const PatchRecord& record = job.grid->records[r];
-    const Places at = places_of(k, *job.grid, record);
-    std::array<Patch, N> patch;
-    load_patch<N, kLayout>(job.plane(record), record, patch);
-    for (std::size_t c = 0; c < N; ++c) {
-      if (!job.curves) {
-        negative_light[c] = mix(k, patch[c], at, all(job.component[c].black));
-        continue;
-      }
-      const Rows negative = mix(k, patch[c], at, _mm512_setzero_si512());
-      const Pieces<32>& curve = job.curve[record.head()][job.component[c].tone];
-      negative_light[c] = {curved(negative.upper, curve), curved(negative.lower, curve)};
-    }
-    if (job.gains) apply_gains<N>(job, r, k, negative_light);
-    if (job.low_band != nullptr) correct<N>(job, record.head(), k, negative_light);
-  }
-
-  /// The same for a pair of records. What the compiler sees that nobody uses, it does not compute.
-  template <int N>
-  [[gnu::noinline]] static void light_of_pair(const BlendJob& job, std::size_t r, std::array<Rows, N>& negative_light) {
-    const Constants& k = out_of_sight(kConstants);
-    std::array<Rows, N> upper, lower;
-    negative_light_of<N>(job, r, k, upper);
-    negative_light_of<N>(job, r + 1, k, lower);
-    for (std::size_t c = 0; c < N; ++c) negative_light[c] = {upper[c].upper, lower[c].lower};
-  }
-
-  /// The light of record r, or of the pair that begins with it. Returns how many records these are. Pairs are rarer, and not
-  /// inlined: their light goes through memory, that of other records does not.
+  /// The light that record r, or the pair that begins with it, contributes to all components, negative. Returns how many
+  /// records these are.
   template <int N>
   [[gnu::always_inline]] static inline std::size_t next_light(const BlendJob& job, std::size_t r, const Constants& k,
                                                               std::array<Rows, N>& negative_light) {
+    const PatchRecord* record = &job.grid->records[r];
+    const std::size_t count = record->paired() ? 2 : 1;
     prefetch<N>(job, r);
-    if (!job.grid->records[r].paired()) {
-      negative_light_of<N>(job, r, k, negative_light);
-      return 1;
+    by_layout<N>(
+        job.plane(*record).layout, [&](auto layout) __attribute__((always_inline)) {
+          mix_patches<N, decltype(layout)::value>(job, record, k, negative_light);
+        });
+    if (job.curves) {
+      for (std::size_t c = 0; c < N; ++c) {
+        const Pieces<32>& curve = job.curve[record->head()][job.component[c].tone];
+        negative_light[c] = {curved(negative_light[c].upper, curve), curved(negative_light[c].lower, curve)};
+      }
     }
-    prefetch<N>(job, r + 1);
-    std::array<Rows, N> of_pair;
-    light_of_pair<N>(job, r, of_pair);
-    negative_light = of_pair;
-    return 2;
+    if (job.gains) apply_gains<N>(job, r, count, k, negative_light);
+    if (job.low_band != nullptr) correct<N>(job, record->head(), k, negative_light);
+    return count;
   }
 
+  /// Black less the samples of a record, or of the pair that begins with it; where there are curves, minus the samples.
+  template <int N, SampleLayout kLayout>
+  [[gnu::always_inline]] static inline void mix_patches(const BlendJob& job, const PatchRecord* record,
+                                                        const Constants& k, std::array<Rows, N>& negative_light) {
+    const PatchPlane& plane = job.plane(*record);
+    const auto base = [&](std::size_t c) {  // a curve includes it
+      return job.curves ? _mm512_setzero_si512() : all(job.component[c].black);
+    };
+    Coordinates at = coordinates_of(k, *job.grid, *record);
+    std::array<Patch, N> patch;
+    load_patch<N, kLayout>(plane, *record, patch);
+    const Places upper = places(k, at.x.upper, at.y.upper);
+    for (std::size_t c = 0; c < N; ++c) negative_light[c].upper = mix(k, patch[c], upper, base(c));
+    if (record->paired()) {
+      prefetch<N>(job, static_cast<std::size_t>(record + 1 - job.grid->records.data()));
+      load_patch<N, kLayout>(plane, record[1], patch);
+      if (!record->listed()) {
+        at.x.lower = _mm512_add_epi16(at.x.lower, _mm512_set1_epi16(moved(0, record[1].left - record[0].left)));
+        at.y.lower = _mm512_add_epi16(at.y.lower, _mm512_set1_epi16(moved(0, record[1].top - record[0].top)));
+      }
+    }
+    const Places lower = places(k, at.x.lower, at.y.lower);
+    for (std::size_t c = 0; c < N; ++c) negative_light[c].lower = mix(k, patch[c], lower, base(c));
+  }
+
+  /// `records`: 2 for a pair, of which each has gains of its own.
   template <int N>
-  [[gnu::always_inline]] static inline void apply_gains(const BlendJob& job, std::size_t r, const Constants& k,
-                                                        std::array<Rows, N>& negative_light) {
+  [[gnu::always_inline]] static inline void apply_gains(const BlendJob& job, std::size_t r, std::size_t records,
+                                                        const Constants& k, std::array<Rows, N>& negative_light) {
     const HeadIndex head = job.grid->records[r].head();
     const bool alone = job.grid->gains.empty();
-    const Rows vignetting = alone ? Rows{} : bilinear(k, job.grid->gains[r].data());
+    Rows vignetting = alone ? Rows{} : bilinear(k, job.grid->gains[r].data());
+    if (!alone && records == 2) vignetting.lower = bilinear(k, job.grid->gains[r + 1].data()).lower;
     for (std::size_t c = 0; c < N; ++c) {
       const V of_head = all(job.gain(head, c));
       const V upper = alone ? of_head : _mm512_mulhrs_epi16(vignetting.upper, of_head);
@@ -335,12 +329,12 @@ struct Avx512 {
     std::array<Patch, N> patch;
     by_layout<N>(plane.layout, [&](auto layout) { load_patch<N, decltype(layout)::value>(plane, record, patch); });
     const Constants& k = out_of_sight(kConstants);
-    const Places at = places_of(k, grid, record);
+    const Coordinates at = coordinates_of(k, grid, record);
+    const Places upper = places(k, at.x.upper, at.y.upper), lower = places(k, at.x.lower, at.y.lower);
     const V zero = _mm512_setzero_si512();
     for (std::size_t c = 0; c < N; ++c) {
-      const Rows negative = mix(k, patch[c], at, zero);
-      _mm512_storeu_si512(samples[c].data(), _mm512_sub_epi16(zero, negative.upper));
-      _mm512_storeu_si512(samples[c].data() + 32, _mm512_sub_epi16(zero, negative.lower));
+      _mm512_storeu_si512(samples[c].data(), _mm512_sub_epi16(zero, mix(k, patch[c], upper, zero)));
+      _mm512_storeu_si512(samples[c].data() + 32, _mm512_sub_epi16(zero, mix(k, patch[c], lower, zero)));
     }
   }
 

@@ -38,12 +38,18 @@ inline constexpr int kMaxLowSize = 256;
 /// Coefficients of 1, i, j, ij, ii, jj over the pixels (i, j) of a tile, 0 .. 7 each.
 using Quadratic = std::array<std::int16_t, 6>;
 
+/// A constant coefficient after the patch has been moved by so many samples.
+inline std::int16_t moved(std::int16_t coefficient, int samples) {
+  return static_cast<std::int16_t>(static_cast<std::uint16_t>(coefficient - samples * (1 << kFractionBits)));
+}
+
 /// What one head contributes to one tile. Pixel (i, j) has the patch coordinates x(i, j), y(i, j), modulo 2^16, in
 /// 1 / (1 << kFractionBits) samples. For pixels with weight both are below 15, so that the next sample is in the patch
 /// too. The record is two halves of 16 bytes with the same layout, one for x and one for y.
 ///
 /// Where one patch does not hold the samples of a tile, but one for each half of it does, the head has a pair of records: that
-/// of the upper four rows, followed by that of the lower four rows. They have one weight between them.
+/// of the upper four rows, followed by that of the lower four rows. They have one weight between them, and one list, or one
+/// polynomial: that of the second record is the first one's, moved() by the distance between the patches.
 struct PatchRecord {
   Quadratic x{};
   std::uint16_t left = 0;  ///< first column and row of the patch in the plane of the record's level
@@ -79,6 +85,10 @@ struct PatchRecord {
   int first_row(std::size_t half) const { return std::min(first_row(half, 0), first_row(half, 1)); }
   std::size_t list() const {
     return static_cast<std::uint16_t>(x[0]) | std::size_t{static_cast<std::uint16_t>(x[1])} << 16;
+  }
+  void set_list(std::size_t number) {
+    x[0] = static_cast<std::int16_t>(static_cast<std::uint16_t>(number & 0xffff));
+    x[1] = static_cast<std::int16_t>(static_cast<std::uint16_t>(number >> 16));
   }
   friend bool operator==(const PatchRecord&, const PatchRecord&) = default;
 };

@@ -61,6 +61,7 @@ struct TileRecords {
 
   TileRecords(const GridTable& of, std::size_t t)
       : grid(of), tile(of.tiles[t]), count(of.tiles[t + 1].record - of.tiles[t].record) {}
+  bool shared() const { return share_count(std::span(grid.records).subspan(tile.record, count)) > 1; }
 };
 
 /// Whether a record of the tile is of a missing head, which must not be read.
@@ -172,8 +173,7 @@ template <class Kernel, int N, class Number>
 template <class Kernel, int N, class Number>
 void blend_tile(const BlendJob& job, std::size_t t, Number* out) {
   const TileRecords own(*job.grid, t);
-  const bool doubtful =
-      job.careful && (own.count > 1 || (job.cover != nullptr && TileRecords(*job.cover, t).count > 1));
+  const bool doubtful = job.careful && (own.shared() || (job.cover != nullptr && TileRecords(*job.cover, t).shared()));
   if ((doubtful || any_missing(job, own)) && blend_carefully<Kernel, N, Number>(job, t, out)) return;
   Kernel::template tile<N, Number>(job, own.tile, own.count, out);
 }

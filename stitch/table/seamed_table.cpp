@@ -8,6 +8,7 @@
 #include "protocol/base/result.h"
 #include "stitch/blend/tile_math.h"
 #include "stitch/geometry/raymap/layout.h"
+#include "stitch/table/append_record.h"
 
 namespace nodal::table {
 namespace {
@@ -104,16 +105,7 @@ Parts parts_at(SeamedTable::Labels labels, std::uint32_t place, int map_width) {
 
 /// Appends a record of another grid, with its list and its gain.
 void copy_record(const GridTable& from, std::size_t r, GridTable& to) {
-  blend::PatchRecord record = from.records[r];
-  if (record.listed()) {
-    constexpr std::size_t kList = 2 * kTilePixels;
-    const auto list = static_cast<std::uint32_t>(to.coordinates.size() / kList);
-    const auto at = from.coordinates.begin() + static_cast<std::ptrdiff_t>(record.list() * kList);
-    to.coordinates.insert(to.coordinates.end(), at, at + kList);
-    record.x[0] = static_cast<std::int16_t>(static_cast<std::uint16_t>(list & 0xffff));
-    record.x[1] = static_cast<std::int16_t>(static_cast<std::uint16_t>(list >> 16));
-  }
-  to.records.push_back(record);
+  append_record(from.records[r], from.coordinates, to);
   if (!from.gains.empty()) to.gains.push_back(from.gains[r]);
 }
 

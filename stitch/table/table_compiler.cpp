@@ -9,6 +9,7 @@
 
 #include "stitch/geometry/mask_holes.h"
 #include "stitch/geometry/raymap/layout.h"
+#include "stitch/table/append_record.h"
 #include "stitch/table/clear_tile.h"
 #include "stitch/table/low_band_compiler.h"
 #include "stitch/table/made_rows.h"
@@ -140,16 +141,7 @@ void append_tile(TileRun& run, std::size_t k, blend::GridTable& table) {
                          run.weights.begin() + static_cast<std::ptrdiff_t>(weights_of(next)));
   }
   for (std::size_t r = first; r < last; ++r) {
-    blend::PatchRecord record = run.records[r];
-    if (record.listed()) {
-      constexpr std::size_t kList = 2 * blend::kTilePixels;
-      const std::size_t list = table.coordinates.size() / kList;
-      const auto from = run.coordinates.begin() + static_cast<std::ptrdiff_t>(record.list() * kList);
-      table.coordinates.insert(table.coordinates.end(), from, from + kList);
-      record.x[0] = static_cast<std::int16_t>(static_cast<std::uint16_t>(list & 0xffff));
-      record.x[1] = static_cast<std::int16_t>(static_cast<std::uint16_t>(list >> 16));
-    }
-    table.records.push_back(record);
+    append_record(run.records[r], run.coordinates, table);
     if (!run.gains.empty()) table.gains.push_back(run.gains[r]);
   }
   table.tiles.push_back(tile);

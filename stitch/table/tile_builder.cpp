@@ -52,34 +52,56 @@ int patch_left(Span span, int size, int slack) {
   return most;
 }
 
-/// Fits the six coefficients of `values` less the patch's start, and stores them in `out`, modulo 2^16. Returns whether
-/// they are within kFit, and inside the patch, for every pixel of `mask`.
-bool fit_coordinate(const PixelValues& values, PixelMask mask, int start, int size, int bias, blend::Quadratic& out) {
+/// The pixels of one record, or of each record of a pair.
+using Masks = std::span<const PixelMask>;
+/// By record: the first sample of its patch along one direction.
+using Starts = std::array<int, 2>;
+
+PixelMask all_of(Masks masks) { return masks.front() | masks.back(); }
+
+template <class StartOf>
+Starts starts_of(const PixelValues& values, Masks masks, int size, int slack, StartOf start_of) {
+  Starts starts{};
+  for (std::size_t k = 0; k < masks.size(); ++k) starts[k] = start_of(span_of(values, masks[k]), size, slack);
+  return starts;
+}
+bool found(const Starts& starts) { return starts[0] >= 0 && starts[1] >= 0; }
+
+/// Fits the six coefficients of `values` less the first patch's start, and stores them in `out`, modulo 2^16. Returns
+/// whether they are within kFit, and inside the patch, for every pixel.
+bool fit_coordinate(const PixelValues& values, Masks masks, const Starts& starts, int size, int bias,
+                    blend::Quadratic& out) {
   PixelValues local{};
-  for_each(mask, [&](std::size_t p) { local[p] = values[p] - (start << kFractionBits) + bias; });
-  const std::array<std::int32_t, 6> fit = fit_quadratic(local, mask);
+  for_each(all_of(masks), [&](std::size_t p) { local[p] = values[p] - (starts[0] << kFractionBits) + bias; });
+  const std::array<std::int32_t, 6> fit = fit_quadratic(local, all_of(masks));
   bool good = true;
-  const std::int32_t end = std::min(kPatch - 1, size - 1 - start) << kFractionBits;  // the next sample is inside
-  for_each(mask, [&](std::size_t p) {
-    const auto i = static_cast<std::int32_t>(p % 8);
-    const auto j = static_cast<std::int32_t>(p / 8);
-    const std::int32_t at = fit[0] + fit[1] * i + fit[2] * j + fit[3] * i * j + fit[4] * i * i + fit[5] * j * j;
-    good = good && std::abs(at - local[p]) <= TileBuilder::kFit && at >= 0 && at < end;
-  });
+  for (std::size_t k = 0; k < masks.size(); ++k) {
+    const std::int32_t begin = (starts[k] - starts[0]) * (1 << kFractionBits);
+    const std::int32_t end =
+        begin + (std::min(kPatch - 1, size - 1 - starts[k]) << kFractionBits);  // the next sample is inside
+    for_each(masks[k], [&](std::size_t p) {
+      const auto i = static_cast<std::int32_t>(p % 8);
+      const auto j = static_cast<std::int32_t>(p / 8);
+      const std::int32_t at = fit[0] + fit[1] * i + fit[2] * j + fit[3] * i * j + fit[4] * i * i + fit[5] * j * j;
+      good = good && std::abs(at - local[p]) <= TileBuilder::kFit && at >= begin && at < end;
+    });
+  }
   for (std::size_t k = 0; k < 6; ++k) out[k] = static_cast<std::int16_t>(static_cast<std::uint16_t>(fit[k]));
   return good;
 }
 
 /// Appends the coordinates to a list, where fit_coordinate fails.
-void list_coordinate(const PixelValues& values, PixelMask mask, int start, int size, int bias,
+void list_coordinate(const PixelValues& values, Masks masks, const Starts& starts, int size, int bias,
                      std::vector<std::uint16_t>& list) {
   const std::size_t at = list.size();
   list.resize(at + blend::kTilePixels);
-  const std::int32_t end = std::min(kPatch - 1, size - 1 - start) << kFractionBits;
-  for_each(mask, [&](std::size_t p) {
-    const std::int32_t local = values[p] - (start << kFractionBits) + bias;
-    list[at + p] = static_cast<std::uint16_t>(std::clamp(local, 0, end - 1));
-  });
+  for (std::size_t k = 0; k < masks.size(); ++k) {
+    const std::int32_t end = std::min(kPatch - 1, size - 1 - starts[k]) << kFractionBits;
+    for_each(masks[k], [&](std::size_t p) {
+      const std::int32_t local = values[p] - (starts[k] << kFractionBits) + bias;
+      list[at + p] = static_cast<std::uint16_t>(std::clamp(local, 0, end - 1));
+    });
+  }
 }
 
 constexpr PixelMask kUpperHalf = 0xffffffff;
@@ -88,6 +110,7 @@ constexpr PixelMask kUpperHalf = 0xffffffff;
 /// pair.
 void name_rows(const std::vector<std::uint16_t>& coordinates, PixelMask mask, bool paired, PatchRecord& record) {
   std::array<int, 4> first, last;  // by quarter
+  record.first = {};
   first.fill(kPatch);
   last.fill(-1);
   for_each(mask, [&](std::size_t p) {
@@ -218,8 +241,7 @@ void TileBuilder::add_patches(std::size_t k, PixelMask of, const Block& block, T
   if (mask == 0) return;
   const int columns = block.right - block.left;
   const int rows = block.bottom - block.top;
-  const bool one = columns * rows == 1;
-  if (add_patch(part, mask, {false, one}, run)) {
+  if (add_records(part, {&mask, 1}, columns * rows == 1, run)) {
     made_.push_back({k, mask});
     return;
   }
@@ -228,7 +250,9 @@ void TileBuilder::add_patches(std::size_t k, PixelMask of, const Block& block, T
     add_patches(k, mask & ~near, block, run);
     return;
   }
-  if (rows == blend::kTile && columns == blend::kTile && add_pair(part, mask, run)) {
+  const std::array<PixelMask, 2> halves{mask & kUpperHalf, mask & ~kUpperHalf};
+  if (rows == blend::kTile && columns == blend::kTile && halves[0] != 0 && halves[1] != 0 &&
+      add_records(part, halves, false, run)) {
     made_.push_back({k, mask});
     return;
   }
@@ -271,67 +295,65 @@ PixelMask TileBuilder::before_jump(const Part& part, PixelMask mask) {
   return before;
 }
 
-/// Adds one patch for the pixels of the upper half of the tile and one for those of the lower half, and returns true; if these
-/// cannot hold them, or a half has none, returns false.
-bool TileBuilder::add_pair(const Part& part, PixelMask mask, TileRun& run) {
-  const PixelMask upper = mask & kUpperHalf, lower = mask & ~kUpperHalf;
-  if (upper == 0 || lower == 0) return false;
-  const std::size_t lists = run.coordinates.size();
-  if (!add_patch(part, upper, {true, false}, run)) return false;
-  if (add_patch(part, lower, {true, false}, run)) return true;
-  run.records.pop_back();
-  run.coordinates.resize(lists);
-  if (vignetting_scale_ != 0) run.gains.pop_back();
-  return false;
+/// Fits the gains of a record's pixels. With `must` there is always a result (for a single pixel).
+std::optional<std::array<std::int16_t, 4>> TileBuilder::fit_gain(const Part& part, PixelMask mask, bool must) const {
+  const std::array<std::int32_t, 4> fit = fit_bilinear(part.gain, mask);
+  const int within = sampler_.layout().scattered() ? kGainFitOfRays : kGainFit;
+  bool good = true;
+  for_each(mask, [&](std::size_t p) {
+    const auto i = static_cast<std::int32_t>(p % 8);
+    const auto j = static_cast<std::int32_t>(p / 8);
+    const std::int32_t at = fit[0] + fit[1] * i + fit[2] * j + fit[3] * i * j;
+    good = good && std::abs(at - part.gain[p]) <= within && at >= 1 && at <= 32767;
+  });
+  for (std::size_t k = 0; k < 4; ++k) good = good && std::abs(fit[k]) <= 32767;
+  if (!good && !must) return std::nullopt;
+  std::array<std::int16_t, 4> gain{};
+  for (std::size_t k = 0; k < 4; ++k) gain[k] = good ? static_cast<std::int16_t>(fit[k]) : std::int16_t{0};
+  if (!good) for_each(mask, [&](std::size_t p) { gain[0] = static_cast<std::int16_t>(part.gain[p]); });
+  return gain;
 }
 
-/// Adds one patch for the pixels and returns true; if one patch cannot hold them, returns false. With `must` it always
-/// adds the patch (a single pixel always fits).
-bool TileBuilder::add_patch(const Part& part, PixelMask mask, PatchUse use, TileRun& run) {
+/// Adds one record for the pixels of one mask, or a pair for those of two, and returns true; if the patches cannot hold them,
+/// returns false. With `must` it always adds the record (a single pixel always fits).
+bool TileBuilder::add_records(const Part& part, Masks masks, bool must, TileRun& run) {
   const RaySampler::Plane& plane = sampler_.plane(grid_, part.head);
   const int width = plane.width >> part.level;
   const int height = plane.height >> part.level;
-  const Span across = span_of(part.x, mask);
-  const Span down = span_of(part.y, mask);
-  std::array<std::int16_t, 4> gain{};
-  if (vignetting_scale_ != 0) {
-    const std::array<std::int32_t, 4> fit = fit_bilinear(part.gain, mask);
-    const int within = sampler_.layout().scattered() ? kGainFitOfRays : kGainFit;
-    bool good = true;
-    for_each(mask, [&](std::size_t p) {
-      const auto i = static_cast<std::int32_t>(p % 8);
-      const auto j = static_cast<std::int32_t>(p / 8);
-      const std::int32_t at = fit[0] + fit[1] * i + fit[2] * j + fit[3] * i * j;
-      good = good && std::abs(at - part.gain[p]) <= within && at >= 1 && at <= 32767;
-    });
-    for (std::size_t k = 0; k < 4; ++k) good = good && std::abs(fit[k]) <= 32767;
-    if (!good && !use.must) return false;
-    for (std::size_t k = 0; k < 4; ++k) gain[k] = good ? static_cast<std::int16_t>(fit[k]) : std::int16_t{0};
-    if (!good) for_each(mask, [&](std::size_t p) { gain[0] = static_cast<std::int16_t>(part.gain[p]); });
+  std::array<std::array<std::int16_t, 4>, 2> gains{};
+  for (std::size_t k = 0; k < masks.size() && vignetting_scale_ != 0; ++k) {
+    const std::optional<std::array<std::int16_t, 4>> gain = fit_gain(part, masks[k], must);
+    if (!gain) return false;
+    gains[k] = *gain;
   }
   PatchRecord record;
+  blend::Quadratic &x = record.x, &y = record.y;
   bool listed = false;
-  int left = patch_left(across, width, kFit + kAcross);
-  int top = patch_start(down, height, kFit);
-  if (left < 0 || top < 0 || !fit_coordinate(part.x, mask, left, width, kAcross, record.x) ||
-      !fit_coordinate(part.y, mask, top, height, 0, record.y)) {
-    left = patch_left(across, width, 0);
-    top = patch_start(down, height, 0);
-    if (left < 0 || top < 0) return false;
-    const std::size_t list = run.coordinates.size() / (2 * blend::kTilePixels);
-    list_coordinate(part.x, mask, left, width, kAcross, run.coordinates);
-    list_coordinate(part.y, mask, top, height, 0, run.coordinates);
-    record.x = record.y = {};
-    record.x[0] = static_cast<std::int16_t>(static_cast<std::uint16_t>(list & 0xffff));
-    record.x[1] = static_cast<std::int16_t>(static_cast<std::uint16_t>(list >> 16));
+  Starts left = starts_of(part.x, masks, width, kFit + kAcross, patch_left);
+  Starts top = starts_of(part.y, masks, height, kFit, patch_start);
+  if (!found(left) || !found(top) || !fit_coordinate(part.x, masks, left, width, kAcross, x) ||
+      !fit_coordinate(part.y, masks, top, height, 0, y)) {
+    left = starts_of(part.x, masks, width, 0, patch_left);
+    top = starts_of(part.y, masks, height, 0, patch_start);
+    if (!found(left) || !found(top)) return false;
+    x = y = {};
+    record.set_list(run.coordinates.size() / (2 * blend::kTilePixels));
+    list_coordinate(part.x, masks, left, width, kAcross, run.coordinates);
+    list_coordinate(part.y, masks, top, height, 0, run.coordinates);
     listed = true;
   }
-  record.left = static_cast<std::uint16_t>(left);
-  record.top = static_cast<std::uint16_t>(top);
   record.source = PatchRecord::source_of(part.head, part.level, listed);
-  name_rows(run.coordinates, mask, use.paired, record);
-  run.records.push_back(record);
-  if (vignetting_scale_ != 0) run.gains.push_back(gain);
+  for (std::size_t k = 0; k < masks.size(); ++k) {
+    if (k > 0 && !listed) {
+      x[0] = blend::moved(x[0], left[k] - left[0]);
+      y[0] = blend::moved(y[0], top[k] - top[0]);
+    }
+    record.left = static_cast<std::uint16_t>(left[k]);
+    record.top = static_cast<std::uint16_t>(top[k]);
+    name_rows(run.coordinates, masks[k], masks.size() == 2, record);
+    run.records.push_back(record);
+    if (vignetting_scale_ != 0) run.gains.push_back(gains[k]);
+  }
   return true;
 }
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "stitch/blend/blend_table.h"
@@ -80,12 +81,8 @@ class TileBuilder {
   void shrink(Part& part) const;
   void add_patches(std::size_t part, PixelMask of, const Block& block, TileRun& run);
   static PixelMask before_jump(const Part& part, PixelMask mask);
-  struct PatchUse {
-    bool paired = false;
-    bool must = false;
-  };
-  bool add_pair(const Part& part, PixelMask mask, TileRun& run);
-  bool add_patch(const Part& part, PixelMask mask, PatchUse use, TileRun& run);
+  std::optional<std::array<std::int16_t, 4>> fit_gain(const Part& part, PixelMask mask, bool must) const;
+  bool add_records(const Part& part, std::span<const PixelMask> masks, bool must, TileRun& run);
   void append_parts(PixelMask inside, TileRun& run);
   void share(PixelMask inside, TileRun& run);
   bool share_bilinear(PixelMask inside, TileRun& run);

@@ -190,17 +190,24 @@ class GridProof {
     return fault_of_sums(how, records, rest);
   }
 
-  /// An upper half must be followed by the lower half of the same head, and only then is there a lower half.
+  /// Whether two records can be a pair, but for the rows that they name.
+  static bool match(const PatchRecord& upper, const PatchRecord& lower) {
+    if (upper.source != lower.source) return false;
+    if (upper.listed()) return upper.list() == lower.list();
+    blend::Quadratic x = upper.x, y = upper.y;
+    x[0] = blend::moved(x[0], lower.left - upper.left);
+    y[0] = blend::moved(y[0], lower.top - upper.top);
+    return x == lower.x && y == lower.y;
+  }
+
   static const char* fault_of_pairs(std::span<const PatchRecord> records) {
-    bool first_is_there = false;
-    HeadIndex head = 0;
+    const PatchRecord* upper = nullptr;
     for (const PatchRecord& record : records) {
-      if (record.has(0) == first_is_there) return "has half a pair";
-      if (first_is_there && (!record.has(1) || record.head() != head)) return "has a pair of records that do not match";
-      first_is_there = record.paired();
-      head = record.head();
+      if (record.has(0) == (upper != nullptr) || (upper != nullptr && !record.has(1))) return "has half a pair";
+      if (upper != nullptr && !match(*upper, record)) return "has a pair of records that do not match";
+      upper = record.paired() ? &record : nullptr;
     }
-    return first_is_there ? "has half a pair" : nullptr;
+    return upper != nullptr ? "has half a pair" : nullptr;
   }
 
   template <class Each>

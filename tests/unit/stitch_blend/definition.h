@@ -212,17 +212,20 @@ class Definition {
     const int j = y % 8;
     std::vector<Share> shares;
     std::int64_t left = 32768;
-    for (std::size_t k = 0; k < count; ++k) {
+    for (std::size_t k = 0, number = 0; k < count; ++k, ++number) {
+      const bool pair = grid.records[tile.record + k].first[1] == 0xff;
+      const bool last = k + (pair ? 2 : 1) == count;
+      if (pair && j >= 4) ++k;
       const std::size_t r = tile.record + k;
+      if (pair && j < 4) ++k;
       Share share{&grid.records[r]};
-      const std::size_t listed = tile.weights() + 64 * k + static_cast<std::size_t>(8 * j + i);
-      const bool last = k + 1 == count;
+      const std::size_t listed = tile.weights() + 64 * number + static_cast<std::size_t>(8 * j + i);
       switch (tile.how()) {
         case Sharing::kAlone: share.weight = left; break;
         case Sharing::kBilinear:
           share.weight = left;
           if (!last) {
-            const std::int16_t* q = grid.weights.data() + tile.weights() + 4 * k;
+            const std::int16_t* q = grid.weights.data() + tile.weights() + 4 * number;
             share.weight = -polynomial(std::array<int, 4>{q[0], q[1], q[2], q[3]}, i, j);
           }
           break;

@@ -203,7 +203,9 @@ class RandomTables {
     std::array<int, kTilePixels> left;
     left.fill(kOneWeight);
     for (int r = 0; r < records; ++r) {
+      const std::size_t made = grid.records.size();
       add_record(grid, heads, plane);
+      if (below(3) == 0) make_pair(grid, plane);
       const bool last = r + 1 == records;
       if (how == Sharing::kBilinear && !last) {
         const int most = kOneWeight / records;  // from 0 to most along i, along j, or along both
@@ -219,10 +221,11 @@ class RandomTables {
           grid.weights.push_back(static_cast<std::int16_t>(-weight));
         }
       }
-      if (!gains) continue;
-      const auto slope = static_cast<std::int16_t>(below(200));
-      grid.gains.push_back({static_cast<std::int16_t>(1500 + below(20000)), slope, static_cast<std::int16_t>(-slope),
-                            static_cast<std::int16_t>(below(100))});
+      for (std::size_t k = made; k < grid.records.size() && gains; ++k) {
+        const auto slope = static_cast<std::int16_t>(below(200));
+        grid.gains.push_back({static_cast<std::int16_t>(1500 + below(20000)), slope, static_cast<std::int16_t>(-slope),
+                              static_cast<std::int16_t>(below(100))});
+      }
     }
   }
 
@@ -248,12 +251,46 @@ class RandomTables {
     grid.records.push_back(record);
   }
 
-  /// Sets the record's rows: the shortest possible span, or a longer one.
-  void name_rows(PatchRecord& record) {
+  /// Makes the newest record the first of a pair, the patch of whose second is anywhere that holds the lower half's samples.
+  void make_pair(GridTable& grid, const PlaneView& plane) {
+    PatchRecord& upper = grid.records.back();
+    PatchRecord lower = upper;
+    if (upper.listed()) {
+      if (std::min(plane.width, plane.height) >= kPatch) {
+        lower.left = static_cast<std::uint16_t>(below(plane.width - kPatch + 1));
+        lower.top = static_cast<std::uint16_t>(below(plane.height - kPatch + 1));
+      }
+    } else {
+      const auto move = [&](Quadratic& q, std::uint16_t& start, int size) {
+        int least = kPatch, most = 0;
+        for (int p = 32; p < 64; ++p) {
+          const int sample = (at(q, p % 8, p / 8) & 0xffff) >> kFractionBits;
+          least = std::min(least, sample);
+          most = std::max(most, sample);
+        }
+        const int back = std::min<int>(start, kPatch - 2 - most);
+        const int on = std::clamp(size - kPatch - start, 0, least);
+        const int by = below(back + on + 1) - back;
+        q[0] = static_cast<std::int16_t>(static_cast<std::uint16_t>(q[0] - (by << kFractionBits)));
+        start = static_cast<std::uint16_t>(start + by);
+      };
+      move(lower.x, lower.left, plane.width);
+      move(lower.y, lower.top, plane.height);
+      upper.first = lower.first = {};
+      name_rows(upper, 0, 2);
+      name_rows(lower, 2, 4);
+    }
+    upper.first[1] = 0xff;
+    lower.first[0] = 0xff;
+    grid.records.push_back(lower);
+  }
+
+  /// Sets the record's rows: the shortest possible span, or a longer one. Of the quarters from `begin` to `end`.
+  void name_rows(PatchRecord& record, int begin = 0, int end = 4) {
     std::array<int, 4> first{kPatch, kPatch, kPatch, kPatch};
     int lowest = 0;
     int span = kLeastSpan + below(3);
-    for (int quarter = 0; quarter < 4; ++quarter) {
+    for (int quarter = begin; quarter < end; ++quarter) {
       int last = 0;
       for (int p = 0; p < 16; ++p) {
         const int y = (at(record.y, quarter % 2 * 4 + p % 4, quarter / 2 * 4 + p / 4) & 0xffff) >> kFractionBits;
@@ -264,7 +301,7 @@ class RandomTables {
       span = std::max(span, last - first[static_cast<std::size_t>(quarter)] + 1);
       lowest = std::max(lowest, last);
     }
-    for (std::size_t k = 0; k < 4; ++k) {
+    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
       record.first[k / 2] |= static_cast<std::uint8_t>(std::min(first[k], kPatch - 1 - span) << (k % 2 * 4));
     }
     record.rows = static_cast<std::uint8_t>(lowest | span << 4);

@@ -3,6 +3,7 @@
 
 #include <random>
 #include <string>
+#include <vector>
 
 #include "protocol/calibration.h"
 #include "stitch/geometry/rotation.h"
@@ -34,6 +35,20 @@ inline Calibration cube_rig(int side) {
   const geometry::YawPitchRoll poses[] = {{0, 0, 0}, {90, 0, 0}, {180, 0, 0}, {-90, 0, 0}, {0, 90, 0}, {0, -90, 0}};
   for (const geometry::YawPitchRoll& pose : poses) {
     rig.heads.push_back(head_at("c" + std::to_string(rig.heads.size()), side, side, TsaiLens{focal, 0, 0}, pose));
+  }
+  return rig;
+}
+
+/// Heads with fisheyes of 200 px per radian and a field of 1.1 rad around the axis, turned by 45 degrees around it. In an
+/// equirectangular raymap 768 px wide, near the axis, a tile of 8x8 pixels that are s = 1.64 samples apart is 7 s sqrt(2) = 16.2
+/// samples wide and high, and half of it 10 s / sqrt(2) = 11.6. A patch holds 14 and a part.
+inline Calibration turned_fisheyes(const std::vector<double>& yaws) {
+  Calibration rig;
+  rig.name = "turned";
+  for (const double yaw : yaws) {
+    rig.heads.push_back(
+        head_at("t" + std::to_string(rig.heads.size()), 700, 700, EquidistantLens{{200}}, {yaw, 0, 45}));
+    rig.heads.back().region.circle = {350, 350, 220};
   }
   return rig;
 }

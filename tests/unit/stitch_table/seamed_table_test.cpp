@@ -172,6 +172,38 @@ TEST_P(AnyLayout, AnyMap_GivesAProvenTableThatAllKernelsBlendAlike) {
 }
 INSTANTIATE_TEST_SUITE_P(SeamedTable, AnyLayout, testing::Values("equirectangular", "cube", "hammersley"));
 
+TEST(SeamedTable, TilesWithPairsOfRecords_AreCutByASeamLikeOthers) {
+  const Compiled made = compiled(test::turned_fisheyes({-40, 40}), "equirectangular", 768, 384);
+  const blend::GridTable& cover = made.table.cover[0];
+  EXPECT_GT(std::ranges::count_if(cover.records, &blend::PatchRecord::paired), 200);
+  const SeamedTable seamed(made.table, *made.layout, kMapWidth, 0);
+  // Slanted, so that it crosses tiles in any way, also between their halves.
+  const auto labels =
+      labels_of([](int x, int y) { return static_cast<std::uint8_t>(x + y / 3 < kMapWidth / 2 + 3 ? 0 : 1); });
+  const SeamedTable::Moved moved = seamed.with(made.table, {}, labels);
+  const Status proven = validate_blend_table(moved.table);
+  ASSERT_TRUE(proven) << proven.error().text();
+  const auto raymap = flat_raymap(moved.table, {100, 200}, blend::kernels().front());
+  for (const blend::Kernel kernel : blend::kernels()) {
+    EXPECT_TRUE(flat_raymap(moved.table, {100, 200}, kernel) == raymap) << kernel_name(kernel);
+  }
+  for (int y = 120; y < 264; ++y) {  // both heads see yaw -20 .. 20
+    for (int x = 384 - 42; x < 384 + 42; ++x) {
+      const int u = x * kMapWidth / 768, v = y * kMapWidth / 768;
+      const int side = u + v / 3 - (kMapWidth / 2 + 3);
+      if (side == 0 || side == -1 || side == 1) continue;  // beside the seam
+      ASSERT_EQ(raymap[static_cast<std::size_t>(y * 768 + x)], side < 0 ? 100 : 200) << x << ", " << y;
+    }
+  }
+  // Moved there and back: the same table.
+  auto others = labels;
+  for (std::uint8_t& label : others) label = 1;
+  const SeamedTable::Moved back = seamed.with(seamed.with(moved.table, labels, others).table, others, labels);
+  EXPECT_EQ(back.table.grids[0].records, moved.table.grids[0].records);
+  EXPECT_EQ(back.table.grids[0].weights, moved.table.grids[0].weights);
+  EXPECT_EQ(back.table.grids[0].coordinates, moved.table.grids[0].coordinates);
+}
+
 TEST(SeamedTable, TilesOfOneHead_StayAsTheyAre) {
   const Compiled made = compiled(test::cube_rig(kHeadSide), "equirectangular", 256, 128, Transition::kTwoBand);
   const SeamedTable seamed(made.table, *made.layout, kMapWidth, 1);

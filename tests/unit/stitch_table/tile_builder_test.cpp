@@ -36,16 +36,20 @@ std::array<Given, kMaxHeads> given(const blend::BlendTable& table, std::size_t g
   };
   std::array<Given, kMaxHeads> heads;
   int left = 32768;
-  for (std::size_t k = 0; k < count; ++k) {
+  for (std::size_t k = 0, number = 0; k < count; ++k, ++number) {
+    const bool pair = grid.records[tile.record + k].first[1] == 0xff;
+    const bool last = k + (pair ? 2 : 1) == count;
+    if (pair && j >= 4) ++k;
     const std::size_t r = tile.record + k;
+    if (pair && j < 4) ++k;
     const blend::PatchRecord& record = grid.records[r];
     int weight = left;
     const bool open = tile.how() == blend::Sharing::kOpen;
-    if (tile.how() == blend::Sharing::kBilinear && k + 1 < count) {
-      const std::int16_t* q = grid.weights.data() + tile.weights() + 4 * k;
+    if (tile.how() == blend::Sharing::kBilinear && !last) {
+      const std::int16_t* q = grid.weights.data() + tile.weights() + 4 * number;
       weight = -sum(std::array<int, 4>{q[0], q[1], q[2], q[3]});
-    } else if (open || (tile.how() == blend::Sharing::kListed && k + 1 < count)) {
-      weight = -grid.weights[tile.weights() + 64 * k + p];
+    } else if (open || (tile.how() == blend::Sharing::kListed && !last)) {
+      weight = -grid.weights[tile.weights() + 64 * number + p];
     }
     left -= weight;
     if (weight == 0) continue;
@@ -132,6 +136,30 @@ TEST(TileBuilder, StepsOfAWholeSampleAndAHalf_TakeThePictureItself) {
   ASSERT_TRUE(table.has_value());
   for (const blend::PatchRecord& record : table->grids[0].records) EXPECT_EQ(record.pyramid_level(), 0);
   EXPECT_EQ(table->sources[0].sharpen, TableOptions().sharpen);
+}
+
+TEST(TileBuilder, TilesTurnedBy45Degrees_TakeAPairWhereAPatchIsTooSmall) {
+  const std::vector<PixelFormat> formats{PixelFormat::kGrey8};
+  struct Case {
+    int width;
+    bool paired;
+  };
+  for (const Case& of : {Case{960, false}, Case{768, true}}) {  // 13.0; 16.2 samples
+    const auto layout = geometry::make_layout("equirectangular", of.width, of.width / 2).value();
+    const auto table = compile_blend_table(test::turned_fisheyes({0}), *layout, PixelFormat::kGrey8, formats);
+    ASSERT_TRUE(table.has_value());
+    const blend::GridTable& grid = table->grids[0];
+    for (int row = of.width / 32 - 3; row < of.width / 32 + 3;
+         ++row) {  // near the axis, where s is the same everywhere
+      for (int column = of.width / 16 - 3; column < of.width / 16 + 3; ++column) {
+        const std::size_t t = grid.tile_index(column, row);
+        const std::size_t first = grid.tiles[t].record;
+        ASSERT_EQ(grid.tiles[t + 1].record - first, of.paired ? 2U : 1U);
+        EXPECT_EQ(grid.tiles[t].how(), blend::Sharing::kAlone);
+        EXPECT_EQ(grid.records[first].paired(), of.paired);
+      }
+    }
+  }
 }
 
 TEST(TileBuilder, TilesThatAnEdgeOfAFaceCrosses_TakeThePictureItself) {

@@ -43,6 +43,23 @@ blend::PatchRecord& plain_record(BlendTable& table) {
   throw std::logic_error("every record is listed");
 }
 
+/// A table with pairs of records.
+const BlendTable& paired_table() {
+  static const BlendTable table =
+      compile_blend_table(test::turned_fisheyes({-40, 40}), {"equirectangular", 768, 384, PixelFormat::kGrey8},
+                          std::vector(2, PixelFormat::kGrey8))
+          .value();
+  return table;
+}
+
+/// The first record of a pair with polynomials; the second follows it.
+blend::PatchRecord& first_of_a_pair(BlendTable& table) {
+  for (blend::PatchRecord& record : table.grids[0].records) {
+    if (record.paired() && !record.listed()) return record;
+  }
+  throw std::logic_error("there is no pair");
+}
+
 struct Fault {
   const char* name;
   const char* says;
@@ -151,6 +168,40 @@ std::vector<Fault> faults() {
   };
 }
 
+std::vector<Fault> pair_faults() {
+  const auto second = [](BlendTable& t) -> blend::PatchRecord& { return *(&first_of_a_pair(t) + 1); };
+  std::vector<Fault> faults{
+      {"UpperHalfAlone", "half a pair", [=](BlendTable& t) { second(t).first[0] = 0; }},
+      {"LowerHalfAlone", "half a pair", [](BlendTable& t) { first_of_a_pair(t).first[1] = 0; }},
+      {"NeitherHalf", "half a pair", [](BlendTable& t) { first_of_a_pair(t).first[0] = 0xff; }},
+      {"TwoUpperHalves", "half a pair",
+       [=](BlendTable& t) {
+         second(t).first = {0, 0xff};
+       }},
+      {"PairCutByTheTile", "half a pair",
+       [](BlendTable& t) {
+         const auto upper = static_cast<std::uint32_t>(&first_of_a_pair(t) - t.grids[0].records.data());
+         for (blend::Tile& tile : t.grids[0].tiles) {
+           if (tile.record > upper) return static_cast<void>(tile.record = upper + 1);
+         }
+       }},
+      {"PairOfTwoHeads", "do not match", [=](BlendTable& t) { second(t).source ^= 1; }},
+      {"PairWithAnotherPolynomial", "do not match", [=](BlendTable& t) { second(t).y[1] += 1; }},
+      {"PairWhosePatchHasMoved", "do not match", [=](BlendTable& t) { second(t).left += 1; }},
+      {"PairWithOneList", "do not match", [=](BlendTable& t) { second(t).source |= blend::PatchRecord::kListed; }},
+      {"RowsOfTheLowerHalf", "rows beyond", [=](BlendTable& t) { second(t).first[1] = 0xaa; }},
+      {"RowsOfTheUpperHalf", "does not name", [](BlendTable& t) { first_of_a_pair(t).rows &= 0xf0; }},
+      {"PixelOfTheLowerHalfAtTheEdge", "patch's edge",
+       [=](BlendTable& t) {
+         // Rows 0 .. 3 lie at samples 0 .. 6.7, row 7 at 15.7.
+         first_of_a_pair(t).x = second(t).x = {0, 0, 9200, 0, 0, 0};
+         first_of_a_pair(t).left = second(t).left = 0;
+       }},
+  };
+  for (Fault& fault : faults) fault.good = paired_table;
+  return faults;
+}
+
 TEST_P(ValidateFinds, TheFaultAndSaysWhereItIs) {
   ASSERT_TRUE(validate_blend_table(GetParam().good()));
   BlendTable table = GetParam().good();
@@ -162,6 +213,9 @@ TEST_P(ValidateFinds, TheFaultAndSaysWhereItIs) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Planted, ValidateFinds, testing::ValuesIn(faults()),
+                         [](const auto& test) { return std::string(test.param.name); });
+
+INSTANTIATE_TEST_SUITE_P(PlantedInPairs, ValidateFinds, testing::ValuesIn(pair_faults()),
                          [](const auto& test) { return std::string(test.param.name); });
 
 const BlendTable& two_band_table() {
