@@ -188,19 +188,6 @@ struct Avx2 {
     if (job.curves || job.gains) tone<N>(job, r, negative_light);
   }
 
-  /// The light of record r, or of the pair that begins with it. Returns how many records these are.
-  template <int N>
-  static inline std::size_t next_light(const BlendJob& job, std::size_t r, Light<N>& negative_light) {
-    const PatchRecord& record = job.grid->records[r];
-    const std::size_t count = record.paired() ? 2 : 1;
-    for (std::size_t k = r; k < r + count; ++k) {
-      prefetch<N>(job, k);
-      negative_light_of<N>(job, k, negative_light);
-    }
-    if (job.low_band != nullptr) correct<N>(job, record.head(), negative_light);
-    return count;
-  }
-
   static inline Rows level_of(const BlendJob& job, std::size_t c, Rows light, bool negative) {
     const JobComponent& component = job.component[c];
     const V zero = _mm256_setzero_si256();
@@ -248,7 +235,7 @@ struct Avx2 {
     Light<N> negative_light;
     const Sharing how = tile.how();
     if (records != 0 && how == Sharing::kAlone) {
-      next_light<N>(job, tile.record, negative_light);
+      next_light<Avx2, N>(job, tile.record, negative_light);
       return finish<N>(job, negative_light, true, out);
     }
     Light<N> light;
@@ -257,7 +244,7 @@ struct Avx2 {
     rest.fill({all(-32768), all(-32768)});
     const std::int16_t* weights = job.grid->weights.data() + tile.weights();
     for (std::size_t r = tile.record, end = r + records; r < end;) {
-      r += next_light<N>(job, r, negative_light);
+      r += next_light<Avx2, N>(job, r, negative_light);
       std::array<Rows, 2> weight = rest;
       if (r < end || how == Sharing::kOpen) {
         if (how == Sharing::kBilinear) {

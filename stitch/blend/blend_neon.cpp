@@ -249,19 +249,6 @@ struct Neon {
     }
   }
 
-  /// The light of record r, or of the pair that begins with it. Returns how many records these are.
-  template <int N>
-  static inline std::size_t next_light(const BlendJob& job, std::size_t r, std::array<TileRows, N>& negative_light) {
-    const PatchRecord& record = job.grid->records[r];
-    const std::size_t count = record.paired() ? 2 : 1;
-    for (std::size_t k = r; k < r + count; ++k) {
-      prefetch<N>(job, k);
-      negative_light_of<N>(job, k, negative_light);
-    }
-    if (job.low_band != nullptr) correct<N>(job, record.head(), negative_light);
-    return count;
-  }
-
   /// Adds the correction of the head's low frequencies.
   template <int N>
   static inline void correct(const BlendJob& job, HeadIndex head, std::array<TileRows, N>& negative_light) {
@@ -310,7 +297,7 @@ struct Neon {
     std::array<TileRows, N> negative_light;
     const Sharing how = tile.how();
     if (records != 0 && how == Sharing::kAlone) {
-      next_light<N>(job, tile.record, negative_light);
+      next_light<Neon, N>(job, tile.record, negative_light);
       return finish<N>(job, negative_light, true, out);
     }
     std::array<TileRows, N> light;
@@ -319,7 +306,7 @@ struct Neon {
     TileRows rest;
     rest.fill(vdupq_n_s16(-32768));
     for (std::size_t r = tile.record, end = r + records; r < end;) {
-      r += next_light<N>(job, r, negative_light);
+      r += next_light<Neon, N>(job, r, negative_light);
       TileRows weight = rest;
       if (r < end || how == Sharing::kOpen) {
         if (how == Sharing::kBilinear) {

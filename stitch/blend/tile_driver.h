@@ -170,6 +170,20 @@ template <class Kernel, int N, class Number>
   return true;
 }
 
+/// For kernels that interpolate record by record: the light of record r, or of the pair that begins with it. Returns how many
+/// records these are.
+template <class Kernel, int N, class Light>
+inline std::size_t next_light(const BlendJob& job, std::size_t r, Light& negative_light) {
+  const PatchRecord& record = job.grid->records[r];
+  const std::size_t count = record.paired() ? 2 : 1;
+  for (std::size_t k = r; k < r + count; ++k) {
+    prefetch<N>(job, k);
+    Kernel::template negative_light_of<N>(job, k, negative_light);
+  }
+  if (job.low_band != nullptr) Kernel::template correct<N>(job, record.head(), negative_light);
+  return count;
+}
+
 template <class Kernel, int N, class Number>
 void blend_tile(const BlendJob& job, std::size_t t, Number* out) {
   const TileRecords own(*job.grid, t);

@@ -30,7 +30,7 @@ struct TileSamples {
 };
 
 /// Appends tiles of one grid to a run. A head contributes one patch to a tile. Its coordinates are a quadratic if that
-/// is within kFit of every pixel's coordinates, else they are listed. If the pixels do not fit into one patch, or a
+/// is within kPatchFit of every pixel's coordinates, else they are listed. If the pixels do not fit into one patch, or a
 /// bilinear function does not fit the vignetting gains, the tile is divided: at an edge of the layout, else into a pair of
 /// its upper and its lower half, else, recursively, in halves, with one patch for each part.
 ///
@@ -38,8 +38,6 @@ struct TileSamples {
 /// Ownership: keeps the sampler by reference.
 class TileBuilder {
  public:
-  /// Tolerance of a coordinate, in 1 / (1 << kFractionBits): 1/64 px.
-  static constexpr int kFit = 64;
   /// Tolerance of a weight, in 1 / (1 << kWeightBits): 1.5/256. A head with less than this everywhere in a tile is left
   /// out where other heads can take its share.
   static constexpr int kWeightFit = 192;

@@ -1,5 +1,7 @@
 #include "stitch/table/tile_fit.h"
 
+#include <algorithm>
+
 namespace nodal::table {
 namespace {
 
@@ -92,6 +94,15 @@ PixelMask block_mask(const Block& block) {
     for (int i = block.left; i < block.right; ++i) mask |= pixel_bit(i, j);
   }
   return mask;
+}
+
+Span span_of(const PixelValues& values, PixelMask mask) {
+  Span span;
+  for_each(mask, [&](std::size_t p) {
+    span.least = std::min(span.least, values[p]);
+    span.most = std::max(span.most, values[p]);
+  });
+  return span;
 }
 
 std::array<std::int32_t, 6> fit_quadratic(const PixelValues& values, PixelMask mask) {

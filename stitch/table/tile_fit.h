@@ -28,6 +28,13 @@ PixelMask block_mask(const Block& block);
 /// Integers by pixel, at index 8 j + i.
 using PixelValues = std::array<std::int32_t, blend::kTilePixels>;
 
+/// The smallest and the largest of some pixels' values.
+struct Span {
+  std::int32_t least = INT32_MAX;
+  std::int32_t most = INT32_MIN;
+};
+Span span_of(const PixelValues& values, PixelMask mask);
+
 /// The least-squares quadratic of `values` over the pixels of `mask`. Coefficients are rounded one after the other, and
 /// each compensates the rounding errors of those before. Computed from integers by additions, multiplications and
 /// divisions only, so the result is the same on every machine.
