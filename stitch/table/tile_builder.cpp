@@ -8,7 +8,6 @@
 namespace nodal::table {
 namespace {
 
-using blend::kFractionBits;
 using blend::PatchRecord;
 using blend::Sharing;
 
