@@ -57,11 +57,14 @@ Result<std::unique_ptr<RaymapLayout>> Cube::make(const Arrangement& plan, Raymap
   if (!squares || side < least) {
     const int near = std::clamp((size.width + plan.columns / 2) / plan.columns, least, kMaxRaymapSide / plan.columns);
     const auto text = [](int width, int height) { return std::to_string(width) + "x" + std::to_string(height); };
-    return fail(Errc::kBadValue, "a " + std::string(plan.name) + " raymap is " + std::to_string(plan.columns) + " by " +
-                                     std::to_string(plan.rows) + " square faces" +
-                                     (pad > 0 ? " with " + std::to_string(pad) + " pixels around each" : "") +
-                                     ", and " + text(size.width, size.height) + " is not; " +
-                                     text(plan.columns * near, plan.rows * near) + " would be");
+    const std::string article = plan.name.starts_with('e') ? "an " : "a ";
+    return fail(
+        Errc::kBadValue,
+        article + std::string(plan.name) + " raymap is " + std::to_string(plan.columns) + " by " +
+            std::to_string(plan.rows) + " square faces" +
+            (pad > 0 ? " with " + std::to_string(pad) + (pad > 1 ? " pixels" : " pixel") + " around each" : "") +
+            ", and " + text(size.width, size.height) + " is not; " + text(plan.columns * near, plan.rows * near) +
+            " would be");
   }
   return std::unique_ptr<RaymapLayout>(new Cube(plan, size, static_cast<int>(pad)));
 }
