@@ -5,6 +5,8 @@
 #include <array>
 #include <map>
 #include <memory>
+#include <optional>
+#include <vector>
 
 #include "host_tool/commands/take_argument.h"
 #include "host_tool/console/quantities.h"
@@ -17,6 +19,49 @@ struct HeadSummary {
   std::string stored{};  ///< "720x480 YUYV as Ut Video, top-first"
   std::map<std::string, std::uint64_t> placeholders{};
   std::uint64_t pictures = 0;
+};
+
+/// What the evidence says about placed seams.
+class SeamSummary {
+ public:
+  /// To be called with each set in turn, `at` after the first that is there, and the records of its segment.
+  void add(const std::vector<take::wire::Seams>& records, std::uint64_t number, Duration at) {
+    const auto next = std::ranges::upper_bound(records, number, {}, &take::wire::Seams::set);
+    const take::wire::Seams* const used = next == records.begin() ? nullptr : &*std::prev(next);
+    const std::optional<std::uint64_t> since = used ? std::optional(used->set()) : std::nullopt;
+    if (sets_ > 0 && since && since != since_) {
+      if (changes_ == 0) first_change_ = at;
+      last_change_ = at;
+      ++changes_;
+    }
+    since_ = since, ++sets_;
+    if (used) recorded_ = true;
+    if (used && used->columns() > 0) ++placed_;
+  }
+  bool recorded() const { return recorded_; }
+  std::string text() const {
+    const auto shown = [](Duration at) {
+      return show_duration(static_cast<std::uint64_t>(std::max<std::int64_t>(0, at.ns())));
+    };
+    std::string text = fmt::format("placed seams in {} of {}", placed_, counted(sets_, "set"));
+    if (changes_ == 0) return text + ", which did not change";
+    if (changes_ == 1) return text + ", which changed once, at " + shown(first_change_);
+    return text + fmt::format(", which changed {} times, first at {}, last at {}", changes_, shown(first_change_),
+                              shown(last_change_));
+  }
+  Json json() const {
+    Json json{{"placed_sets", placed_}, {"changes", changes_}};
+    if (changes_ > 0) json["first_change_ns"] = first_change_.ns(), json["last_change_ns"] = last_change_.ns();
+    return json;
+  }
+
+ private:
+  std::optional<std::uint64_t> since_{};  ///< the first set, by the rig's count, with the seams of the set before
+  std::uint64_t sets_ = 0;
+  std::uint64_t placed_ = 0;
+  std::uint64_t changes_ = 0;
+  bool recorded_ = false;
+  Duration first_change_{}, last_change_{};
 };
 
 std::string stored_as(const media::TakeStream& stream) {
@@ -38,12 +83,15 @@ Status run_show(Context& context, const std::string& name) {
   for (const take::Manifest::Mark& mark : manifest.marks) starts[mark.set] = -1;
   media::TakeSets sets(*folder);
   media::TakeSet set;
+  SeamSummary seams;
   std::int64_t first = 0;
   for (bool begun = false;; begun = true) {
     const Result<bool> more = sets.next(set);
     if (!more) return fail(more.error());
     if (!*more) break;
     if (!begun) first = set.mid_exposure.ns();
+    seams.add(sets.segment().evidence().seams, set.evidence.number(),
+              Duration::nanoseconds(set.mid_exposure.ns() - first));
     const auto marked = starts.find(set.evidence.index());
     if (marked != starts.end()) marked->second = set.mid_exposure.ns() - first;
     for (const take::wire::Frame& frame : set.evidence.frames()) {
@@ -97,6 +145,10 @@ Status run_show(Context& context, const std::string& name) {
   for (const take::Manifest::Calibration& each : manifest.calibrations) {
     console.line(fmt::format("calibration {} from the rig's set {} on", each.id.substr(0, 12), each.set));
     json_calibrations.push_back({{"file", each.file}, {"id", each.id}, {"set", each.set}});
+  }
+  if (seams.recorded()) {
+    console.line(seams.text());
+    json["seams"] = seams.json();
   }
   for (const std::string& line : table.lines()) console.line(line);
   for (const take::Manifest::Mark& mark : manifest.marks) {

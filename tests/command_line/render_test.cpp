@@ -290,6 +290,7 @@ TEST_F(RenderTest, Shown_HasHeadsMarksAndNothingMissing) {
   EXPECT_NE(text.out.find("the bus, \"42\""), std::string::npos) << text.out;
   const Json told = nodal_json({"take", "show", take()}).at(0);
   EXPECT_GE(told["sets"], 10);
+  EXPECT_FALSE(told.contains("seams")) << "they are fixed";
   ASSERT_EQ(told["heads"].size(), 6U);
   for (const Json& head : told["heads"]) {
     EXPECT_EQ(head["pictures"], told["sets"]) << head;
