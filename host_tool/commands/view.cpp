@@ -24,6 +24,17 @@ struct ViewArgs {
   view::CameraSpec spec;
 };
 
+/// The cameras' names with `between` between them; `after` the fifth a line ends.
+std::string camera_words(const std::string& between, const std::string& after) {
+  std::string words;
+  std::size_t count = 0;
+  for (const std::string_view name : view::camera_names()) {
+    if (count > 0) words += count % 5 == 0 ? after : between;
+    words += name, ++count;
+  }
+  return words;
+}
+
 constexpr int kMostSide = 16384;
 
 Result<geometry::RaymapSize> parse_view_size(const std::string& text) { return parse_size(text, kMostSide); }
@@ -69,7 +80,7 @@ Status run_view(Context& context, const ViewArgs& args) {
   if (!args.eye.empty() && args.envelope.empty() && args.mesh.empty())
     return fail(Errc::kMissingField, "--eye: how far away things are is not known; give --envelope or --mesh");
   view::CameraSpec spec = args.spec;
-  spec.projection = view::parse_projection(args.camera).value();
+  spec.name = view::parse_camera(args.camera).value();
   const geometry::RaymapSize size = parse_view_size(args.size).value();
   spec.width = size.width;
   spec.height = size.height;
@@ -112,9 +123,12 @@ void add_view(CLI::App& app, CommandLine& line) {
                   "sees from outside, the view is black.\n");
   auto args = std::make_shared<ViewArgs>();
   add_frame_options(*command, args->frames);
-  command->add_option("--camera", args->camera, "perspective when not given; fisheye is equidistant")
-      ->type_name("perspective|fisheye|stereographic|equisolid")
-      ->check(checked_by(view::parse_projection));
+  command
+      ->add_option("--camera", args->camera,
+                   "perspective when not given. One of: " + camera_words(" ", "\n") +
+                       "\nfisheye is equidistant; pannini:d=D with D from 0, perspective, to 100; 1 when not given")
+      ->type_name("NAME:" + camera_words("|", "|"))
+      ->check(checked_by(view::parse_camera));
   command->add_option("--yaw", args->spec.pose.yaw, "To the right (0 when not given)")
       ->type_name("DEGREES")
       ->check(CLI::Range(-360.0, 360.0));

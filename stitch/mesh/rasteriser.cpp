@@ -60,7 +60,7 @@ void add_sample(const ImageView& raymap, int channels, const Vector2d& texture, 
 
 Result<MeshView> MeshView::make(const Raymesh& mesh, const view::CameraSpec& spec, const Vector3d& eye,
                                 const parallel::Workers& workers) {
-  if (spec.projection != view::Projection::kPerspective)
+  if (spec.name.projection != view::Projection::kPerspective)
     return fail(Errc::kUnsupported, "triangles have straight edges: only the perspective camera shows them so");
   if (const auto camera = view::Camera::make(spec); !camera) return fail(camera.error());
   MeshView made(mesh, spec.width, spec.height);

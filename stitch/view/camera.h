@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <optional>
 #include <string_view>
+#include <vector>
 
 #include "protocol/base/result.h"
 #include "stitch/geometry/ray.h"
@@ -11,19 +12,42 @@
 
 namespace nodal::view {
 
-/// How far from its centre, in focal lengths, a camera shows a ray at the angle a from its axis.
+/// Where a camera shows a ray, in focal lengths from the picture's centre.
 enum class Projection {
-  kPerspective,    ///< tan a
-  kFisheye,        ///< a
-  kStereographic,  ///< 2 tan(a / 2)
-  kEquisolid,      ///< 2 sin(a / 2)
+  // By the angle a between the ray and the axis: the distance r from the centre.
+  kPerspective,    ///< r = tan a
+  kFisheye,        ///< r = a
+  kStereographic,  ///< r = 2 tan(a / 2)
+  kEquisolid,      ///< r = 2 sin(a / 2)
+  kOrthographic,   ///< r = sin a
+  // By the ray's angles theta to the right and phi down (geometry::Angles): x to the right, y down. Verticals stay straight.
+  kPannini,            ///< x = S sin theta, y = S tan phi, where S = (d + 1) / (d + cos theta)
+  kCylindrical,        ///< x = theta, y = tan phi
+  kCylinderEqualArea,  ///< x = theta, y = sin phi
+  kMercator,           ///< x = theta, y = asinh(tan phi)
+  kEquirectangular,    ///< x = theta, y = phi
 };
 
-/// "perspective", "fisheye", "stereographic", "equisolid". Errors: kBadValue, with the names.
-Result<Projection> parse_projection(std::string_view text);
+/// A projection with its parameter.
+struct CameraName {
+  Projection projection = Projection::kPerspective;
+  /// Of kPannini: how far behind the axis of a cylinder of radius 1 the point is from which the cylinder is seen. 0 is
+  /// perspective, 1 stereographic along the horizon.
+  double d = 1;
+
+  /// The least and the largest field of view, whole degrees.
+  static constexpr int kLeastFovDeg = 1;
+  int widest_fov_deg() const;
+};
+
+/// Every projection's name, in their order.
+std::vector<std::string_view> camera_names();
+
+/// "perspective", "fisheye", ...; "pannini:d=0.5". Errors: kBadValue, with what there is.
+Result<CameraName> parse_camera(std::string_view text);
 
 struct CameraSpec {
-  Projection projection = Projection::kPerspective;
+  CameraName name;
   geometry::YawPitchRoll pose;
   double fov_deg = 90;  ///< from the left to the right edge of the picture
   int width = 0;

@@ -143,7 +143,7 @@ TEST_F(ViewCommand, WhatCannotBeDone_IsSaidInOneSentence) {
   write("text.png", "no picture");
   expect_refused({"convert", path("text.png"), "-o", path("out.png"), "--from", "cube"}, "text.png");
   expect_refused({"view", sphere, "-o", path("out.png"), "--from", "equirectangular", "--fov", "180"},
-                 "a field of view of 180 degrees; a perspective camera shows 1 to 179");
+                 "a field of view of 180 degrees; the perspective camera shows 1 to 179");
   expect_refused({"view", sphere, "-o", path("out.png"), "--size", "64"}, "WIDTHxHEIGHT");
   expect_refused({"view", sphere, "-o", path("out.png"), "--camera", "pinhole"}, "perspective, fisheye");
 }

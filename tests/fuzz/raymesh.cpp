@@ -30,7 +30,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const DecodedImage raymap{PixelFormat::kGrey8, 4, 2, std::vector<std::uint8_t>(8, 100)};
   for (const Eigen::Vector3d& eye :
        {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(mesh->points[0]), Eigen::Vector3d(3, -2, -9)}) {
-    const auto view = mesh::MeshView::make(*mesh, {view::Projection::kPerspective, {}, 90, 9, 7}, eye, workers);
+    const auto view = mesh::MeshView::make(*mesh, {{view::Projection::kPerspective}, {}, 90, 9, 7}, eye, workers);
     NODAL_ASSERT(view);
     for (const std::uint8_t level : view->paint(raymap.view(), false, workers).bytes)
       NODAL_ASSERT(level == 0 || level == 100);

@@ -27,7 +27,7 @@ using test::layout_of;
 constexpr double kOneDegree = std::numbers::pi / 180;
 
 view::CameraSpec camera_of(double yaw, double pitch, double fov) {
-  return {view::Projection::kPerspective, {yaw, pitch, 10}, fov, 120, 90};
+  return {{view::Projection::kPerspective}, {yaw, pitch, 10}, fov, 120, 90};
 }
 
 /// The largest angle, rad, between what the two ways say that a pixel shows; and how many pixels only one of them fills.
@@ -144,7 +144,7 @@ TEST(MeshView, Pictures_AreThoseOfTheResampler_AlsoOfScatteredLayouts) {
 TEST(MeshView, OtherCameras_AreRefused) {
   const Raymesh mesh = mesh_of_layout(*layout_of("cube", 48), Envelope::named("cube:2").value(), 1).value().mesh;
   view::CameraSpec spec = camera_of(0, 0, 90);
-  spec.projection = view::Projection::kFisheye;
+  spec.name.projection = view::Projection::kFisheye;
   const auto view = MeshView::make(mesh, spec, Vector3d::Zero(), parallel::Workers(1));
   ASSERT_FALSE(view);
   EXPECT_EQ(view.error().code, Errc::kUnsupported);
