@@ -14,16 +14,24 @@ namespace {
 
 using Value = CommandWords::Value;
 
-/// The values for an option's type ("FILE", "jpg|png|raw") or an argument's name ("PICTURES").
-Value value_of(const std::string& type) {
+/// The values for an option's type ("FILE", "jpg|png|raw", "NAME:jpg|png|raw") or an argument's name ("PICTURES").
+Value value_of(const std::string& whole) {
   constexpr std::array<std::string_view, 9> kFiles{"FILE",   "HTML",        "PATTERN", "INPUT", "PICTURES",
                                                    "PHOTOS", "CALIBRATION", "A",       "B"};
   Value value;
-  value.file = std::ranges::find(kFiles, type) != kFiles.end();
-  if (type.find('|') == std::string::npos) return value;
-  for (std::size_t start = 0; start <= type.size();) {
-    const std::size_t bar = std::min(type.find('|', start), type.size());
-    value.choices.push_back(type.substr(start, bar - start));
+  std::string list = whole.substr(0, whole.find(':'));
+  value.file = std::ranges::find(kFiles, list) != kFiles.end();
+  if (list.size() < whole.size() && list.find('|') == std::string::npos) {
+    list = whole.substr(list.size() + 1);
+    list.resize(std::min(list.find(':'), list.size()));
+  }
+  if (list.find('|') == std::string::npos) return value;
+  for (std::size_t start = 0; start <= list.size();) {
+    const std::size_t bar = std::min(list.find('|', start), list.size());
+    const std::string word = list.substr(start, bar - start);
+    // A word in capitals stands for values: "N|best", "SHAPE|FILE".
+    if (word == "FILE") value.file = true;
+    if (std::ranges::none_of(word, [](char c) { return c >= 'A' && c <= 'Z'; })) value.choices.push_back(word);
     start = bar + 1;
   }
   return value;
@@ -31,8 +39,8 @@ Value value_of(const std::string& type) {
 
 void add_option(CommandWords& words, const CLI::Option& option) {
   if (option.get_positional()) {
-    const std::string type = type_of(option);
-    const Value value = value_of(type.empty() ? option.get_name(true) : type);
+    const bool named = type_of(option).empty();
+    const Value value = value_of(named ? option.get_name(true) : option.get_type_name());
     words.positional.file = words.positional.file || value.file;
     words.positional.choices.insert(words.positional.choices.end(), value.choices.begin(), value.choices.end());
     return;
@@ -42,7 +50,7 @@ void add_option(CommandWords& words, const CLI::Option& option) {
   for (const std::string& name : option.get_lnames()) entry.names.push_back(fmt::format("--{}", name));
   entry.description = option.get_description();
   if (option.get_expected_max() > 0) entry.type = type_of(option);
-  entry.value = value_of(entry.type);
+  if (!entry.type.empty()) entry.value = value_of(option.get_type_name());
   const bool known =
       std::ranges::any_of(words.options, [&](const CommandWords::Option& other) { return other.names == entry.names; });
   if (!known) words.options.push_back(std::move(entry));

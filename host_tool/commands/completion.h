@@ -28,7 +28,8 @@ struct CommandWords {
   Value positional;             ///< of its arguments
 };
 
-/// An option's type as the commands name it ("sum|max", "PX"), without the checks that CLI11 appends (":{max,sum}").
+/// An option's type as the commands name it ("sum|max", "PX"), without the checks that CLI11 appends (":{max,sum}"), and
+/// without the values that a command lists for completion only ("NAME:cube|healpix").
 std::string type_of(const CLI::Option& option);
 
 /// Every command, parents before children.

@@ -10,6 +10,13 @@
 
 namespace nodal::host {
 
+/// The type of an option that takes a layout's name: NAME in the help, every name in the completion.
+inline std::string layout_type() {
+  std::string type = "NAME:";
+  for (const geometry::LayoutKind& kind : geometry::layout_kinds()) type += std::string(kind.name) + "|";
+  return type + "rays";
+}
+
 /// Adds --layout NAME; its help lists every layout.
 inline CLI::Option* add_layout_option(CLI::App& command, std::string& layout, const std::string& what) {
   std::string help = what + ". One of:";
@@ -23,7 +30,7 @@ inline CLI::Option* add_layout_option(CLI::App& command, std::string& layout, co
     line = begins ? word.size() : line + 1 + word.size();
   }
   help += " rays:FILE";
-  return command.add_option("--layout", layout, help)->type_name("NAME");
+  return command.add_option("--layout", layout, help)->type_name(layout_type());
 }
 
 /// The layout with a name as users write it: also "rays:FILE". Errors: those of LayoutName::parse() and read_file().

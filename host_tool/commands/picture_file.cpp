@@ -71,7 +71,7 @@ Result<RaymapFormat> raymap_format_of_name(std::string_view name) {
   if (name.ends_with(".png")) return RaymapFormat::kPng;
   if (name.ends_with(".tif") || name.ends_with(".tiff")) return RaymapFormat::kTiff;
   if (name.ends_with(".raw") || name.ends_with(".yuv")) return RaymapFormat::kRaw;
-  return fail(Errc::kBadValue, fmt::format("'{}': end it in .jpg, .png, .tif or .raw, or say --format", name));
+  return fail(Errc::kBadValue, fmt::format("'{}': end it in .jpg, .png, .tif or .raw", name));
 }
 
 std::string_view ending_of(RaymapFormat format) {

@@ -116,7 +116,7 @@ Result<RaymapSink> make_sink(const RaymapArgs& args, Console& console) {
     sink.format = parse_raymap_format(args.format).value_or(RaymapFormat::kJpg);
   } else if (!args.out.empty() && args.out != "-") {
     const Result<RaymapFormat> format = raymap_format_of_name(args.out);
-    if (!format) return fail(format.error());
+    if (!format) return fail(format.error().code, format.error().message + ", or say --format");
     sink.format = *format;
   }
   const bool many = args.continuous || args.count != 1 || !args.seconds.empty();

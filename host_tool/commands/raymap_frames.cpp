@@ -31,7 +31,8 @@ struct FrameInput {
   bool says_equirectangular = false;  ///< by GPano metadata
 };
 
-Result<FrameInput> read_frame(const std::string& file) {
+/// `from_metadata`: a part of a sphere is placed on the sphere where the file's metadata say.
+Result<FrameInput> read_frame(const std::string& file, bool from_metadata) {
   const bool tiff = media::is_tiff(file);
   const Result<std::string> bytes = read_file(file, tiff ? media::kMaxTiffFileBytes : media::kMaxImageFileBytes);
   if (!bytes) return fail(bytes.error());
@@ -41,10 +42,11 @@ Result<FrameInput> read_frame(const std::string& file) {
   const std::span<const std::uint8_t> span(reinterpret_cast<const std::uint8_t*>(bytes->data()), bytes->size());
   Result<DecodedImage> picture = tiff ? media::read_tiff(file) : media::decode_image(span, file, as);
   if (!picture) return fail(picture.error());
-  // As viewers do it: the packet's text anywhere in the file.
-  const bool says = bytes->find("GPano:ProjectionType=\"equirectangular\"") != std::string::npos ||
-                    bytes->find("<GPano:ProjectionType>equirectangular<") != std::string::npos;
-  return FrameInput{std::move(*picture), says};
+  const std::optional<media::SphereArea> area = media::read_gpano(*bytes);
+  if (!area || !from_metadata) return FrameInput{std::move(*picture), area.has_value()};
+  Result<DecodedImage> whole = media::whole_sphere(std::move(*picture), *area);
+  if (!whole) return fail(whole.error().in(file));
+  return FrameInput{std::move(*whole), true};
 }
 
 Result<geometry::LayoutName> layout_of(const FrameOptions& options, const FrameInput& input) {
@@ -57,6 +59,19 @@ Result<geometry::LayoutName> layout_of(const FrameOptions& options, const FrameI
   return fail(Errc::kMissingField, options.inputs.front() +
                                        ": the file does not say which layout its raymap has; give --from, one of: " +
                                        geometry::layout_list());
+}
+
+/// A photograph, or a part of a sphere, would be stretched over the whole sphere.
+void warn_of_shape(Console& console, const std::string& file, const geometry::LayoutName& layout,
+                   geometry::RaymapSize size) {
+  constexpr double kMost = 1.25;
+  const geometry::RaymapSize whole = layout.size_for_width(size.width);
+  const double stretch = static_cast<double>(whole.height) * size.width / whole.width / size.height;
+  if (stretch < kMost && stretch > 1 / kMost) return;
+  console.warning(fmt::format(
+      "{}: it has {}x{} pixels, and a raymap of the whole sphere ({}) with this width has {}x{}: "
+      "what it shows is stretched {:.1f} times",
+      file, size.width, size.height, layout.text(), whole.width, whole.height, std::max(stretch, 1 / stretch)));
 }
 
 Result<std::vector<std::uint8_t>> encode(const DecodedImage& picture, RaymapFormat format,
@@ -116,7 +131,8 @@ Status run_frame_job(Context& context, const FrameOptions& options,
     for (std::size_t k = 0; k < options.inputs.size(); ++k) {
       if (interrupted())
         return fail(Errc::kCancelled, fmt::format("stopped after {} of {} pictures", k, options.inputs.size()));
-      const Result<FrameInput> input = interruptible(console, [&] { return read_frame(options.inputs[k]); });
+      const Result<FrameInput> input =
+          interruptible(console, [&] { return read_frame(options.inputs[k], options.from.empty()); });
       if (!input) return fail(input.error());
       const DecodedImage& picture = input->picture;
       if (!job) {
@@ -167,7 +183,7 @@ void add_frame_options(CLI::App& command, FrameOptions& options) {
       ->required()
       ->type_name("FILE");
   command.add_option("--from", options.from, "The raymaps' layout; as their metadata says when not given")
-      ->type_name("NAME");
+      ->type_name(layout_type());
   command.add_option("--filter", options.filter, "Between pixels (bicubic when not given)")
       ->type_name("nearest|bilinear|bicubic|lanczos")
       ->check(checked_by(view::parse_filter));
@@ -193,6 +209,7 @@ Status run_frames(Context& context, const FrameOptions& options,
     auto layout = geometry::make_layout(*from, size.width, size.height);
     if (!layout) return fail(layout.error().in(options.inputs.front()));
     source = std::move(*layout);
+    if (!source->scattered()) warn_of_shape(context.console(), options.inputs.front(), *from, size);
     const Result<Outcome> made = outcome(*from, size);
     if (!made) return fail(made.error());
     const Stopwatch watch;

@@ -48,6 +48,20 @@ std::string nearest(const std::string& word, const std::vector<std::string>& kno
   return std::string(nearest_word(word, views));
 }
 
+/// CLI11's message about a value, with the number that it could not read, or the range without ".000000".
+std::string about_value(std::string text) {
+  constexpr std::string_view kConvert = "Could not convert: ", kIs = " = ", kRange = " not in range ",
+                             kZeros = ".000000";
+  if (const std::size_t is = text.find(kIs); text.starts_with(kConvert) && is != std::string::npos) {
+    return fmt::format("{}: '{}' is not a number", text.substr(kConvert.size(), is - kConvert.size()),
+                       printable(text.substr(is + kIs.size()), kLongestWord));
+  }
+  const std::size_t range = text.find(kRange);
+  if (range == std::string::npos) return text;
+  for (std::size_t at; (at = text.find(kZeros, range)) != std::string::npos;) text.erase(at, kZeros.size());
+  return text;
+}
+
 }  // namespace
 
 std::vector<std::string> command_words(int argc, const char* const* argv) {
@@ -69,7 +83,7 @@ std::string explain_usage(const CLI::App& app, const CLI::ParseError& wrong) {
   if (rest.empty()) {
     const CLI::App& chosen = deepest(app);
     if (!incomplete || commands_of(chosen).empty() || !chosen.get_subcommands().empty()) {
-      return wrong.what();
+      return about_value(wrong.what());
     }
     return fmt::format("`{}` needs a command: {}", full_name(chosen), fmt::join(commands_of(chosen), ", "));
   }

@@ -86,6 +86,17 @@ TEST(CommandLine, WhatCannotBeUnderstood_IsUsageAndSaysWhere) {
   }
 }
 
+TEST(CommandLine, NumbersThatAreNone_OrOutOfRange_AreSaidInPlainWords) {
+  const auto said = [](std::vector<std::string> words) {
+    words.insert(words.begin(), {"view", "a.png", "-o", "b.png"});
+    return Outcome(words).err;
+  };
+  EXPECT_NE(said({"--fov", "90deg"}).find("nodal: --fov: '90deg' is not a number\n"), std::string::npos)
+      << said({"--fov", "90deg"});
+  EXPECT_NE(said({"--pitch", "91"}).find("--pitch: Value 91 not in range -90 to 90\n"), std::string::npos)
+      << said({"--pitch", "91"});
+}
+
 TEST(CommandLine, AWordThatIsNoCommand_IsNamedWithTheNearestThatIs) {
   EXPECT_NE(Outcome({"statsu"}).err.find("there is no command `nodal statsu`; did you mean 'status'?"),
             std::string::npos)

@@ -123,5 +123,21 @@ TEST(Completion, EveryShell_KnowsEveryCommandAndOption) {
   }
 }
 
+TEST(Completion, Values_AreThoseThatAnOptionHas_AndNoPlaceholders) {
+  Console console(stdout, stderr);
+  CommandLine line(console);
+  const std::string bash = bash_completion(command_words(line.app()));
+  const auto offered = [&](const std::string& option) {
+    const std::size_t at = bash.find("\"" + option + "\")");
+    return at == std::string::npos ? "no " + option : bash.substr(at, bash.find('\n', at) - at);
+  };
+  EXPECT_NE(offered("view --camera").find("-W \"perspective fisheye "), std::string::npos) << offered("view --camera");
+  EXPECT_NE(offered("view --camera").find(" pannini "), std::string::npos);
+  EXPECT_NE(offered("convert --layout").find(" healpix "), std::string::npos) << offered("convert --layout");
+  EXPECT_NE(offered("convert --from").find(" healpix "), std::string::npos);
+  EXPECT_NE(offered("view --envelope").find("compgen -f"), std::string::npos) << offered("view --envelope");
+  EXPECT_EQ(bash.find("NAME:"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace nodal::host
