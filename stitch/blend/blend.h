@@ -48,7 +48,8 @@ using Pictures = std::span<const ImageView>;
 /// four luma samples, rounded half up; at odd edges the edge sample is repeated. Not in raymaps whose rays were sorted
 /// into tiles (GridTable::places), because their neighbouring pixels need not have neighbouring rays. For those, rows
 /// count rows of tiles, and a tile's pixels can be anywhere, so the raymap is complete only after all rows have been
-/// blended.
+/// blended. Of batches (GridTable::batches) a call blends those whose first tile is in its rows, if tiles are counted row
+/// by row.
 ///
 /// Preconditions, not checked here: the table is validated; every head's picture matches table.sources, prepared as in
 /// prepare.h where its source needs that; the raymap matches table.format (16-bit rows are packed). The fastest kernel

@@ -164,6 +164,28 @@ struct GridTable {
     return static_cast<std::uint32_t>(y) << 16 | static_cast<std::uint32_t>(x);
   }
 
+  /// Only with `places`, and only where that is faster: a batch of strips, of kBlockTiles tiles each, is blended into a buffer.
+  /// Its pixels are then written in runs. Without batches, each pixel is written on its own.
+  struct Batch {
+    std::uint32_t strip = 0;  ///< its first tile is strip * kBlockTiles
+    std::uint32_t run = 0;    ///< its first run
+  };
+  /// Pixels side by side in one row of the component's plane.
+  struct Run {
+    std::uint32_t place = 0;  ///< of its first pixel, see place()
+    std::uint32_t slot = 0;   ///< index in `slots` of its first pixel
+  };
+  std::vector<Batch> batches;  ///< and one more, which ends the last; empty: no batches
+  std::vector<Run> runs;       ///< and one more, which ends the last
+  /// Of the runs' pixels, from left to right: where the buffer holds them, see slot().
+  std::vector<std::uint16_t> slots;
+  static constexpr std::size_t kBufferSlots = 1 << 16;
+  /// Where the buffer holds the first component of pixel p of tile k of the batch's strip s.
+  static constexpr std::size_t slot(std::size_t s, std::size_t k, std::size_t p, std::size_t components) {
+    return (s * components * kBlockTiles + k) * kTilePixels + p;
+  }
+  static constexpr std::size_t most_strips(std::size_t components) { return kBufferSlots / slot(1, 0, 0, components); }
+
   LowGrid low;                                        ///< empty: one band
   static constexpr std::size_t kMostLowPoints = 128;  ///< per block
   int low_cells_across() const { return kBlockTiles / low.cell_tiles; }

@@ -13,15 +13,11 @@
 //     copies bytes that will not be read again soon.
 #pragma once
 
-#include <cstring>
-
+#include "stitch/blend/scatter.h"
 #include "stitch/blend/tile_math.h"
 
 namespace nodal::blend {
 namespace {
-
-/// Bytes of one component of a strip: eight tiles side by side, 64 pixels each.
-constexpr std::size_t kStrip = 8 * kTilePixels;
 
 /// Strips that emit() writes follow each other from left to right: a kernel may keep the end of a row, up to 64 bytes, until
 /// the strip to the right completes its cache line.
@@ -216,62 +212,6 @@ void write_strip(const BlendJob& job, int column, int row, const std::uint8_t* s
   }
 }
 
-/// The 16-bit number that is written for `light`.
-inline std::uint16_t linear_of(const BlendJob& job, std::int16_t light) {
-  return job.table->linear[static_cast<std::size_t>(std::max<std::int16_t>(light, 0))];
-}
-
-/// Writes a tile's pixel p, as stored in a component's strip.
-inline void put_pixel(const BlendJob&, const std::uint8_t* strip, std::size_t p, std::uint8_t* to) { *to = strip[p]; }
-inline void put_pixel(const BlendJob& job, const std::int16_t* strip, std::size_t p, std::uint8_t* to) {
-  const std::uint16_t number = linear_of(job, strip[p]);
-  std::memcpy(to, &number, sizeof number);
-}
-
-/// The byte offsets of a tile's pixels in a plane, by GridTable::places; meaningless for pixels outside the grid.
-inline std::array<std::ptrdiff_t, kTilePixels> places_in(const MutablePlaneView& plane, const std::uint32_t* places) {
-  std::array<std::ptrdiff_t, kTilePixels> to;
-  for (std::size_t p = 0; p < kTilePixels; ++p) {
-    to[p] =
-        std::ptrdiff_t{places[p] >> 16} * plane.row_stride + std::ptrdiff_t{places[p] & 0xffff} * plane.pixel_stride;
-  }
-  return to;
-}
-
-/// Fetches the cache lines into which scatter_tile() will store: they are as many as pixels, all over the raymap, and while
-/// a tile is blended they can arrive at the same time.
-template <int N>
-void prefetch_places(const BlendJob& job, std::size_t t) {
-  const std::uint32_t* places = job.grid->places.data() + t * kTilePixels;
-  for (std::size_t c = 0; c < N; ++c) {
-    const std::array<std::ptrdiff_t, kTilePixels> to = places_in(job.out[c], places);
-    for (std::size_t p = 0; p < kTilePixels; ++p) {
-      if (places[p] != GridTable::kNowhere) __builtin_prefetch(job.out[c].data + to[p], 1);
-    }
-  }
-}
-
-/// Writes tile t, whose pixels have positions of their own (GridTable::places); component c is at tile + c * kStrip.
-template <int N, class Number>
-void scatter_tile(const BlendJob& job, std::size_t t, int row, const Number* tile) {
-  const auto begin = static_cast<std::size_t>(std::max(0, job.row_begin - row * kTile) * kTile);
-  const auto end = static_cast<std::size_t>(std::min(kTile, job.row_end - row * kTile) * kTile);
-  const std::uint32_t* places = job.grid->places.data() + t * kTilePixels;
-  const bool whole = places[kTilePixels - 1] != GridTable::kNowhere;
-  for (std::size_t c = 0; c < N; ++c) {
-    const std::array<std::ptrdiff_t, kTilePixels> to = places_in(job.out[c], places);
-    std::uint8_t* data = job.out[c].data;
-    const Number* from = tile + c * kStrip;
-    if (whole) {
-      for (std::size_t p = begin; p < end; ++p) put_pixel(job, from, p, data + to[p]);
-    } else {
-      for (std::size_t p = begin; p < end; ++p) {
-        if (places[p] != GridTable::kNowhere) put_pixel(job, from, p, data + to[p]);
-      }
-    }
-  }
-}
-
 /// write_strip for 16-bit raymaps: converts light to numbers.
 template <class Kernel, int N>
 void write_strip(const BlendJob& job, int column, int row, const std::int16_t* strip, std::uint8_t*) {
@@ -293,36 +233,61 @@ void write_strip(const BlendJob& job, int column, int row, const std::int16_t* s
   }
 }
 
+/// Blends the call's part of a grid. `buffer`: one strip of each component, or GridTable::kBufferSlots if the grid has batches.
 template <class Kernel, int N, class Number>
-void blend_grid(const BlendJob& job) {
-  alignas(64) std::array<Number, N * kStrip> strip;
+[[gnu::noinline]] void blend_strips(const BlendJob& job, Number* buffer) {
   constexpr std::size_t kEnds = std::size_t{N} * kTile * RowEnds::kBytes;  // of a row of tiles
   alignas(64) std::array<std::uint8_t, 8 * kEnds> ends;
   const GridTable& grid = *job.grid;
+  const bool scattered = !grid.places.empty();
+  const bool batched = !grid.batches.empty();
   const int block_rows = grid.block_rows();
+  const int blocks_across = grid.tiles_across() / GridTable::kBlockTiles;
   const int first = job.row_begin / kTile;
   const int last = (std::min(job.row_end, grid.height) + kTile - 1) / kTile;
-  for (int block = first / block_rows * block_rows; block < last; block += block_rows) {
-    for (int column = 0; column * kTile < grid.width; column += GridTable::kBlockTiles) {
-      if (job.low_band != nullptr) {
-        job.low_band->begin_block(static_cast<std::size_t>(
-            block / block_rows * (grid.tiles_across() / GridTable::kBlockTiles) + column / GridTable::kBlockTiles));
-      }
-      for (int row = std::max(first, block); row < std::min(last, block + block_rows); ++row) {
-        const std::size_t t = grid.tile_index(column, row);
-        for (std::size_t k = 0; k < GridTable::kBlockTiles; ++k) {
-          if (job.low_band != nullptr) job.low_band->begin_tile(static_cast<int>(k), row - block);
-          Number* const tile = strip.data() + k * kTilePixels;
-          if (!grid.places.empty()) prefetch_places<N>(job, t + k);
-          blend_tile<Kernel, N, Number>(job, t + k, tile);
-          if (!grid.places.empty()) scatter_tile<N, Number>(job, t + k, row, tile);
-        }
-        if (grid.places.empty()) {
-          write_strip<Kernel, N>(job, column, row, strip.data(),
-                                 ends.data() + static_cast<std::size_t>(row - block) * kEnds);
-        }
-      }
+  const auto strips_before = [&](int block_row) { return block_row * blocks_across * block_rows; };
+  int begin = strips_before(first / block_rows);
+  int end = strips_before((last + block_rows - 1) / block_rows);
+  std::size_t batch = 0;
+  if (batched) {
+    batch = batches_before(grid, job.row_begin);
+    begin = static_cast<int>(grid.batches[batch].strip);
+    end = static_cast<int>(grid.batches[batches_before(grid, job.row_end)].strip);
+  }
+  int begun = -1;  // the block that the low band is at
+  for (int s = begin; s < end; ++s) {
+    const int block = s / block_rows;
+    const int row_in_block = s % block_rows;
+    const int row = block / blocks_across * block_rows + row_in_block;
+    if (!batched && (row < first || row >= last)) continue;
+    if (job.low_band != nullptr && block != begun) job.low_band->begin_block(static_cast<std::size_t>(begun = block));
+    const std::size_t in_batch = batched ? static_cast<std::size_t>(s) - grid.batches[batch].strip : 0;
+    Number* const strip = buffer + GridTable::slot(in_batch, 0, 0, N);
+    const std::size_t t = static_cast<std::size_t>(s) * GridTable::kBlockTiles;
+    for (std::size_t k = 0; k < GridTable::kBlockTiles; ++k) {
+      if (job.low_band != nullptr) job.low_band->begin_tile(static_cast<int>(k), row_in_block);
+      blend_tile<Kernel, N, Number>(job, t + k, strip + k * kTilePixels);
     }
+    if (batched) {
+      if (grid.batches[batch + 1].strip == static_cast<std::uint32_t>(s + 1)) write_batch<N>(job, batch++, buffer);
+    } else if (scattered) {
+      for (std::size_t k = 0; k < GridTable::kBlockTiles; ++k)
+        scatter_tile<N>(job, t + k, row, strip + k * kTilePixels);
+    } else {
+      write_strip<Kernel, N>(job, block % blocks_across * GridTable::kBlockTiles, row, strip,
+                             ends.data() + static_cast<std::size_t>(row_in_block) * kEnds);
+    }
+  }
+}
+
+template <class Kernel, int N, class Number>
+void blend_grid(const BlendJob& job) {
+  if (job.grid->batches.empty()) {
+    alignas(64) std::array<Number, N * kStrip> strip;
+    blend_strips<Kernel, N, Number>(job, strip.data());
+  } else {
+    alignas(64) std::array<Number, GridTable::kBufferSlots> buffer;
+    blend_strips<Kernel, N, Number>(job, buffer.data());
   }
 }
 

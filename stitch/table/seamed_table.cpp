@@ -20,11 +20,11 @@ using blend::Sharing;
 constexpr int kPlaceBits = 7;
 /// The sum of a position's shares: 2^15 along rows times 2^15 along columns.
 constexpr std::int64_t kWholeShare = std::int64_t{1} << 30;
-constexpr std::int32_t kWhole = 1 << blend::kWeightBits;
+constexpr std::int32_t kWholeWeight = 1 << blend::kWeightBits;
 /// Of a pixel of the raymap that has no ray.
 constexpr std::uint32_t kNoRay = GridTable::kNowhere - 1;
 /// Smaller weights are left out, as by TableOptions::least_weight.
-constexpr std::int32_t kLeast = kWhole / 1024;
+constexpr std::int32_t kLeast = kWholeWeight / 1024;
 
 /// Where a ray lies on the map, in 1 / (1 << kPlaceBits) px.
 std::uint32_t place_on_map(const geometry::Ray& ray, int map_width) {
@@ -153,18 +153,18 @@ bool share_out(const GridTable& cover, std::size_t p, const Parts& parts, std::i
     if (part_of(k) > (best == kNone ? 0 : part_of(best))) best = k;
   }
   if (best == kNone) {
-    if (any) tile.made[widest_at(cover, tile, p)][p] = kWhole;
+    if (any) tile.made[widest_at(cover, tile, p)][p] = kWholeWeight;
     return any;
   }
   const auto raw = [&](std::size_t k) -> std::int64_t {
     const std::int64_t part = part_of(k), behind = part_of(best) - part;
-    return part > 0 && behind < ramp ? kWhole * (ramp - behind) / (ramp + behind) : 0;
+    return part > 0 && behind < ramp ? kWholeWeight * (ramp - behind) / (ramp + behind) : 0;
   };
   std::int64_t sum = 0;
   for (std::size_t k = 0; k < tile.count; ++k) sum += raw(k);
-  std::int64_t rest = kWhole;
+  std::int64_t rest = kWholeWeight;
   for (std::size_t k = 0; k < tile.count; ++k) {
-    const std::int64_t weight = k == best ? 0 : raw(k) * kWhole / sum;
+    const std::int64_t weight = k == best ? 0 : raw(k) * kWholeWeight / sum;
     if (weight < kLeast) continue;
     tile.made[k][p] = static_cast<std::uint16_t>(weight);
     rest -= weight;
@@ -310,6 +310,9 @@ blend::GridTable SeamedTable::with(const GridTable& own, const GridTable& cover,
   to.height = own.height;
   to.row_step = own.row_step;
   to.places = own.places;
+  to.batches = own.batches;
+  to.runs = own.runs;
+  to.slots = own.slots;
   to.low = own.low;
   to.tiles.reserve(own.tiles.size());
   to.records.reserve(own.records.size() + own.records.size() / 8);

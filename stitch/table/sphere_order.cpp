@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <span>
 #include <tuple>
 
+#include "stitch/table/batches.h"
 #include "stitch/table/quantize.h"
 
 namespace nodal::table {
@@ -22,10 +24,13 @@ struct Placed {
 
 constexpr double kAngleSteps = 1 << 28;  // steps of the integer angles in pi
 constexpr std::int32_t kNoPart = INT32_MAX;
-/// Of a cell, at least. Fewer rays: more tiles are in two cells. More: more lines of the raymap are incomplete at one time.
+/// Of a cell, at least. Fewer rays: more tiles are in two cells. More: a batch has fewer cells, and its runs are shorter.
 constexpr std::int64_t kCellRays = 1024;
-/// With fewer cells, the raymap is so small (below half a megapixel) that its lines stay in the cache in any order.
-constexpr std::uint32_t kLeastPeriod = 400;
+/// With fewer compact cells, the raymap is so small (below half a megapixel) that strips of the whole sphere are faster:
+/// they need fewer patches, and all lines of the raymap stay in the cache.
+constexpr std::uint64_t kLeastCells = 400;
+/// Cells around the sphere that are lower, in rays, have elongated tiles, which need more patches.
+constexpr double kLeastSide = 5;
 
 bool by_phi(const Placed& a, const Placed& b) { return a.phi != b.phi ? a.phi < b.phi : a.place < b.place; }
 bool by_theta(const Placed& a, const Placed& b) { return a.theta != b.theta ? a.theta < b.theta : a.place < b.place; }
@@ -88,25 +93,51 @@ void order_cell(std::vector<Placed>& rays, std::size_t begin, std::size_t end) {
   }
 }
 
-/// Cells of the pixels k, k + period, k + 2 period .. one after the other. The pixels of consecutive cells are side by side.
-void order_in_cells(std::vector<Placed>& rays, std::uint32_t period, const RaySampler& sampler, int grid) {
+/// The layout's cells, each small enough for one batch of the grid; none if strips of the whole sphere are better.
+geometry::RaymapLayout::Cells cells_of(const RaySampler& sampler, int grid) {
+  using Cells = geometry::RaymapLayout::Cells;
+  const geometry::RaymapLayout& layout = sampler.layout();
+  const PlaneGrid& on_raymap = sampler.grids()[static_cast<std::size_t>(grid)].on_raymap;
+  const std::int64_t pixels = std::int64_t{on_raymap.step_x} * on_raymap.step_y;  // of the raymap for one of the grid
+  const std::size_t strips = blend::GridTable::most_strips(components_on(sampler.raymap_format(), grid));
+  constexpr std::int64_t kStripPixels = blend::GridTable::kBlockTiles * blend::kTilePixels;
+  const std::int64_t most = static_cast<std::int64_t>(strips) * kStripPixels * pixels;
+  const Cells cells = layout.cells(kCellRays, blend::kTile * on_raymap.step_y);
+  if (cells.run == 1) return cells.count < kLeastCells ? Cells{} : cells;
+  // Cells of consecutive pixels can have any size. Batches have whole strips, so cells should, too. In a grid with steps, a cell
+  // has the same number of pixels as every other if it has whole rows of the grid.
+  const std::int64_t strip = kStripPixels * pixels;
+  const std::int64_t with_rows = std::lcm(strip, std::int64_t{layout.width()} * on_raymap.step_y);
+  const auto run = static_cast<std::int64_t>(cells.run);
+  const std::int64_t unit = on_raymap.step_y > 1 && with_rows <= run / 4 ? with_rows : strip;
+  const std::int64_t whole = std::min((run + unit - 1) / unit, most / unit) * unit;
+  if (static_cast<double>(whole) < static_cast<double>(run) * kLeastSide / blend::kTile) return {};
+  return layout.cells(whole, 0);
+}
+
+/// Orders the rays cell by cell. Returns the index of each cell's first ray.
+std::vector<std::size_t> order_in_cells(std::vector<Placed>& rays, const geometry::RaymapLayout::Cells& cells,
+                                        const RaySampler& sampler, int grid) {
   const auto width = static_cast<std::uint64_t>(sampler.layout().width());
   const auto height = static_cast<std::uint64_t>(sampler.layout().height());
   for (Placed& ray : rays) {
     if (ray.part == kNoPart) continue;
     const geometry::Pixel at = sampler.on_raymap(grid, ray.place & 0xffff, ray.place >> 16);
     const std::uint64_t row = std::min(static_cast<std::uint64_t>(at.y), height - 1);
-    ray.part =
-        static_cast<std::int32_t>((row * width + std::min(static_cast<std::uint64_t>(at.x), width - 1)) % period);
+    const std::uint64_t pixel = row * width + std::min(static_cast<std::uint64_t>(at.x), width - 1);
+    ray.part = static_cast<std::int32_t>(cells.of(pixel));
   }
   std::sort(rays.begin(), rays.end(),
             [](const Placed& a, const Placed& b) { return a.part != b.part ? a.part < b.part : a.place < b.place; });
+  std::vector<std::size_t> first;
   for (std::size_t begin = 0; begin < rays.size() && rays[begin].part != kNoPart;) {
+    first.push_back(begin);
     std::size_t end = begin + 1;
     while (end < rays.size() && rays[end].part == rays[begin].part) ++end;
     order_cell(rays, begin, end);
     begin = end;
   }
+  return first;
 }
 
 /// Orders tiles of 64 rays in blocks of about eight strips by eight tiles, so that samples which neighbouring tiles
@@ -152,11 +183,12 @@ void lay(std::span<Placed> rays, std::size_t width, std::size_t height, std::uin
 
 }  // namespace
 
-std::vector<std::uint32_t> sphere_order(const RaySampler& sampler, int grid) {
+SphereOrder sphere_order(const RaySampler& sampler, int grid) {
   const RaySampler::Grid& shape = sampler.grids()[static_cast<std::size_t>(grid)];
   std::vector<Placed> rays = placed(sampler, grid);
-  if (const std::uint32_t period = sampler.layout().cell_period(kCellRays); period >= kLeastPeriod) {
-    order_in_cells(rays, period, sampler, grid);
+  std::vector<std::size_t> first_rays;  // of the cells
+  if (const geometry::RaymapLayout::Cells cells = cells_of(sampler, grid); cells.count != 0) {
+    first_rays = order_in_cells(rays, cells, sampler, grid);
   } else {
     const std::int64_t strips = strips_of(shape);
     order_in_strips(rays, strips);
@@ -166,7 +198,7 @@ std::vector<std::uint32_t> sphere_order(const RaySampler& sampler, int grid) {
   table.width = shape.width;
   table.height = shape.height;
   table.row_step = shape.on_raymap.step_y;
-  std::vector<std::uint32_t> places(table.tile_count() * blend::kTilePixels, blend::GridTable::kNowhere);
+  SphereOrder order{std::vector(table.tile_count() * blend::kTilePixels, blend::GridTable::kNowhere), {}};
   std::span<Placed> left(rays);
   for (int block = 0; block < table.tiles_down(); block += table.block_rows()) {
     for (int first = 0; first < table.tiles_across(); first += blend::GridTable::kBlockTiles) {
@@ -175,14 +207,18 @@ std::vector<std::uint32_t> sphere_order(const RaySampler& sampler, int grid) {
           const int width = std::clamp(shape.width - column * blend::kTile, 0, blend::kTile);
           const int height = std::clamp(shape.height - row * blend::kTile, 0, blend::kTile);
           const auto count = static_cast<std::size_t>(width * height);
+          const std::size_t end = rays.size() - left.size() + count;
+          while (order.cells.size() < first_rays.size() && first_rays[order.cells.size()] < end) {
+            order.cells.push_back(static_cast<std::uint32_t>(table.tile_index(column, row)));
+          }
           lay(left.first(count), count == 0 ? 0 : static_cast<std::size_t>(width), static_cast<std::size_t>(height),
-              &places[table.tile_index(column, row) * blend::kTilePixels]);
+              &order.places[table.tile_index(column, row) * blend::kTilePixels]);
           left = left.subspan(count);
         }
       }
     }
   }
-  return places;
+  return order;
 }
 
 }  // namespace nodal::table

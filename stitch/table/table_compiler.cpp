@@ -10,6 +10,7 @@
 #include "stitch/geometry/mask_holes.h"
 #include "stitch/geometry/raymap/layout.h"
 #include "stitch/table/append_record.h"
+#include "stitch/table/batches.h"
 #include "stitch/table/clear_tile.h"
 #include "stitch/table/low_band_compiler.h"
 #include "stitch/table/made_rows.h"
@@ -204,12 +205,12 @@ int tile_rows(const RaySampler::Grid& grid) { return (grid.height + blend::kTile
 struct TableCompiler::Work {
   std::unique_ptr<geometry::RaymapLayout> own_layout;  ///< if make() was given a layout's name
   RaySampler sampler;
-  std::optional<RaySampler> cover;                 ///< for BlendTable::cover and for two bands
-  int vignetting_scale = 0;                        ///< 0: nothing to undo
-  std::vector<TileRun> rows;                       ///< of every grid, then of every grid of the cover
-  std::vector<std::vector<std::uint32_t>> places;  ///< by grid, for scattered layouts; else empty
-  std::vector<std::uint16_t> low_sizes;            ///< by head; empty: one band
-  std::vector<std::vector<blend::LowGrid>> low;    ///< by grid, then row of blocks
+  std::optional<RaySampler> cover;               ///< for BlendTable::cover and for two bands
+  int vignetting_scale = 0;                      ///< 0: nothing to undo
+  std::vector<TileRun> rows;                     ///< of every grid, then of every grid of the cover
+  std::vector<SphereOrder> orders;               ///< by grid, for scattered layouts; else empty
+  std::vector<std::uint16_t> low_sizes;          ///< by head; empty: one band
+  std::vector<std::vector<blend::LowGrid>> low;  ///< by grid, then row of blocks
 
   void compile_rows(const RaySampler& rays, int first, int begin, int end);
 };
@@ -222,8 +223,8 @@ TableCompiler::TableCompiler(std::unique_ptr<Work> work) : work_(std::move(work)
   if (work_->sampler.options().transition == Transition::kTwoBand) work_->low_sizes = low_sizes(*work_->cover);
   const bool scattered = work_->sampler.layout().scattered();
   for (std::size_t g = 0; g < work_->sampler.grids().size(); ++g) {
-    work_->places.emplace_back();
-    if (scattered) work_->places.back() = sphere_order(work_->sampler, static_cast<int>(g));
+    work_->orders.emplace_back();
+    if (scattered) work_->orders.back() = sphere_order(work_->sampler, static_cast<int>(g));
     const blend::GridTable shape = empty_table(work_->sampler.grids()[g]);
     work_->low.emplace_back(static_cast<std::size_t>(shape.tiles_down() / shape.block_rows()));
   }
@@ -269,11 +270,11 @@ void TableCompiler::compile_rows(int begin, int end) {
 void TableCompiler::Work::compile_rows(const RaySampler& rays, int first, int begin, int end) {
   for (std::size_t g = 0; g < rays.grids().size(); ++g) {
     const RaySampler::Grid& shape = rays.grids()[g];
-    GridCompiler compiler(rays, g, places[g], &rays != &sampler, vignetting_scale);
+    GridCompiler compiler(rays, g, orders[g].places, &rays != &sampler, vignetting_scale);
     const blend::GridTable empty = empty_table(shape);
     std::optional<LowBandCompiler> low_band;
     if (!low_sizes.empty() && &rays == &*cover) {
-      low_band.emplace(rays, static_cast<int>(g), empty, places[g], low_sizes, vignetting_scale);
+      low_band.emplace(rays, static_cast<int>(g), empty, orders[g].places, low_sizes, vignetting_scale);
     }
     for (int r = std::max(begin, first); r < std::min(end, first + tile_rows(shape)); ++r) {
       if (&rays == &sampler || rays.options().cover) {
@@ -331,7 +332,8 @@ Result<blend::BlendTable> TableCompiler::finish() && {
   };
   if (Status added = add_grids(table.grids); !added) return fail(added.error());
   for (std::size_t g = 0; g < table.grids.size(); ++g) {
-    table.grids[g].places = std::move(work_->places[g]);
+    table.grids[g].places = std::move(work_->orders[g].places);
+    add_batches(table.grids[g], components_on(table.format, static_cast<int>(g)), work_->orders[g].cells);
     if (work_->low_sizes.empty()) continue;
     for (const blend::LowGrid& low : work_->low[g]) append(low, table.grids[g].low);
   }

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "stitch/table/batches.h"
 #include "stitch/table/made_rows.h"
 
 namespace nodal::table {
@@ -95,7 +96,10 @@ Status check_components(const BlendTable& table) {
 class GridProof {
  public:
   GridProof(const BlendTable& table, const GridTable& grid, std::size_t g, const std::string& kind)
-      : table_(table), grid_(grid), where_(kind + " " + std::to_string(g)) {
+      : table_(table),
+        grid_(grid),
+        components_(components_on(table.format, static_cast<int>(g))),
+        where_(kind + " " + std::to_string(g)) {
     for (std::size_t h = 0; h < table.sources.size(); ++h) {
       const BlendTable::Source& source = table.sources[h];
       planes_[h] = halved_chroma(shape_of(source.format, source.width, source.height)).planes[g];
@@ -114,8 +118,8 @@ class GridProof {
       return invalid(where_ + ": there is not one gain a record");
     }
     if (grid_.coordinates.size() % (2 * blend::kTilePixels) != 0) return invalid(where_ + ": a list is cut short");
-    if (only == nullptr && !grid_.places.empty() && !places_are_every_pixel()) {
-      return invalid(where_ + ": its tiles' pixels are not every pixel once");
+    if (only == nullptr) {
+      if (const char* fault = fault_of_places(grid_, components_)) return invalid(where_ + ": " + fault);
     }
     for (int row = 0; row < grid_.tiles_down(); ++row) {
       for (int column = 0; column < grid_.tiles_across(); ++column) {
@@ -130,29 +134,6 @@ class GridProof {
 
  private:
   using Weights = std::array<std::int32_t, blend::kTilePixels>;
-
-  bool places_are_every_pixel() const {
-    if (grid_.places.size() != grid_.tile_count() * blend::kTilePixels) return false;
-    std::vector<bool> seen(static_cast<std::size_t>(grid_.width) * static_cast<std::size_t>(grid_.height), false);
-    for (int row = 0; row < grid_.tiles_down() * blend::kTile; ++row) {
-      for (int column = 0; column < grid_.tiles_across() * blend::kTile; ++column) {
-        const std::size_t t = grid_.tile_index(column / blend::kTile, row / blend::kTile);
-        const std::uint32_t place =
-            grid_.places[t * blend::kTilePixels +
-                         static_cast<std::size_t>(row % blend::kTile * blend::kTile + column % blend::kTile)];
-        const bool inside = column < grid_.width && row < grid_.height;
-        if (inside != (place != GridTable::kNowhere)) return false;
-        if (!inside) continue;
-        const std::size_t x = place & 0xffff;
-        const std::size_t y = place >> 16;
-        if (x >= static_cast<std::size_t>(grid_.width) || y >= static_cast<std::size_t>(grid_.height)) return false;
-        const std::size_t at = y * static_cast<std::size_t>(grid_.width) + x;
-        if (seen[at]) return false;
-        seen[at] = true;
-      }
-    }
-    return true;  // the right number, and none twice
-  }
 
   /// What is wrong with a tile; null: nothing.
   const char* fault_of_tile(int column, int row) {
@@ -287,6 +268,7 @@ class GridProof {
 
   const BlendTable& table_;
   const GridTable& grid_;
+  std::size_t components_;
   std::string where_;
   std::array<PlaneView, kMaxHeads> planes_;
   int inside_x_ = 0;  ///< columns of the current tile that are inside the grid

@@ -100,9 +100,10 @@ inline void blend_frame(blend::Kernel kernel, const blend::BlendTable& table, bl
 inline double table_bytes(const blend::BlendTable& table) {
   double bytes = 0;
   for (const blend::GridTable& g : table.grids) {
-    bytes +=
-        static_cast<double>(g.tiles.size() * sizeof g.tiles[0] + g.records.size() * sizeof g.records[0] +
-                            g.weights.size() * 2 + g.coordinates.size() * 2 + g.gains.size() * 8 + g.places.size() * 4);
+    bytes += static_cast<double>(g.tiles.size() * sizeof g.tiles[0] + g.records.size() * sizeof g.records[0] +
+                                 g.weights.size() * 2 + g.coordinates.size() * 2 + g.gains.size() * 8 +
+                                 g.places.size() * 4 + g.batches.size() * sizeof(blend::GridTable::Batch) +
+                                 g.runs.size() * sizeof(blend::GridTable::Run) + g.slots.size() * 2);
   }
   return bytes;
 }

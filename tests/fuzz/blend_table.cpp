@@ -72,6 +72,8 @@ const std::vector<BlendTable>& good_tables() {
       compiled(160, {"equirectangular", 72, 36, kGrey8}, {kGrey8, kGrey8, kGrey8, kGrey8}),  // uses smaller levels
       compiled(24, {"equirectangular", 40, 20, kRgb48}, {kRgb24, kRgb24, kRgb24, kRgb24}),
       with_places(compiled(24, {"equirectangular", 40, 20, kGrey8}, {kGrey8, kGrey8, kGrey8, kGrey8})),
+      compiled(24, {"hammersley", 40, 20, kI420}, {kI420, kI420, kI420, kI420}),
+      compiled(24, {"hammersley", 300, 90, kRgb24}, {kRgb24, kRgb24, kRgb24, kRgb24}),  // with several batches
   };
   return tables;
 }
@@ -94,7 +96,7 @@ void take(const Step& step, BlendTable& table) {
   blend::PatchRecord none;
   blend::PatchRecord& record = grid.records.empty() ? none : grid.records[step.place % grid.records.size()];
   blend::Tile& tile = grid.tiles[step.place % grid.tiles.size()];
-  switch (step.field % 25) {
+  switch (step.field % 28) {
     case 0: set(tile.record); break;
     case 1: set(tile.sharing); break;
     case 2: set(record.left); break;
@@ -121,6 +123,19 @@ void take(const Step& step, BlendTable& table) {
     case 21: source.levels = static_cast<std::uint8_t>(step.value); break;
     case 22: set(table.components[step.grid % table.components.size()].grid); break;
     case 23: set_one(table.linear); break;
+    case 24:
+      if (!grid.batches.empty()) {
+        GridTable::Batch& batch = grid.batches[step.place % grid.batches.size()];
+        set(step.grid / 2 % 2 == 0 ? batch.strip : batch.run);
+      }
+      break;
+    case 25:
+      if (!grid.runs.empty()) {
+        GridTable::Run& run = grid.runs[step.place % grid.runs.size()];
+        set(step.grid / 2 % 2 == 0 ? run.place : run.slot);
+      }
+      break;
+    case 26: set_one(grid.slots); break;
     default: set(source.gain[step.grid % 3]); break;
   }
 }

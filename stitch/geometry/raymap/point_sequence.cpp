@@ -1,5 +1,6 @@
 #include "stitch/geometry/raymap/point_sequence.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "protocol/base/angles.h"
@@ -20,8 +21,8 @@ class PointSequence final : public ScatteredRays {
   explicit PointSequence(RaymapSize size) : ScatteredRays(size.width, size.height) {}
   std::string_view name() const override { return Sequence::kName; }
   double solid_angle(int, int) const override { return 4 * kPi / width() / height(); }
-  std::uint32_t cell_period(std::int64_t rays) const override {
-    return Sequence::cell_period(std::int64_t{width()} * height() / rays);
+  Cells cells(std::int64_t rays, double side) const override {
+    return Sequence::cells(std::int64_t{width()} * height(), rays, side);
   }
 
  protected:
@@ -42,15 +43,22 @@ struct Hammersley {
   static Point point(std::uint64_t k, std::uint64_t count) {
     return {(static_cast<double>(k) + 0.5) / static_cast<double>(count), radical_inverse(2, k)};
   }
-  static std::uint32_t cell_period(std::int64_t) { return 0; }
+  /// Consecutive points are a band along a circle of latitude. `n` evenly spread rays are sqrt(4 pi / n) apart, and a band of
+  /// that height at the equator has sqrt(pi n) of them; nearer to a pole it is higher.
+  static RaymapLayout::Cells cells(std::int64_t n, std::int64_t rays, double side) {
+    const auto band = static_cast<std::int64_t>(std::ceil(side * std::sqrt(kPi * static_cast<double>(n))));
+    const std::int64_t run = std::max(rays, band);
+    return {static_cast<std::uint64_t>((n + run - 1) / run), static_cast<std::uint64_t>(run)};
+  }
 };
 
 struct Halton {
   static constexpr std::string_view kName = "halton";
   static Point point(std::uint64_t k, std::uint64_t) { return {radical_inverse(2, k + 1), radical_inverse(3, k + 1)}; }
   /// The points k, k + 2^a 3^b, .. share the first a digits of u and the first b digits of v. Cells are about square at the
-  /// equator of the equal-area cylinder, which is pi times as wide as high. 0 for fewer than two cells.
-  static std::uint32_t cell_period(std::int64_t most) {
+  /// equator of the equal-area cylinder, which is pi times as wide as high.
+  static RaymapLayout::Cells cells(std::int64_t n, std::int64_t rays, double) {
+    const std::int64_t most = n / rays;
     std::int64_t halves = 1, thirds = 1;
     for (;;) {
       const bool wide = kPi / static_cast<double>(thirds) > 1 / static_cast<double>(halves);
@@ -58,7 +66,7 @@ struct Halton {
       if (next > most) break;
       (wide ? thirds : halves) *= wide ? 3 : 2;
     }
-    return halves * thirds > 1 ? static_cast<std::uint32_t>(halves * thirds) : 0;
+    return {static_cast<std::uint64_t>(halves * thirds), 1};
   }
 };
 

@@ -177,8 +177,11 @@ TEST(ScatteredRays, PixelsOfHaltonAPeriodApart_FillACompactCell) {
   const auto layout = make_layout("halton", 256, 128).value();
   const std::uint32_t pixels = 256 * 128;
   for (const std::int64_t rays : {20, 64, 1000}) {
-    const std::uint32_t period = layout->cell_period(rays);
+    const RaymapLayout::Cells cells = layout->cells(rays, 8);
+    const auto period = static_cast<std::uint32_t>(cells.count);
     ASSERT_GT(period, 1U);
+    ASSERT_EQ(cells.run, 1U);
+    ASSERT_EQ(cells.of(period + 3), 3U);
     EXPECT_GE(pixels / period, rays);
     EXPECT_LT(pixels / period / 3, rays);
     const double area = 4 * kPi / period;  // of sin phi and theta: solid angle
@@ -194,13 +197,40 @@ TEST(ScatteredRays, PixelsOfHaltonAPeriodApart_FillACompactCell) {
       ASSERT_LE(std::max(height, width), std::sqrt(3 * area));
     }
   }
-  EXPECT_EQ(layout->cell_period(pixels), 0U);
+  EXPECT_EQ(layout->cells(pixels, 8).count, 1U);
 }
 
-TEST(ScatteredRays, WithoutARegularOrder_HaveNoPeriod) {
+TEST(ScatteredRays, ConsecutivePixelsOfHammersley_AreBandsAroundTheSphere) {
+  const auto layout = make_layout("hammersley", 256, 128).value();
+  const std::uint64_t pixels = 256 * 128;
+  const RaymapLayout::Cells cells = layout->cells(100, 8);
+  ASSERT_GE(cells.count * cells.run, pixels);
+  ASSERT_LT((cells.count - 1) * cells.run, pixels);
+  double least_height = 10;
+  double above = -2;  // the largest sin phi of the bands before
+  for (std::uint64_t cell = 0; cell < cells.count; ++cell) {
+    double least[2] = {10, 10}, most[2] = {-10, -10};
+    for (std::uint64_t k = 0; k < pixels; ++k) {
+      if (cells.of(k) != cell) continue;
+      const Ray ray = layout->ray(static_cast<double>(k % 256) + 0.5, static_cast<double>(k / 256) + 0.5).value();
+      const double at[2] = {ray.direction().y(), ray.angles().theta};
+      for (int n = 0; n < 2; ++n) least[n] = std::min(least[n], at[n]), most[n] = std::max(most[n], at[n]);
+    }
+    EXPECT_GT(least[0], above);
+    above = most[0];
+    EXPECT_GT(most[1] - least[1], 0.95 * 2 * kPi);
+    if (cell + 1 < cells.count) least_height = std::min(least_height, std::asin(most[0]) - std::asin(least[0]));
+  }
+  // Eight times the distance of evenly spread rays, at the equator; between two bands there is a ray's distance less.
+  const double apart = std::sqrt(4 * kPi / static_cast<double>(pixels));
+  EXPECT_NEAR(least_height, 8 * apart, 0.1 * apart);
+  EXPECT_EQ(layout->cells(5000, 8).run, 5000U);
+}
+
+TEST(ScatteredRays, WithoutARegularOrder_HaveNoCells) {
   for (const auto& layout : every_layout()) {
-    if (layout->name() == "halton") continue;
-    EXPECT_EQ(layout->cell_period(64), 0U) << described(*layout);
+    if (layout->name() == "halton" || layout->name() == "hammersley") continue;
+    EXPECT_EQ(layout->cells(64, 8).count, 0U) << described(*layout);
   }
 }
 

@@ -178,7 +178,7 @@ int wide_tiles(const geometry::RaymapLayout& layout, const std::vector<std::uint
 std::vector<std::uint32_t> order_of(const geometry::RaymapLayout& layout) {
   const Calibration rig = test::cube_rig(24);
   const std::vector<PixelFormat> formats(6, PixelFormat::kGrey8);
-  return sphere_order(RaySampler::make(rig, layout, PixelFormat::kGrey8, formats, {}).value(), 0);
+  return sphere_order(RaySampler::make(rig, layout, PixelFormat::kGrey8, formats, {}).value(), 0).places;
 }
 
 /// The most cache lines of 64 pixels that are written to, but not complete, at one time.
@@ -222,7 +222,7 @@ TEST(SphereOrder, RaysSpreadEvenly_AreSideBySideInTheirTiles) {
 
 TEST(SphereOrder, LayoutWithARegularOrder_CompletesLinesSoonAndKeepsItsTilesSmall) {
   const auto layout = geometry::make_layout("halton", 1024, 512).value();
-  const std::uint32_t period = layout->cell_period(1024);
+  const std::uint64_t period = layout->cells(1024, 8).count;
   ASSERT_EQ(period, 432U);
   const std::vector<std::uint32_t> places = order_of(*layout);
   // Every cell is in lines of its own, and 64 pixels that follow each other are in up to two lines.
@@ -238,7 +238,7 @@ TEST(SphereOrder, LayoutWithARegularOrder_CompletesLinesSoonAndKeepsItsTilesSmal
 
 TEST(SphereOrder, SmallRaymapWithARegularOrder_IsInStrips) {
   const auto layout = geometry::make_layout("halton", 512, 256).value();
-  EXPECT_GT(layout->cell_period(1024), 0U);
+  EXPECT_GT(layout->cells(1024, 8).count, 0U);
   EXPECT_LE(wide_tiles(*layout, order_of(*layout)), 35);  // of 2048: fewer than in cells
 }
 

@@ -27,6 +27,14 @@ const BlendTable& good_table() {
   return table;
 }
 
+/// With batches: several of the first grid, one of the second.
+const BlendTable& scattered_table() {
+  static const BlendTable table = compile_blend_table(test::cube_rig(24), {"hammersley", 400, 200, PixelFormat::kI420},
+                                                      std::vector<PixelFormat>(6, PixelFormat::kI420))
+                                      .value();
+  return table;
+}
+
 /// A tile of the first grid whose weights are listed or bilinear, shared by several records.
 blend::Tile& shared_tile(BlendTable& table) {
   for (blend::Tile& tile : table.grids[0].tiles) {
@@ -90,6 +98,64 @@ std::vector<Fault> faults() {
          blend::GridTable& grid = t.grids[0];
          grid.places.assign(grid.tile_count() * 64, blend::GridTable::place(grid.width, 0));
        }},
+      {"BatchesWithoutPlaces", "grid 0: it has batches but no places", [](BlendTable& t) { t.grids[0].places.clear(); },
+       scattered_table},
+      {"BatchesWithoutAnEnd", "not all of its tiles and runs", [](BlendTable& t) { t.grids[0].batches.pop_back(); },
+       scattered_table},
+      {"BatchesOfNothing", "not all of its tiles and runs", [](BlendTable& t) { t.grids[0].batches.clear(); },
+       scattered_table},
+      {"BatchesNotFromTheFirst", "not all of its tiles and runs",
+       [](BlendTable& t) { t.grids[0].batches[0].strip = 1; }, scattered_table},
+      {"BatchesThatFall", "batches are not in order", [](BlendTable& t) { t.grids[0].batches[1].strip = 0; },
+       scattered_table},
+      {"BatchPastTheLastTile", "batches are not in order",
+       [](BlendTable& t) { t.grids[0].batches[1].strip = 1U << 31; }, scattered_table},
+      {"BatchPastTheLastRun", "batches are not in order", [](BlendTable& t) { t.grids[0].batches[1].run = 1U << 31; },
+       scattered_table},
+      {"BatchTooLarge", "larger than its buffer",
+       [](BlendTable& t) {
+         ASSERT_GT(t.grids[0].batches.size(), 2U);
+         t.grids[0].batches.erase(t.grids[0].batches.begin() + 1, t.grids[0].batches.end() - 1);
+       },
+       scattered_table},
+      {"RunsNone", "not all of its tiles and runs", [](BlendTable& t) { t.grids[1].runs.clear(); }, scattered_table},
+      {"RunsTooFew", "grid 1: its runs are not all of its pixels", [](BlendTable& t) { t.grids[1].slots.pop_back(); },
+       scattered_table},
+      {"RunsThatFall", "runs are not in order", [](BlendTable& t) { t.grids[1].runs[1].slot = 0; }, scattered_table},
+      {"RunPastTheLastPixel", "runs are not in order", [](BlendTable& t) { t.grids[1].runs[1].slot = 1U << 31; },
+       scattered_table},
+      {"RunElsewhere", "a pixel that is at another place", [](BlendTable& t) { t.grids[1].runs[0].place += 1; },
+       scattered_table},
+      {"RunOutsideTheGrid", "a pixel that is at another place",
+       [](BlendTable& t) {
+         // A run of one pixel that is outside the grid: its place is the same number.
+         blend::GridTable& grid = t.grids[1];
+         const auto outside = std::ranges::find(grid.places, blend::GridTable::kNowhere);
+         ASSERT_NE(outside, grid.places.end());
+         const auto p = static_cast<std::size_t>(outside - grid.places.begin());
+         grid.slots[0] = static_cast<std::uint16_t>(blend::GridTable::slot(p / 512, p % 512 / 64, p % 64, 2));
+         grid.runs.insert(grid.runs.begin(), {blend::GridTable::kNowhere, 0});
+         grid.runs[1].place += 1;
+         grid.runs[1].slot = 1;
+         for (std::size_t b = 1; b < grid.batches.size(); ++b) ++grid.batches[b].run;
+       },
+       scattered_table},
+      {"SlotOfAnotherComponent", "not in its batch", [](BlendTable& t) { t.grids[1].slots[0] += 512; },
+       scattered_table},
+      {"SlotPastItsBatch", "not in its batch",
+       [](BlendTable& t) {
+         const auto& last = t.grids[0].batches.rbegin()[1];
+         t.grids[0].slots[t.grids[0].runs[last.run].slot] = 65535;
+       },
+       scattered_table},
+      {"SlotTwice", "a pixel is in two runs",
+       [](BlendTable& t) {
+         blend::GridTable& grid = t.grids[1];
+         ASSERT_EQ(grid.runs[1].slot - grid.runs[0].slot, grid.runs[2].slot - grid.runs[1].slot);
+         grid.runs[1].place = grid.runs[0].place;
+         std::copy_n(grid.slots.begin(), grid.runs[1].slot, grid.slots.begin() + grid.runs[1].slot);
+       },
+       scattered_table},
       {"NoHeads", "0 heads", [](BlendTable& t) { t.sources.clear(); }},
       {"TooManyHeads", "17 heads", [](BlendTable& t) { t.sources.resize(17, t.sources[0]); }},
       {"HeadOfAnotherKind", "head 1", [](BlendTable& t) { t.sources[1].format = PixelFormat::kRgb24; }},
