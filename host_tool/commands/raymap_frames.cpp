@@ -13,7 +13,9 @@
 #include "stitch/media/gpano.h"
 #include "stitch/media/image_file.h"
 #include "stitch/media/jpeg_writer.h"
+#include "stitch/media/png_writer.h"
 #include "stitch/media/tiff/tiff_reader.h"
+#include "stitch/media/tiff/tiff_writer.h"
 
 namespace nodal::host {
 namespace {
@@ -31,16 +33,19 @@ struct FrameInput {
   bool says_equirectangular = false;  ///< by GPano metadata
 };
 
-/// `from_metadata`: a part of a sphere is placed on the sphere where the file's metadata say.
-Result<FrameInput> read_frame(const std::string& file, bool from_metadata) {
+/// `from_metadata`: a part of a sphere is placed on the sphere where the file's metadata say. `deep`: a file of 16 bits is
+/// read with all of them.
+Result<FrameInput> read_frame(const std::string& file, bool from_metadata, bool deep) {
   const bool tiff = media::is_tiff(file);
   const Result<std::string> bytes = read_file(file, tiff ? media::kMaxTiffFileBytes : media::kMaxImageFileBytes);
   if (!bytes) return fail(bytes.error());
   const Result<ImageHeader> header = read_picture_header(file);
   if (!header) return fail(header.error());
-  const PixelFormat as = header->natural == PixelFormat::kGrey8 ? PixelFormat::kGrey8 : PixelFormat::kRgb24;
+  const PixelFormat in_8 = header->natural == PixelFormat::kGrey8 ? PixelFormat::kGrey8 : PixelFormat::kRgb24;
+  const std::optional<PixelFormat> in_16 = deep ? header->deep : std::nullopt;
   const std::span<const std::uint8_t> span(reinterpret_cast<const std::uint8_t*>(bytes->data()), bytes->size());
-  Result<DecodedImage> picture = tiff ? media::read_tiff(file) : media::decode_image(span, file, as);
+  Result<DecodedImage> picture =
+      tiff ? media::read_tiff(file, in_16) : media::decode_image(span, file, in_16.value_or(in_8));
   if (!picture) return fail(picture.error());
   const std::optional<media::SphereArea> area = media::read_gpano(*bytes);
   if (!area || !from_metadata) return FrameInput{std::move(*picture), area.has_value()};
@@ -77,22 +82,22 @@ void warn_of_shape(Console& console, const std::string& file, const geometry::La
 Result<std::vector<std::uint8_t>> encode(const DecodedImage& picture, RaymapFormat format,
                                          const std::optional<geometry::LayoutName>& layout, int quality) {
   if (format == RaymapFormat::kRaw) return picture.bytes;
+  const std::string xmp =
+      layout && layout->is_equirectangular() ? media::gpano_packet(picture.width, picture.height) : "";
   if (format == RaymapFormat::kJpg) {
-    const std::string xmp =
-        layout && layout->is_equirectangular() ? media::gpano_packet(picture.width, picture.height) : "";
     media::JpegWriter writer({picture.format, picture.width, picture.height, quality, xmp});
     std::vector<std::uint8_t> jpeg;
     const std::string comment = layout ? "nodal convert layout=" + layout->text() : "nodal view";
     if (const Status written = writer.write(picture.view(), comment, jpeg); !written) return fail(written.error());
     return jpeg;
   }
-  ReceivedRaymap raymap;
-  raymap.header.set_coding(std::string(pixel_format_name(picture.format)));
-  if (layout) raymap.header.set_layout(layout->text());
-  raymap.header.set_width(static_cast<std::uint32_t>(picture.width));
-  raymap.header.set_height(static_cast<std::uint32_t>(picture.height));
-  raymap.bytes = picture.bytes;
-  return format == RaymapFormat::kTiff ? encode_tiff(raymap) : encode_png(raymap);
+  if (format == RaymapFormat::kTiff) return media::tiff_file(picture.view(), {"", xmp});
+  media::PngNotes notes;
+  notes.effort = kPngEffort;
+  notes.xmp = xmp;
+  return media::png_file({picture.width, picture.height, component_count(picture.format),
+                          is_linear16(picture.format) ? 16 : 8, picture.bytes},
+                         notes);
 }
 
 Status check_names(const FrameOptions& options) {
@@ -131,8 +136,8 @@ Status run_frame_job(Context& context, const FrameOptions& options,
     for (std::size_t k = 0; k < options.inputs.size(); ++k) {
       if (interrupted())
         return fail(Errc::kCancelled, fmt::format("stopped after {} of {} pictures", k, options.inputs.size()));
-      const Result<FrameInput> input =
-          interruptible(console, [&] { return read_frame(options.inputs[k], options.from.empty()); });
+      const Result<FrameInput> input = interruptible(
+          console, [&] { return read_frame(options.inputs[k], options.from.empty(), *format != RaymapFormat::kJpg); });
       if (!input) return fail(input.error());
       const DecodedImage& picture = input->picture;
       if (!job) {
@@ -176,10 +181,12 @@ Status run_frame_job(Context& context, const FrameOptions& options,
 }  // namespace
 
 void add_frame_options(CLI::App& command, FrameOptions& options) {
-  command.add_option("RAYMAP", options.inputs, "Raymaps of one size: JPEG, PNG or TIFF; 16 bits are rounded to 8")
+  command.add_option("RAYMAP", options.inputs, "Raymaps of one size: JPEG, PNG or TIFF, 8 or 16 bits")
       ->required()
       ->type_name("");
-  command.add_option("-o,--out", options.out, "The result, .jpg, .png, .tif or .raw; %04d numbers it")
+  command
+      .add_option("-o,--out", options.out,
+                  "The result, .png, .tif or .raw with the raymap's bits, or .jpg with 8; %04d numbers it")
       ->required()
       ->type_name("FILE");
   command.add_option("--from", options.from, "The raymaps' layout; as their metadata says when not given")

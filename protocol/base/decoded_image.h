@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "protocol/base/image.h"
@@ -29,6 +30,8 @@ struct ImageHeader {
   int width = 0;
   int height = 0;
   PixelFormat natural = PixelFormat::kRgb24;  ///< the format that decoding gives if none is requested
+  /// RGB48 or GREY16 if the file has 16 bits a sample: the format in which decoding gives them all on request.
+  std::optional<PixelFormat> deep = std::nullopt;
 };
 
 }  // namespace nodal

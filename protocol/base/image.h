@@ -20,7 +20,7 @@ enum class PixelFormat : std::uint8_t {
   kUyvy = 5,
   kRgb24 = 6,  ///< R G B bytes
   kMjpeg = 7,  ///< one JPEG picture; plane 0 holds its bytes in one row
-  // For raymaps only: linear light, 16 bits per sample, low byte first.
+  // For raymaps only: 16 bits per sample, low byte first. A rig's are linear light; those of files are as in the file.
   kGrey16 = 8,
   kRgb48 = 9,
   // From heads only.

@@ -65,7 +65,7 @@ Result<DecodedImage> whole_sphere(DecodedImage part, const SphereArea& area) {
   const std::int64_t top = std::min(scaled(area.top, down), height - part.height);
   DecodedImage whole{part.format, static_cast<int>(width), static_cast<int>(height), {}};
   whole.bytes.resize(packed_size(whole.format, whole.width, whole.height));
-  const std::ptrdiff_t bytes = component_count(part.format);
+  const auto bytes = static_cast<std::ptrdiff_t>(packed_size(part.format, 1, 1));
   for (int y = 0; y < part.height; ++y) {
     std::copy_n(part.bytes.begin() + y * part.width * bytes, part.width * bytes,
                 whole.bytes.begin() + ((top + y) * width + left) * bytes);

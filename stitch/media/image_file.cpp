@@ -108,13 +108,19 @@ Result<DecodedImage> decode_image(std::span<const std::uint8_t> bytes, const std
       return DecodedImage{*as, header->width, header->height, {bytes.begin(), bytes.end()}};
     return fail(Errc::kUnsupported, "picture '" + name + "': is no JPEG, which MJPEG needs; choose another format");
   }
-  if (packed_size(header->natural, header->width, header->height) > kSmallImageBytes + kMaxExpansion * bytes.size()) {
+  const bool deep = as && is_linear16(*as);
+  if (deep && as != header->deep) {
+    return fail(Errc::kUnsupported, "picture '" + name + "': does not have 16 bits a sample as " +
+                                        std::string(pixel_format_name(*as)) + " needs");
+  }
+  if (packed_size(deep ? *as : header->natural, header->width, header->height) >
+      kSmallImageBytes + kMaxExpansion * bytes.size()) {
     return fail(Errc::kTruncated, "picture '" + name + "': " + std::to_string(bytes.size()) + " bytes cannot hold " +
                                       std::to_string(header->width) + "x" + std::to_string(header->height) +
                                       " pixels; fetch or export it again");
   }
-  auto image =
-      begins_with(bytes, kJpegMagic) ? decode_jpeg(bytes, name, as == PixelFormat::kRgb24) : decode_png(bytes, name);
+  auto image = begins_with(bytes, kJpegMagic) ? decode_jpeg(bytes, name, as == PixelFormat::kRgb24)
+                                              : decode_png(bytes, name, deep);
   if (!image || !as || *as == image->format) return image;
   return convert_image(image->view(), *as);
 }

@@ -41,6 +41,11 @@ void on_warning(png_structp /*png*/, png_const_charp /*message*/) {}
 
 bool is_grey(const Reader& reader) { return (png_get_color_type(reader.png, reader.info) & PNG_COLOR_MASK_COLOR) == 0; }
 
+std::optional<PixelFormat> deep_format(const Reader& reader) {
+  if (png_get_bit_depth(reader.png, reader.info) != 16) return std::nullopt;
+  return is_grey(reader) ? PixelFormat::kGrey16 : PixelFormat::kRgb48;
+}
+
 /// Reads up to the first row. On failure returns false and sets reader.why.
 bool read_header(Reader& reader) {
   if (setjmp(png_jmpbuf(reader.png)) != 0) return false;
@@ -54,7 +59,11 @@ bool read_header(Reader& reader) {
 bool read_rows(Reader& reader) {
   if (setjmp(png_jmpbuf(reader.png)) != 0) return false;
   png_set_expand(reader.png);
-  png_set_scale_16(reader.png);
+  if (is_linear16(reader.image.format)) {
+    png_set_swap(reader.png);
+  } else {
+    png_set_scale_16(reader.png);
+  }
   png_set_strip_alpha(reader.png);
   png_set_interlace_handling(reader.png);
   png_read_update_info(reader.png, reader.info);
@@ -88,13 +97,14 @@ bool open(Reader& reader, std::span<const std::uint8_t> bytes) {
 Result<ImageHeader> png_header(std::span<const std::uint8_t> bytes, const std::string& name) {
   Reader reader;
   if (!open(reader, bytes)) return fail(broken(reader, name));
-  return ImageHeader{reader.image.width, reader.image.height, reader.image.format};
+  return ImageHeader{reader.image.width, reader.image.height, reader.image.format, deep_format(reader)};
 }
 
-Result<DecodedImage> decode_png(std::span<const std::uint8_t> bytes, const std::string& name) {
+Result<DecodedImage> decode_png(std::span<const std::uint8_t> bytes, const std::string& name, bool deep) {
   Reader reader;
   if (!open(reader, bytes)) return fail(broken(reader, name));
   DecodedImage& image = reader.image;
+  if (deep) image.format = *deep_format(reader);
   image.bytes.resize(packed_size(image.format, image.width, image.height));
   const std::size_t stride = image.bytes.size() / static_cast<std::size_t>(image.height);
   for (std::size_t y = 0; y < static_cast<std::size_t>(image.height); ++y) {

@@ -8,6 +8,7 @@
 
 #include "protocol/base/angles.h"
 #include "stitch/geometry/rotation.h"
+#include "stitch/view/sample.h"
 
 namespace nodal::mesh {
 namespace {
@@ -40,8 +41,9 @@ void bound(const std::array<Vector3d, 3>& corners, double focal, int width, int 
 }
 
 /// Adds a raymap's value at a place, as a part of its width and height, bilinearly.
-void add_sample(const ImageView& raymap, int channels, const Vector2d& texture, double weight,
-                std::array<double, 3>& sum) {
+template <class Sample>
+void add_texture(const ImageView& raymap, int channels, const Vector2d& texture, double weight,
+                 std::array<double, 3>& sum) {
   const double x = (texture.x() - std::floor(texture.x())) * raymap.width - 0.5;
   const double y = std::clamp(texture.y(), 0.0, 1.0) * raymap.height - 0.5;
   const double left = std::floor(x), top = std::floor(y);
@@ -52,7 +54,9 @@ void add_sample(const ImageView& raymap, int channels, const Vector2d& texture, 
     const double share = (dx == 0 ? 1 - (x - left) : x - left) * (dy == 0 ? 1 - (y - top) : y - top);
     const PlaneView& plane = raymap.planes[0];
     const std::uint8_t* at = plane.data + j * plane.row_stride + i * plane.pixel_stride;
-    for (int c = 0; c < channels; ++c) sum[static_cast<std::size_t>(c)] += weight * share * at[c];
+    for (std::size_t c = 0; c < static_cast<std::size_t>(channels); ++c) {
+      sum[c] += weight * share * view::load<Sample>(at + c * sizeof(Sample));
+    }
   }
 }
 
@@ -111,7 +115,8 @@ std::optional<Vector2d> MeshView::texture(int x, int y) const {
   return Vector2d((1 - second - third) * corners[0] + second * corners[1] + third * corners[2]);
 }
 
-DecodedImage MeshView::paint(const ImageView& raymap, bool corners_only, const parallel::Workers& workers) const {
+template <class Sample>
+DecodedImage MeshView::paint_as(const ImageView& raymap, bool corners_only, const parallel::Workers& workers) const {
   const int channels = component_count(raymap.format);
   DecodedImage made{raymap.format, width_, height_, {}};
   made.bytes.resize(packed_size(made.format, width_, height_));
@@ -125,17 +130,24 @@ DecodedImage MeshView::paint(const ImageView& raymap, bool corners_only, const p
       std::array<double, 3> sum{};
       if (corners_only) {
         const std::array<double, 3> weights{1.0 - seen.second - seen.third, seen.second, seen.third};
-        for (std::size_t k = 0; k < 3; ++k) add_sample(raymap, channels, textures_[seen.triangle][k], weights[k], sum);
+        for (std::size_t k = 0; k < 3; ++k)
+          add_texture<Sample>(raymap, channels, textures_[seen.triangle][k], weights[k], sum);
       } else {
-        add_sample(raymap, channels, *at, 1, sum);
+        add_texture<Sample>(raymap, channels, *at, 1, sum);
       }
-      for (int c = 0; c < channels; ++c) {
-        made.bytes[pixel * static_cast<std::size_t>(channels) + static_cast<std::size_t>(c)] =
-            static_cast<std::uint8_t>(std::clamp(sum[static_cast<std::size_t>(c)] + 0.5, 0.0, 255.0));
+      for (std::size_t c = 0; c < static_cast<std::size_t>(channels); ++c) {
+        const double level = std::clamp(sum[c] + 0.5, 0.0, double{view::Samples<Sample>::kMost});
+        view::store(static_cast<Sample>(level),
+                    &made.bytes[(pixel * static_cast<std::size_t>(channels) + c) * sizeof(Sample)]);
       }
     }
   });
   return made;
+}
+
+DecodedImage MeshView::paint(const ImageView& raymap, bool corners_only, const parallel::Workers& workers) const {
+  return is_linear16(raymap.format) ? paint_as<std::uint16_t>(raymap, corners_only, workers)
+                                    : paint_as<std::uint8_t>(raymap, corners_only, workers);
 }
 
 }  // namespace nodal::mesh

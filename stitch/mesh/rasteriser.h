@@ -31,7 +31,7 @@ class MeshView {
 
   /// The view of a raymap: bilinear, to the right of its right edge goes on its left; black beside the mesh. With
   /// `corners_only`, triangles show the values of the pixels at their corners, interpolated: for raymaps of scattered
-  /// layouts. RGB24 or GREY, packed.
+  /// layouts. RGB24, GREY, RGB48 or GREY16, packed; so is the view.
   DecodedImage paint(const ImageView& raymap, bool corners_only, const parallel::Workers& workers) const;
 
  private:
@@ -40,6 +40,9 @@ class MeshView {
     float second = 0, third = 0;  ///< the weights of its corners; they sum to 1
   };
   static constexpr std::uint32_t kNone = 0xFFFF'FFFF;
+
+  template <class Sample>
+  DecodedImage paint_as(const ImageView& raymap, bool corners_only, const parallel::Workers& workers) const;
 
   MeshView(const Raymesh& mesh, int width, int height)
       : width_(width), height_(height), pixels_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height)) {

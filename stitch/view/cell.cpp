@@ -115,20 +115,22 @@ Curve Cell::curve(double i, double j) const {
   return {made[0][0], made[0][1], made[0][2], made[1][0], made[1][1], made[1][2]};
 }
 
-void Cell::write(const PlaneView& raymap, int channels, const Taps& taps, RowKernel kernel, std::uint8_t* to,
+template <class Sample>
+void Cell::write(const PlaneView& raymap, int channels, const Taps& taps, RowKernelOf<Sample> kernel, std::uint8_t* to,
                  std::ptrdiff_t stride) const {
+  constexpr int kMost = Samples<Sample>::kMost;
   const std::uint8_t* origin = raymap.data + static_cast<std::ptrdiff_t>(base_y_) * raymap.row_stride +
-                               static_cast<std::ptrdiff_t>(base_x_) * channels;
-  std::array<std::int16_t, 3 * kSide + 3> samples{};
+                               static_cast<std::ptrdiff_t>(base_x_) * raymap.pixel_stride;
+  std::array<typename Samples<Sample>::Scaled, 3 * kSide + 3> samples{};
   const int values = channels * kSide;
-  std::array<std::uint8_t, 3 * kSide> pixels;
+  std::array<Sample, 3 * kSide> pixels;
   for (int row = 0; row < kSide; ++row, to += stride) {
     if (across_ == 1 && down_ == 1) {
       kernel(origin, raymap.row_stride, taps, curve(0, row), kSide, samples.data());
       for (std::size_t k = 0; k < pixels.size(); ++k) {  // a constant number of them: eight or more at once
-        pixels[k] = static_cast<std::uint8_t>(std::clamp((samples[k] + 32) >> 6, 0, 255));
+        pixels[k] = static_cast<Sample>(std::clamp((samples[k] + 32) >> 6, 0, kMost));
       }
-      std::memcpy(to, pixels.data(), static_cast<std::size_t>(values));
+      std::memcpy(to, pixels.data(), static_cast<std::size_t>(values) * sizeof(Sample));
       continue;
     }
     std::array<std::int32_t, 3 * kSide> sums{};
@@ -137,8 +139,15 @@ void Cell::write(const PlaneView& raymap, int channels, const Taps& taps, RowKer
       kernel(origin, raymap.row_stride, taps, curve(di, row + dj), kSide, samples.data());
       for (std::size_t k = 0; k < static_cast<std::size_t>(values); ++k) sums[k] += samples[k];
     }
-    for (int k = 0; k < values; ++k) to[k] = mean_level(sums[static_cast<std::size_t>(k)], across_ * down_);
+    for (std::size_t k = 0; k < static_cast<std::size_t>(values); ++k) {
+      store(mean_level<Sample>(sums[k], across_ * down_), to + k * sizeof(Sample));
+    }
   }
 }
+
+template void Cell::write<std::uint8_t>(const PlaneView&, int, const Taps&, RowKernel, std::uint8_t*,
+                                        std::ptrdiff_t) const;
+template void Cell::write<std::uint16_t>(const PlaneView&, int, const Taps&, RowKernelOf<std::uint16_t>, std::uint8_t*,
+                                         std::ptrdiff_t) const;
 
 }  // namespace nodal::view

@@ -30,8 +30,9 @@ class Cell {
   static std::optional<Cell> make(const Target& target, const geometry::RaymapLayout& layout, const Pieces& pieces,
                                   const Taps& taps, int left, int top);
 
-  /// Writes kSide x kSide pixels, packed in rows `stride` bytes apart.
-  void write(const PlaneView& raymap, int channels, const Taps& taps, RowKernel kernel, std::uint8_t* to,
+  /// Writes kSide x kSide pixels of 8 or 16 bits a sample, packed in rows `stride` bytes apart.
+  template <class Sample>
+  void write(const PlaneView& raymap, int channels, const Taps& taps, RowKernelOf<Sample> kernel, std::uint8_t* to,
              std::ptrdiff_t stride) const;
 
  private:

@@ -22,26 +22,32 @@ double weight(Filter filter, double t) {
   return 0;
 }
 
+/// Weights in whole numbers that sum to `one`: the largest takes the rest.
+template <class Weight>
+void round_to_sum(const std::array<double, 8>& exact, double sum, int count, int one, std::array<Weight, 8>& phase) {
+  int rest = one;
+  std::size_t largest = 0;
+  for (std::size_t k = 0; k < static_cast<std::size_t>(count); ++k) {
+    phase[k] = static_cast<Weight>(std::lround(exact[k] / sum * one));
+    rest -= phase[k];
+    if (phase[k] > phase[largest]) largest = k;
+  }
+  phase[largest] = static_cast<Weight>(phase[largest] + rest);
+}
+
 Taps taps_of(Filter filter) {
   Taps taps;
   taps.count = filter == Filter::kNearest ? 1 : filter == Filter::kBilinear ? 2 : filter == Filter::kBicubic ? 4 : 6;
   taps.before = (taps.count - 1) / 2;
   for (int p = 0; p < Taps::kPhases; ++p) {
-    auto& phase = taps.phases[static_cast<std::size_t>(p)];
     std::array<double, 8> exact{};
     double sum = 0;
     for (int k = 0; k < taps.count; ++k) {
       exact[static_cast<std::size_t>(k)] = weight(filter, k - taps.before - static_cast<double>(p) / Taps::kPhases);
       sum += exact[static_cast<std::size_t>(k)];
     }
-    int rest = Taps::kOne;
-    std::size_t largest = 0;
-    for (std::size_t k = 0; k < static_cast<std::size_t>(taps.count); ++k) {
-      phase[k] = static_cast<std::int16_t>(std::lround(exact[k] / sum * Taps::kOne));
-      rest -= phase[k];
-      if (phase[k] > phase[largest]) largest = k;
-    }
-    phase[largest] = static_cast<std::int16_t>(phase[largest] + rest);
+    round_to_sum(exact, sum, taps.count, Taps::kOne, taps.phases[static_cast<std::size_t>(p)]);
+    round_to_sum(exact, sum, taps.count, Taps::kFineOne, taps.fine[static_cast<std::size_t>(p)]);
   }
   return taps;
 }

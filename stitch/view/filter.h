@@ -23,11 +23,14 @@ Result<Filter> parse_filter(std::string_view text);
 struct Taps {
   static constexpr int kPhases = 256;
   static constexpr int kOne = 16384;
+  static constexpr int kFineOne = 1 << 22;
 
   int count = 1;   ///< 1, 2, 4, 6
   int before = 0;  ///< taps before the pixel that the position falls behind
   /// Weights of a position p/256 px behind the centre of a pixel; they sum to kOne. Unused ones are 0.
   std::array<std::array<std::int16_t, 8>, kPhases> phases{};
+  /// The same for samples of 16 bits; they sum to kFineOne.
+  std::array<std::array<std::int32_t, 8>, kPhases> fine{};
   /// Taps count from here in a pixel, px: the nearest pixel contains the position; others count from centres, to the nearest
   /// phase.
   double shift() const { return count == 1 ? 0 : 0.5 - 0.5 / kPhases; }

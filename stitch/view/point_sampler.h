@@ -11,6 +11,7 @@
 #include "stitch/geometry/raymap/scattered_rays.h"
 #include "stitch/view/filter.h"
 #include "stitch/view/pieces.h"
+#include "stitch/view/sample.h"
 
 namespace nodal::view {
 
@@ -20,8 +21,11 @@ struct Position {
   double y = std::numeric_limits<double>::quiet_NaN();
 };
 
+/// Of 8-bit samples in single precision, of 16-bit ones in double.
+template <class Sample>
 struct Sum {
-  float value[3] = {0, 0, 0};
+  using Real = typename Samples<Sample>::Real;
+  Real value[3] = {0, 0, 0};
 };
 
 /// Where the pixels around a position are not neighbours on the sphere (edges of faces, of discs, of rows), a sample is the
@@ -35,15 +39,17 @@ class PointSampler {
   PointSampler(const geometry::RaymapLayout& layout, const Pieces& pieces, Filter filter);
 
   /// Adds the raymap at a position; `ray` is asked for only where the position is not enough.
+  template <class Sample>
   void add(const PlaneView& plane, int channels, const Position& at, const std::function<geometry::Ray()>& ray,
-           Sum& sum) const;
+           Sum<Sample>& sum) const;
   /// How far neighbouring rays are apart, rad; at least the mean over the raymap.
   double pitch_at(const Position& at) const;
 
  private:
-  void add_across_edge(const PlaneView& plane, int channels, const geometry::Ray& ray, Sum& sum) const;
-
-  void add_natural(const PlaneView& plane, int channels, const geometry::Ray& ray, Sum& sum) const;
+  template <class Sample>
+  void add_across_edge(const PlaneView& plane, int channels, const geometry::Ray& ray, Sum<Sample>& sum) const;
+  template <class Sample>
+  void add_natural(const PlaneView& plane, int channels, const geometry::Ray& ray, Sum<Sample>& sum) const;
 
   const geometry::RaymapLayout& layout_;
   const geometry::ScatteredRays* scattered_;  ///< the layout, or null

@@ -32,9 +32,11 @@ Resampler::Resampler(const geometry::RaymapLayout& layout, Filter filter, const 
       sampler_(layout, pieces_, filter) {}
 
 /// A cell that is sampled pixel by pixel, with the positions of its pixels and of those around them.
+template <class Sample>
 class Resampler::Square {
  public:
-  Square(const Resampler& resampler, const ImageView& raymap, const Target& target, RowKernel kernel, int left, int top)
+  Square(const Resampler& resampler, const ImageView& raymap, const Target& target, RowKernelOf<Sample> kernel,
+         int left, int top)
       : resampler_(resampler),
         plane_(raymap.planes[0]),
         target_(target),
@@ -54,7 +56,7 @@ class Resampler::Square {
     }
     for (int y = top_; y < bottom; ++y) {
       for (int x = left_; x < right; ++x) {
-        write(x, y, into + (static_cast<std::ptrdiff_t>(y) * target_.width + x) * channels_);
+        write(x, y, into + (static_cast<std::ptrdiff_t>(y) * target_.width + x) * plane_.pixel_stride);
       }
     }
   }
@@ -106,8 +108,8 @@ class Resampler::Square {
     const Eigen::Array2i most = (middle + reach).array().floor().cast<int>() + 1 + taps.count - taps.before;
     if (!resampler_.pieces_.all_joined(least.x(), least.y(), most.x() + kLoadedBeyond, most.y())) return false;
     const std::uint8_t* origin =
-        plane_.data + base.y() * plane_.row_stride + static_cast<std::ptrdiff_t>(base.x()) * channels_;
-    std::array<std::int16_t, 3 * Cell::kMostSamples + 3> samples;
+        plane_.data + base.y() * plane_.row_stride + static_cast<std::ptrdiff_t>(base.x()) * plane_.pixel_stride;
+    std::array<typename Samples<Sample>::Scaled, 3 * Cell::kMostSamples + 3> samples;
     std::array<int, 3> sums{};
     for (int row = 0; row < rows; ++row) {
       const Eigen::Vector2d first =
@@ -122,7 +124,9 @@ class Resampler::Square {
         }
       }
     }
-    for (int c = 0; c < channels_; ++c) to[c] = mean_level(sums[static_cast<std::size_t>(c)], columns * rows);
+    for (std::size_t c = 0; c < static_cast<std::size_t>(channels_); ++c) {
+      store(mean_level<Sample>(sums[c], columns * rows), to + c * sizeof(Sample));
+    }
     return true;
   }
   /// Samples along each side of the target's pixel.
@@ -147,12 +151,12 @@ class Resampler::Square {
   }
   void write(int x, int y, std::uint8_t* to) {
     const Position middle = at(x, y);
-    std::fill(to, to + channels_, std::uint8_t{0});
+    std::fill(to, to + plane_.pixel_stride, std::uint8_t{0});
     if (std::isnan(middle.x) || write_inside(x, y, to)) return;
     const auto middle_ray = [&] { return *target_.ray(x + 0.5, y + 0.5); };
     // Of scattered raymaps, whose pixels lie anywhere, one sample takes all that is near.
     const int n = resampler_.filter_ == Filter::kNearest || resampler_.layout_.scattered() ? 1 : samples(x, y);
-    Sum sum;
+    Sum<Sample> sum;
     int count = 0;
     if (n == 1) {
       resampler_.sampler_.add(plane_, channels_, middle, std::cref(middle_ray), sum);
@@ -176,8 +180,11 @@ class Resampler::Square {
       resampler_.sampler_.add(plane_, channels_, {pixel->x, pixel->y}, std::cref(its_ray), sum);
       ++count;
     }
+    using Real = typename Sum<Sample>::Real;
     for (int c = 0; c < channels_ && count > 0; ++c) {
-      to[c] = static_cast<std::uint8_t>(std::clamp(sum.value[c] / static_cast<float>(count) + 0.5F, 0.0F, 255.0F));
+      const Real level = sum.value[c] / static_cast<Real>(count) + Real{0.5F};
+      store(static_cast<Sample>(std::clamp(level, Real{0}, Real{Samples<Sample>::kMost})),
+            to + static_cast<std::size_t>(c) * sizeof(Sample));
     }
   }
 
@@ -185,7 +192,7 @@ class Resampler::Square {
   const PlaneView& plane_;
   const Target& target_;
   const int channels_;
-  const RowKernel kernel_;
+  const RowKernelOf<Sample> kernel_;
   const int left_, top_;
   std::array<Position, kAround * kAround> positions_;
 };
@@ -204,29 +211,37 @@ Resampler::Plan Resampler::plan(const Target& target, const parallel::Workers& w
   return plan;
 }
 
-DecodedImage Resampler::resample(const ImageView& raymap, const Plan& plan, const parallel::Workers& workers) const {
+template <class Sample>
+DecodedImage Resampler::resample_as(const ImageView& raymap, const Plan& plan, const parallel::Workers& workers) const {
   const int channels = component_count(raymap.format);
   const Target& target = plan.target;
+  const int pixel = channels * static_cast<int>(sizeof(Sample));
   NODAL_ASSERT(raymap.width == layout_.width() && raymap.height == layout_.height());
-  NODAL_ASSERT(raymap.format == PixelFormat::kRgb24 || raymap.format == PixelFormat::kGrey8);
-  NODAL_ASSERT(raymap.planes[0].pixel_stride == channels);
+  NODAL_ASSERT(raymap.planes[0].pixel_stride == pixel);
   DecodedImage made{raymap.format, target.width, target.height, {}};
   made.bytes.resize(packed_size(made.format, made.width, made.height));
-  const RowKernel kernel = row_kernel(channels, taps_);
-  const std::ptrdiff_t stride = static_cast<std::ptrdiff_t>(channels) * target.width;
+  const RowKernelOf<Sample> kernel = row_kernel<Sample>(channels, taps_);
+  const std::ptrdiff_t stride = static_cast<std::ptrdiff_t>(pixel) * target.width;
   workers.run(static_cast<int>(plan.cells.size()) / std::max(1, plan.columns), [&](int row) {
     for (int column = 0; column < plan.columns; ++column) {
       const std::optional<Cell>& cell = plan.cells[static_cast<std::size_t>(row * plan.columns + column)];
       const int left = column * Cell::kSide, top = row * Cell::kSide;
       if (cell) {
-        cell->write(raymap.planes[0], channels, taps_, kernel, made.bytes.data() + top * stride + left * channels,
-                    stride);
+        cell->write<Sample>(raymap.planes[0], channels, taps_, kernel, made.bytes.data() + top * stride + left * pixel,
+                            stride);
       } else {
-        Square(*this, raymap, target, kernel, left, top).run(made.bytes.data());
+        Square<Sample>(*this, raymap, target, kernel, left, top).run(made.bytes.data());
       }
     }
   });
   return made;
+}
+
+DecodedImage Resampler::resample(const ImageView& raymap, const Plan& plan, const parallel::Workers& workers) const {
+  const PixelFormat format = in_8_bits(raymap.format);
+  NODAL_ASSERT(format == PixelFormat::kGrey8 || format == PixelFormat::kRgb24);
+  return is_linear16(raymap.format) ? resample_as<std::uint16_t>(raymap, plan, workers)
+                                    : resample_as<std::uint8_t>(raymap, plan, workers);
 }
 
 }  // namespace nodal::view

@@ -37,14 +37,18 @@ class Resampler {
   };
   Plan plan(const Target& target, const parallel::Workers& workers) const;
 
-  /// `raymap` has the layout's size; RGB24 or GREY, packed. The result does not depend on the number of threads.
+  /// `raymap` has the layout's size; RGB24, GREY, RGB48 or GREY16, packed. The result has its format, and does not depend on
+  /// the number of threads.
   DecodedImage resample(const ImageView& raymap, const Plan& plan, const parallel::Workers& workers) const;
   DecodedImage resample(const ImageView& raymap, const Target& target, const parallel::Workers& workers) const {
     return resample(raymap, plan(target, workers), workers);
   }
 
  private:
+  template <class Sample>
   class Square;
+  template <class Sample>
+  DecodedImage resample_as(const ImageView& raymap, const Plan& plan, const parallel::Workers& workers) const;
 
   const geometry::RaymapLayout& layout_;
   const Taps& taps_;

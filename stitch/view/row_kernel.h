@@ -2,7 +2,9 @@
 // the same bytes.
 //
 // With p the pixels and a, b the taps of the position's two fractions, a sample is
-//   h_j = (sum_k a_k p_jk + 128) >> 8,   s = (sum_j b_j h_j + 8192) >> 14:   levels in 1/64.
+//   h_j = (sum_k a_k p_jk + 128) >> 8,   s = (sum_j b_j h_j + 8192) >> 14:   levels in 1/64,
+// and of 16 bits, by the fine taps,
+//   s = (sum_j b_j sum_k a_k p_jk + 2^37) >> 38.
 #pragma once
 
 #include <algorithm>
@@ -12,6 +14,7 @@
 #include <span>
 
 #include "stitch/view/filter.h"
+#include "stitch/view/sample.h"
 
 namespace nodal::view {
 
@@ -30,19 +33,24 @@ struct Curve {
 inline constexpr int kLoadedBeyond = 2;
 
 /// The level of the mean of `count` samples with this sum.
-inline std::uint8_t mean_level(int sum, int count) {
-  return static_cast<std::uint8_t>(std::min(std::max(0, sum + 32 * count) / (64 * count), 255));
+template <class Sample>
+Sample mean_level(int sum, int count) {
+  return static_cast<Sample>(std::min(std::max(0, sum + 32 * count) / (64 * count), Samples<Sample>::kMost));
 }
 
 /// `origin` is the pixel that positions are relative to; every tap must be a pixel of the picture. So must, at RGB24,
-/// kLoadedBeyond more to the right of the last tap. Writes count x channels samples, and may write over three more.
-using RowKernel = void (*)(const std::uint8_t* origin, std::ptrdiff_t row_stride, const Taps& taps, const Curve& curve,
-                           int count, std::int16_t* samples);
+/// kLoadedBeyond more to the right of the last tap. `row_stride` in bytes. Writes count x channels samples, and may write
+/// over three more.
+template <class Sample>
+using RowKernelOf = void (*)(const std::uint8_t* origin, std::ptrdiff_t row_stride, const Taps& taps,
+                             const Curve& curve, int count, typename Samples<Sample>::Scaled* samples);
+using RowKernel = RowKernelOf<std::uint8_t>;
 
-/// The fastest kernel for 1 or 3 packed channels.
-RowKernel row_kernel(int channels, const Taps& taps);
+/// The fastest kernel for 1 or 3 packed channels of 8 or 16 bits.
+template <class Sample>
+RowKernelOf<Sample> row_kernel(int channels, const Taps& taps);
 
-/// All that this machine has, the specification first.
+/// All that this machine has for 8 bits, the specification first. 16 bits have one kernel.
 struct NamedRowKernel {
   const char* name;
   RowKernel run;

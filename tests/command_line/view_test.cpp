@@ -102,6 +102,60 @@ TEST_F(ViewCommand, Tiffs_AreReadAndKeepWhatTheySay) {
   }
 }
 
+TEST_F(ViewCommand, Of16Bits_StayOf16Bits_AsOtherProgramsReadThem) {
+  constexpr int kWide = 256;
+  std::vector<std::uint8_t> png_order, levels;  // upper byte first, and lower
+  for (unsigned k = 0; k < kWide * kWide / 2 * 3; ++k) {
+    const unsigned level = k * 40503U >> 3 & 0xffffU;  // nearly every one of 65536
+    png_order.insert(png_order.end(), {static_cast<std::uint8_t>(level >> 8), static_cast<std::uint8_t>(level)});
+    levels.insert(levels.end(), {static_cast<std::uint8_t>(level), static_cast<std::uint8_t>(level >> 8)});
+  }
+  test::write_bytes(path("deep.png"), test::png_of(png_order, kWide, kWide / 2, 3, 16));
+  const auto convert = [&](const std::string& from, const std::string& to) {
+    const Finished run = nodal({"convert", path(from), "--from", "equirectangular", "-o", path(to)});
+    EXPECT_EQ(run.code, 0) << run.err;
+  };
+  convert("deep.png", "deep.tif");
+  convert("deep.tif", "back.png");
+  convert("deep.tif", "back.raw");
+  EXPECT_EQ(media::read_image(path("back.png"), PixelFormat::kRgb48).value().bytes, levels)
+      << "the same layout and size";
+  const std::string raw = read("back.raw");
+  EXPECT_EQ(std::vector<std::uint8_t>(raw.begin(), raw.end()), levels);
+  convert("deep.png", "deep.jpg");
+  EXPECT_EQ(read("back.png").find("gAMA"), std::string::npos) << "what the numbers mean is not known";
+  ASSERT_TRUE(media::read_image(path("deep.jpg"))) << "of 8 bits";
+  ASSERT_EQ(
+      nodal({"view", path("deep.png"), "--from", "equirectangular", "-o", path("view.tif"), "--size", "64x48"}).code,
+      0);
+  if (Process({"sh", "-c", "command -v ffmpeg"}).wait().code != 0) GTEST_SKIP() << "ffmpeg is not installed";
+  for (const std::string name : {"deep.tif", "back.png"}) {
+    const auto peer = Process({"ffmpeg", "-v", "error", "-y", "-i", path(name), "-f", "rawvideo", "-pix_fmt", "rgb48le",
+                               path("peer.raw")})
+                          .wait();
+    EXPECT_EQ(peer.code, 0) << peer.err;
+    EXPECT_EQ(read("peer.raw"), raw) << name;
+  }
+  const std::string probe = "ffprobe -v error -show_entries stream=pix_fmt,width,height -of csv " + path("view.tif");
+  EXPECT_NE(Process({"sh", "-c", probe}).wait().out.find("64,48,rgb48le"), std::string::npos);
+}
+
+TEST_F(ViewCommand, ATornPictureOf16Bits_IsOneSentence) {
+  std::vector<std::uint8_t> samples;
+  for (unsigned k = 0; k < 64 * 32 * 6; ++k) samples.push_back(static_cast<std::uint8_t>(k * 40503U >> 5));
+  test::write_bytes(path("deep.png"), test::png_of(samples, 64, 32, 3, 16));
+  ASSERT_EQ(nodal({"convert", path("deep.png"), "--from", "equirectangular", "-o", path("deep.tif")}).code, 0);
+  for (const std::string name : {"deep.png", "deep.tif"}) {
+    const std::string whole = read(name);
+    test::write_bytes(path("cut-" + name),
+                      {whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(whole.size() / 2)});
+    const Finished run = nodal({"convert", path("cut-" + name), "--from", "equirectangular", "-o", path("out.png")});
+    EXPECT_NE(run.code, 0);
+    EXPECT_EQ(std::count(run.err.begin(), run.err.end(), '\n'), 1) << run.err;
+    EXPECT_NE(run.err.find("cut-" + name), std::string::npos) << run.err;
+  }
+}
+
 TEST_F(ViewCommand, ATiffThatClaimsAThousandMillionPixels_IsOneSentenceAndTakesNoMemory) {
   // By the specification: 32768 x 32768 pixels of RGB in one strip, in a file of 1.1 MB.
   std::string tiff("II\x2a\0\x08\0\0\0\x08\0", 10);

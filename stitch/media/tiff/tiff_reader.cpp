@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <cstring>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -70,6 +71,11 @@ Status check_size(Reader& reader) {
   const auto light = field<std::uint16_t>(tiff, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_RGB);
   const bool grey = light == PHOTOMETRIC_MINISBLACK || light == PHOTOMETRIC_MINISWHITE;
   reader.header = {static_cast<int>(width), static_cast<int>(height), grey ? PixelFormat::kGrey8 : PixelFormat::kRgb24};
+  if ((grey || light == PHOTOMETRIC_RGB) && field<std::uint16_t>(tiff, TIFFTAG_BITSPERSAMPLE, 1) == 16 &&
+      field<std::uint16_t>(tiff, TIFFTAG_SAMPLESPERPIXEL, 1) >= (grey ? 1 : 3) &&
+      field<std::uint16_t>(tiff, TIFFTAG_SAMPLEFORMAT, SAMPLEFORMAT_UINT) == SAMPLEFORMAT_UINT) {
+    reader.header.deep = grey ? PixelFormat::kGrey16 : PixelFormat::kRgb48;
+  }
   return {};
 }
 
@@ -121,45 +127,93 @@ Status open_directory(const std::filesystem::path& file, Reader& reader) {
   return check_size(reader);
 }
 
-bool is_deep_grey(const Reader& reader) {
-  TIFF* tiff = reader.tiff.get();
-  return reader.header.natural == PixelFormat::kGrey8 && field<std::uint16_t>(tiff, TIFFTAG_BITSPERSAMPLE, 1) == 16 &&
-         field<std::uint16_t>(tiff, TIFFTAG_SAMPLESPERPIXEL, 1) == 1 &&
-         field<std::uint16_t>(tiff, TIFFTAG_SAMPLEFORMAT, SAMPLEFORMAT_UINT) == SAMPLEFORMAT_UINT;
-}
+/// How the samples of a picture with 16 bits lie in its strips or tiles.
+struct Blocks {
+  bool tiled = false;
+  std::uint32_t across = 0, down = 0;  ///< pixels of a block
+  std::uint32_t planes = 1;            ///< 1: channels are interleaved
+  std::uint32_t stored = 1;            ///< samples of a pixel in a block
+  std::uint32_t channels = 1;          ///< 1 or 3 of them are of use, and alpha
+  bool alpha = false;                  ///< the next channel, by which the others are still to be multiplied
+  tmsize_t bytes = 0;
+};
 
-/// Grey of 16 bits, which libtiff 4.5 converts wrongly in tiles that reach beyond the picture.
-Status decode_deep_grey(Reader& reader, std::vector<std::uint8_t>& bytes) {
+/// A pixel's sample of each channel, and alpha behind them.
+using DeepPixel = std::array<std::uint16_t, 4>;
+
+Result<Blocks> deep_blocks(const Reader& reader) {
   TIFF* tiff = reader.tiff.get();
-  const bool tiled = TIFFIsTiled(tiff) != 0;
+  Blocks blocks;
   const auto width = static_cast<std::uint32_t>(reader.header.width);
   const auto height = static_cast<std::uint32_t>(reader.header.height);
-  const auto across = tiled ? field<std::uint32_t>(tiff, TIFFTAG_TILEWIDTH, 0) : width;
-  const auto down = tiled ? field<std::uint32_t>(tiff, TIFFTAG_TILELENGTH, 0)
-                          : std::min(height, field<std::uint32_t>(tiff, TIFFTAG_ROWSPERSTRIP, height));
-  const tmsize_t size = tiled ? TIFFTileSize(tiff) : TIFFStripSize(tiff);
-  const std::uint64_t wanted = std::uint64_t{2} * across * down;
-  if (across == 0 || down == 0 || size <= 0 || wanted > kMostBlock || static_cast<std::uint64_t>(size) < wanted) {
+  const std::uint32_t samples = field<std::uint16_t>(tiff, TIFFTAG_SAMPLESPERPIXEL, 1);
+  blocks.tiled = TIFFIsTiled(tiff) != 0;
+  blocks.across = blocks.tiled ? field<std::uint32_t>(tiff, TIFFTAG_TILEWIDTH, 0) : width;
+  blocks.down = blocks.tiled ? field<std::uint32_t>(tiff, TIFFTAG_TILELENGTH, 0)
+                             : std::min(height, field<std::uint32_t>(tiff, TIFFTAG_ROWSPERSTRIP, height));
+  const bool by_plane =
+      samples > 1 && field<std::uint16_t>(tiff, TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG) == PLANARCONFIG_SEPARATE;
+  blocks.planes = by_plane ? samples : 1;
+  blocks.stored = by_plane ? 1 : samples;
+  blocks.channels = static_cast<std::uint32_t>(component_count(*reader.header.deep));
+  std::uint16_t extra = 0;
+  const std::uint16_t* kinds = nullptr;
+  blocks.alpha = TIFFGetFieldDefaulted(tiff, TIFFTAG_EXTRASAMPLES, &extra, &kinds) == 1 && extra > 0 &&
+                 kinds[0] == EXTRASAMPLE_UNASSALPHA && samples > blocks.channels;
+  blocks.bytes = blocks.tiled ? TIFFTileSize(tiff) : TIFFStripSize(tiff);
+  const std::uint64_t wanted = std::uint64_t{2} * blocks.across * blocks.down * blocks.stored;
+  if (blocks.across == 0 || blocks.down == 0 || blocks.bytes <= 0 || wanted > kMostBlock ||
+      static_cast<std::uint64_t>(blocks.bytes) < wanted || static_cast<std::uint64_t>(blocks.bytes) > kMostBlock) {
     return fail(reader.error(Errc::kUnsupported, "the TIFF has unusual strips or tiles; export it again"));
   }
+  return blocks;
+}
+
+/// Grey and RGB with all their 16 bits: calls row(samples) for every row of the picture, from the top. Memory is taken for
+/// a row of strips or tiles at a time.
+template <class Row>
+Status decode_deep(Reader& reader, const Row& row) {
+  TIFF* tiff = reader.tiff.get();
+  const Result<Blocks> found = deep_blocks(reader);
+  if (!found) return fail(found.error());
+  const Blocks& blocks = *found;
+  const auto width = static_cast<std::uint32_t>(reader.header.width);
+  const auto height = static_cast<std::uint32_t>(reader.header.height);
   const bool white_is_0 = field<std::uint16_t>(tiff, TIFFTAG_PHOTOMETRIC, 0) == PHOTOMETRIC_MINISWHITE;
-  std::vector<std::uint16_t> block(static_cast<std::size_t>(size) / 2 + 1);
-  bytes.resize(std::size_t{width} * height);
-  std::uint32_t number = 0;
-  for (std::uint32_t top = 0; top < height; top += down) {
-    for (std::uint32_t left = 0; left < width; left += across, ++number) {
-      const tmsize_t got = tiled ? TIFFReadEncodedTile(tiff, number, block.data(), size)
-                                 : TIFFReadEncodedStrip(tiff, number, block.data(), size);
-      const std::uint32_t rows = std::min(down, height - top);
-      if (got < static_cast<tmsize_t>(2 * std::size_t{across} * rows)) {
+  const std::uint32_t blocks_across = (width + blocks.across - 1) / blocks.across;
+  const std::uint32_t blocks_down = (height + blocks.down - 1) / blocks.down;
+  const std::uint32_t planes = std::min(blocks.planes, blocks.channels + (blocks.alpha ? 1 : 0));
+  std::vector<std::uint16_t> block(static_cast<std::size_t>(blocks.bytes) / 2 + 1);
+  std::vector<DeepPixel> pixels;
+  std::vector<std::uint16_t> samples(std::size_t{width} * blocks.channels);
+  for (std::uint32_t top = 0; top < height; top += blocks.down) {
+    const std::uint32_t rows = std::min(blocks.down, height - top);
+    for (std::uint32_t b = 0; b < blocks_across * planes; ++b) {
+      const std::uint32_t plane = b / blocks_across, left = b % blocks_across * blocks.across;
+      const std::uint32_t number = (plane * blocks_down + top / blocks.down) * blocks_across + left / blocks.across;
+      const tmsize_t got = blocks.tiled ? TIFFReadEncodedTile(tiff, number, block.data(), blocks.bytes)
+                                        : TIFFReadEncodedStrip(tiff, number, block.data(), blocks.bytes);
+      if (got < static_cast<tmsize_t>(std::size_t{2} * blocks.across * rows * blocks.stored)) {
         return fail(reader.broken(Errc::kTruncated, "ends early or is broken"));
       }
+      pixels.resize(std::size_t{width} * rows);
+      const std::size_t taken = blocks.planes > 1 ? 1 : blocks.channels + (blocks.alpha ? 1 : 0);
       for (std::uint32_t y = 0; y < rows; ++y) {
-        for (std::uint32_t x = 0; x < std::min(across, width - left); ++x) {
-          const unsigned value = (block[std::size_t{y} * across + x] + 128U) / 257U;
-          bytes[std::size_t{top + y} * width + left + x] = static_cast<std::uint8_t>(white_is_0 ? 255U - value : value);
+        for (std::uint32_t x = 0; x < std::min(blocks.across, width - left); ++x) {
+          std::copy_n(&block[(std::size_t{y} * blocks.across + x) * blocks.stored], taken,
+                      &pixels[std::size_t{y} * width + left + x][plane]);
         }
       }
+    }
+    for (std::uint32_t y = 0; y < rows; ++y) {
+      for (std::size_t k = 0; k < samples.size(); ++k) {
+        const DeepPixel& pixel = pixels[std::size_t{y} * width + k / blocks.channels];
+        std::uint32_t value = pixel[k % blocks.channels];
+        if (white_is_0) value = 65535 - value;
+        if (blocks.alpha) value = (value * pixel[blocks.channels] + 32767) / 65535;
+        samples[k] = static_cast<std::uint16_t>(value);
+      }
+      row(std::span<const std::uint16_t>(samples));
     }
   }
   return {};
@@ -219,17 +273,33 @@ Result<ImageHeader> read_tiff_header(const std::filesystem::path& file) {
   return reader.header;
 }
 
-Result<DecodedImage> read_tiff(const std::filesystem::path& file) {
+Result<DecodedImage> read_tiff(const std::filesystem::path& file, std::optional<PixelFormat> as) {
   Reader reader{file.string()};
   if (const Status opened = open(file, reader); !opened) return fail(opened.error());
-  if (is_deep_grey(reader)) {
-    DecodedImage grey{PixelFormat::kGrey8, reader.header.width, reader.header.height, {}};
-    if (const Status decoded = decode_deep_grey(reader, grey.bytes); !decoded) return fail(decoded.error());
-    return grey;
+  const ImageHeader& header = reader.header;
+  if (as && as != header.deep) {
+    return fail(reader.error(Errc::kUnsupported,
+                             "does not have 16 bits a sample as " + std::string(pixel_format_name(*as)) + " needs"));
   }
-  DecodedImage picture{reader.header.natural, reader.header.width, reader.header.height, {}};
-  picture.bytes.reserve(packed_size(picture.format, picture.width, picture.height));
-  if (const Status decoded = decode(reader, picture.bytes); !decoded) return fail(decoded.error());
+  DecodedImage picture{as ? *as : header.natural, header.width, header.height, {}};
+  std::vector<std::uint8_t>& bytes = picture.bytes;
+  bytes.reserve(packed_size(picture.format, picture.width, picture.height));
+  Status decoded;
+  if (as) {
+    decoded = decode_deep(reader, [&bytes](std::span<const std::uint16_t> row) {
+      const auto* first = reinterpret_cast<const std::uint8_t*>(row.data());
+      bytes.insert(bytes.end(), first, first + row.size_bytes());
+    });
+  } else if (header.deep == PixelFormat::kGrey16 &&
+             field<std::uint16_t>(reader.tiff.get(), TIFFTAG_SAMPLESPERPIXEL, 1) == 1) {
+    // libtiff 4.5 converts it wrongly in tiles that reach beyond the picture.
+    decoded = decode_deep(reader, [&bytes](std::span<const std::uint16_t> row) {
+      for (const unsigned value : row) bytes.push_back(static_cast<std::uint8_t>((value + 128) / 257));
+    });
+  } else {
+    decoded = decode(reader, bytes);
+  }
+  if (!decoded) return fail(decoded.error());
   return picture;
 }
 

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 
 #include "protocol/base/decoded_image.h"
 #include "protocol/base/result.h"
@@ -15,14 +16,14 @@ inline constexpr std::uint64_t kMaxTiffFileBytes = std::uint64_t{2} << 30;
 bool is_tiff(const std::filesystem::path& file);
 
 /// The first picture of a TIFF: strips or tiles, interleaved or by plane, 1 to 16 bits, grey, palette, RGB, YCbCr and
-/// CMYK, in every compression that libtiff knows. Grey pictures give GREY, all others RGB24. 16 bits are
-/// rounded to 8; pixels that an alpha channel makes transparent are black. Rows are as the
-/// file stores them, whatever its orientation says.
+/// CMYK, in every compression that libtiff knows. Grey pictures give GREY, all others RGB24. 16 bits are rounded to 8,
+/// except with `as`: the format that the header has as `deep`, which grey and RGB of 16 bits have. Pixels that an alpha
+/// channel makes transparent are black. Rows are as the file stores them, whatever its orientation says.
 ///
 /// Threading: thread-safe.
 /// Errors: each names the picture: kNotFound, kIo, kBadFormat when it is no TIFF or is broken, kTruncated when the file
 ///   is too short for the picture, kTooLarge, kUnsupported for samples of other kinds (such as floating point).
-Result<DecodedImage> read_tiff(const std::filesystem::path& file);
+Result<DecodedImage> read_tiff(const std::filesystem::path& file, std::optional<PixelFormat> as = std::nullopt);
 
 /// Its size and format, without decoding it. Errors: as read_tiff(), except those of its pixels.
 Result<ImageHeader> read_tiff_header(const std::filesystem::path& file);

@@ -52,6 +52,17 @@ TEST(Gpano, APart_IsPlacedOnTheSphereAndTheRestIsBlack) {
   }
 }
 
+TEST(Gpano, APartOf16Bits_IsPlacedWithBothBytes) {
+  const DecodedImage part = numbered(PixelFormat::kRgb48, 3, 2);
+  const DecodedImage whole = whole_sphere(part, {8, 4, 2, 1, 3, 2}).value();
+  ASSERT_EQ(whole.bytes.size(), 8U * 4U * 6U);
+  std::vector<std::uint8_t> expected(whole.bytes.size());
+  for (std::ptrdiff_t y = 0; y < 2; ++y) {
+    std::copy_n(part.bytes.begin() + y * 18, 18, expected.begin() + (8 * (y + 1) + 2) * 6);
+  }
+  EXPECT_EQ(whole.bytes, expected);
+}
+
 TEST(Gpano, AWholeSphereOrAnAreaThatIsNotSaid_LeavesThePictureAsItIs) {
   const DecodedImage part = numbered(PixelFormat::kGrey8, 4, 2);
   EXPECT_EQ(whole_sphere(part, {8, 4, 0, 0, 8, 4})->bytes, part.bytes);

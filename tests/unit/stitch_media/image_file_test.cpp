@@ -41,6 +41,31 @@ TEST(DecodePng, GreyAlphaAnd16Bits_BecomeGreyAndRgbOf8) {
   EXPECT_EQ(decode_image(test::png_of(deep, 1, 1, 3, 16), "deep")->bytes, (std::vector<std::uint8_t>{255, 128, 1}));
 }
 
+TEST(DecodePng, Of16BitsOnRequest_KeepsThemAllWithTheLowerByteFirst) {
+  const std::vector<std::uint8_t> deep{0x12, 0x34, 0x80, 0x00, 0xFF, 0xFE};
+  const std::vector<std::uint8_t> swapped{0x34, 0x12, 0x00, 0x80, 0xFE, 0xFF};
+  const auto rgb = decode_image(test::png_of(deep, 1, 1, 3, 16), "deep", PixelFormat::kRgb48).value();
+  EXPECT_EQ(rgb.format, PixelFormat::kRgb48);
+  EXPECT_EQ(rgb.bytes, swapped);
+  EXPECT_EQ(decode_image(test::png_of(deep, 3, 1, 1, 16), "deep", PixelFormat::kGrey16)->bytes, swapped);
+  // Alpha is dropped.
+  const std::vector<std::uint8_t> grey_alpha{0x12, 0x34, 0x00, 0x01};
+  EXPECT_EQ(decode_image(test::png_of(grey_alpha, 1, 1, 2, 16), "deep", PixelFormat::kGrey16)->bytes,
+            (std::vector<std::uint8_t>{0x34, 0x12}));
+  EXPECT_EQ(decode_image(test::png_of(deep, 1, 1, 3, 16), "deep", PixelFormat::kGrey16).error().code,
+            Errc::kUnsupported);
+  EXPECT_EQ(decode_image(test::png_of(deep, 2, 1, 3), "shallow", PixelFormat::kRgb48).error().code, Errc::kUnsupported);
+  EXPECT_EQ(
+      decode_image(test::jpeg_of(picture(), kWidth, kHeight, Sampling::k420), "jpeg", PixelFormat::kRgb48).error().code,
+      Errc::kUnsupported);
+  const auto whole = test::png_of(picture(), kWidth / 2, kHeight, 3, 16);
+  for (std::size_t length = 0; length < whole.size(); length += 1 + length / 20) {
+    const auto cut = decode_image(std::span(whole).first(length), "cut.png", PixelFormat::kRgb48);
+    ASSERT_FALSE(cut) << length << " of " << whole.size();
+    EXPECT_NE(cut.error().message.find("cut.png"), std::string::npos) << cut.error().text();
+  }
+}
+
 TEST(DecodeJpeg, EachSampling_ComesInItsNaturalFormatCloseToTheOriginal) {
   for (const auto& [sampling, format] : {std::pair{Sampling::k420, PixelFormat::kI420},
                                          {Sampling::k422, PixelFormat::kRgb24},

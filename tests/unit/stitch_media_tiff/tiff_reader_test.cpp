@@ -57,7 +57,8 @@ class TiffReader : public testing::Test {
     return bytes;
   }
 
-  std::string write(const std::string& name, const Kind& kind) const {
+  /// `alpha`: what the last of 2 or 4 channels is.
+  std::string write(const std::string& name, const Kind& kind, std::uint16_t alpha = EXTRASAMPLE_UNSPECIFIED) const {
     TIFF* tiff = TIFFOpen(path(name).c_str(), kind.mode);
     TIFFSetField(tiff, TIFFTAG_IMAGEWIDTH, kWidth);
     TIFFSetField(tiff, TIFFTAG_IMAGELENGTH, kHeight);
@@ -65,6 +66,7 @@ class TiffReader : public testing::Test {
     TIFFSetField(tiff, TIFFTAG_BITSPERSAMPLE, kind.bits);
     TIFFSetField(tiff, TIFFTAG_PLANARCONFIG, kind.by_plane ? PLANARCONFIG_SEPARATE : PLANARCONFIG_CONTIG);
     TIFFSetField(tiff, TIFFTAG_PHOTOMETRIC, kind.channels < 3 ? PHOTOMETRIC_MINISBLACK : PHOTOMETRIC_RGB);
+    if (kind.channels % 2 == 0) TIFFSetField(tiff, TIFFTAG_EXTRASAMPLES, 1, &alpha);
     TIFFSetField(tiff, TIFFTAG_COMPRESSION, kind.compression);
     TIFFSetField(tiff, TIFFTAG_ORIENTATION, ORIENTATION_BOTRIGHT);  // rows are to be taken as they are stored
     const int planes = kind.by_plane ? kind.channels : 1;
@@ -119,6 +121,52 @@ TEST_F(TiffReader, StripsTilesPlanesDepthsAndByteOrders_GiveTheSameSamples) {
           ASSERT_EQ(picture->bytes[at], expected(x, y, c, kind)) << x << " " << y << " " << c;
         }
       }
+    }
+  }
+}
+
+TEST_F(TiffReader, Of16BitsOnRequest_KeepsThemAll) {
+  for (const Kind& kind :
+       {Kind{3, 16}, Kind{1, 16}, Kind{3, 16, true}, Kind{3, 16, true, true, COMPRESSION_LZW},
+        Kind{3, 16, false, true, COMPRESSION_ADOBE_DEFLATE, "wb"}, Kind{1, 16, true, false, COMPRESSION_NONE, "wb"},
+        Kind{4, 16}, Kind{4, 16, true, true}, Kind{2, 16}, Kind{4, 16, false, false, COMPRESSION_LZW, "w8"}}) {
+    for (const int alpha : {EXTRASAMPLE_UNSPECIFIED, EXTRASAMPLE_ASSOCALPHA, EXTRASAMPLE_UNASSALPHA}) {
+      if (kind.channels % 2 == 1 && alpha != EXTRASAMPLE_UNSPECIFIED) continue;
+      const std::string file = write("a.tif", kind, static_cast<std::uint16_t>(alpha));
+      SCOPED_TRACE(testing::Message() << kind.channels << (kind.tiles ? " tiles" : " strips")
+                                      << (kind.by_plane ? " by plane " : " ") << kind.compression << ", alpha "
+                                      << alpha);
+      const int channels = kind.channels < 3 ? 1 : 3;
+      const PixelFormat format = channels == 1 ? PixelFormat::kGrey16 : PixelFormat::kRgb48;
+      EXPECT_EQ(read_tiff_header(file)->deep, format);
+      const auto picture = read_tiff(file, format);
+      ASSERT_TRUE(picture) << picture.error().text();
+      ASSERT_EQ(picture->format, format);
+      ASSERT_EQ(picture->bytes.size(), packed_size(format, kWidth, kHeight));
+      std::size_t at = 0;
+      for (int y = 0; y < kHeight; ++y) {
+        for (int x = 0; x < kWidth; ++x) {
+          for (int c = 0; c < channels; ++c, at += 2) {
+            const double opaque = alpha == EXTRASAMPLE_UNASSALPHA ? sample(x, y, channels) / 65535.0 : 1;
+            const int got = picture->bytes[at] | picture->bytes[at + 1] << 8;
+            ASSERT_NEAR(got, sample(x, y, c) * opaque, alpha == EXTRASAMPLE_UNASSALPHA ? 0.5 : 0) << x << " " << y;
+          }
+        }
+      }
+    }
+  }
+  EXPECT_FALSE(read_tiff_header(write("a.tif", {3, 8}))->deep);
+  EXPECT_EQ(read_tiff(path("a.tif"), PixelFormat::kRgb48).error().code, Errc::kUnsupported);
+}
+
+TEST_F(TiffReader, Of16BitsCutAnywhere_IsOneErrorThatNamesThePicture) {
+  for (const Kind& kind : {Kind{3, 16, false, false, COMPRESSION_LZW}, Kind{4, 16, true, true}}) {
+    const auto whole = test::read_bytes(write("whole.tif", kind));
+    for (std::size_t length = 0; length + 1 < whole.size(); length += 1 + length / 20) {
+      test::write_bytes(path("cut.tif"), {whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(length)});
+      const auto picture = read_tiff(path("cut.tif"), PixelFormat::kRgb48);
+      ASSERT_FALSE(picture) << "cut at " << length << " of " << whole.size();
+      EXPECT_NE(picture.error().message.find("cut.tif'"), std::string::npos) << picture.error().text();
     }
   }
 }

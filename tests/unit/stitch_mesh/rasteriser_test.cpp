@@ -141,6 +141,32 @@ TEST(MeshView, Pictures_AreThoseOfTheResampler_AlsoOfScatteredLayouts) {
   }
 }
 
+TEST(MeshView, Of16Bits_IsThatOf8BitsTimes257UpToRounding) {
+  const parallel::Workers workers(2);
+  for (const std::string name : {"cube:pad=2", "hammersley"}) {
+    const auto layout = layout_of(name, 128);
+    DecodedImage raymap{PixelFormat::kGrey8, layout->width(), layout->height(), {}};
+    DecodedImage deep{PixelFormat::kGrey16, layout->width(), layout->height(), {}};
+    for (int k = 0; k < raymap.width * raymap.height; ++k) {
+      const auto value = static_cast<std::uint8_t>(k * 89 + k / 7);
+      raymap.bytes.push_back(value);
+      deep.bytes.insert(deep.bytes.end(), {value, value});  // 257 times the value
+    }
+    const Raymesh mesh = mesh_of_layout(*layout, Envelope::named("sphere:1").value(), 0.05 * kOneDegree).value().mesh;
+    const MeshView view = MeshView::make(mesh, camera_of(70, 20, 90), Vector3d::Zero(), workers).value();
+    const DecodedImage in_8 = view.paint(raymap.view(), layout->scattered(), workers);
+    const DecodedImage in_16 = view.paint(deep.view(), layout->scattered(), workers);
+    ASSERT_EQ(in_16.bytes.size(), 2 * in_8.bytes.size());
+    int finer = 0;
+    for (std::size_t k = 0; k < in_8.bytes.size(); ++k) {
+      const int got = in_16.bytes[2 * k] | in_16.bytes[2 * k + 1] << 8;
+      ASSERT_NEAR(got, 257 * in_8.bytes[k], 129.5) << k;
+      if (got % 257 != 0) ++finer;
+    }
+    EXPECT_GT(finer, static_cast<int>(in_8.bytes.size() / 2)) << name;
+  }
+}
+
 TEST(MeshView, OtherCameras_AreRefused) {
   const Raymesh mesh = mesh_of_layout(*layout_of("cube", 48), Envelope::named("cube:2").value(), 1).value().mesh;
   view::CameraSpec spec = camera_of(0, 0, 90);
