@@ -124,9 +124,11 @@ void add_view(CLI::App& app, CommandLine& line) {
   auto args = std::make_shared<ViewArgs>();
   add_frame_options(*command, args->frames);
   command
-      ->add_option("--camera", args->camera,
-                   "perspective when not given. One of: " + camera_words(" ", "\n") +
-                       "\nfisheye is equidistant; pannini:d=D with D from 0, perspective, to 100; 1 when not given")
+      ->add_option(
+          "--camera", args->camera,
+          "perspective when not given. One of: " + camera_words(" ", "\n") +
+              "\nfisheye:f1=F1,f2=F2,... to f9: the angle a from the axis at F1 a + F2 a^2 + ...; fisheye: at a"
+              "\npannini:d=D with D from 0, perspective, to 100; 1 when not given")
       ->type_name("NAME:" + camera_words("|", "|"))
       ->check(checked_by(view::parse_camera));
   command->add_option("--yaw", args->spec.pose.yaw, "To the right (0 when not given)")

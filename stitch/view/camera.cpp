@@ -4,14 +4,17 @@
 #include <charconv>
 #include <cmath>
 #include <cstdio>
+#include <span>
 #include <string>
 
 #include "protocol/base/angles.h"
+#include "stitch/geometry/lens/rising_polynomial.h"
 
 namespace nodal::view {
 namespace {
 
 using geometry::Ray;
+using geometry::RisingPolynomial;
 
 struct Known {
   std::string_view name;
@@ -34,6 +37,7 @@ constexpr std::array kKnown{
     Known{"equirectangular", Projection::kEquirectangular, 360},
 };
 constexpr double kMostD = 100;
+constexpr double kLeastF1 = 1e-6, kMostF = 1e6;
 
 const Known& known(Projection projection) { return kKnown[static_cast<std::size_t>(projection)]; }
 
@@ -42,6 +46,55 @@ std::string number(double value) {
   std::snprintf(text.data(), text.size(), "%g", value);
   return text.data();
 }
+
+/// As parse_camera() reads it.
+std::string text_of(const CameraName& name) {
+  std::string text(known(name.projection).name);
+  if (name.projection == Projection::kPannini) return text + ":d=" + number(name.d);
+  if (name.projection != Projection::kFisheye) return text;
+  char before = ':';
+  for (std::size_t k = 0; k < name.f.size(); ++k) {
+    if (name.f[k] == CameraName().f[k]) continue;
+    text += before + ("f" + std::to_string(k + 1)) + "=" + number(name.f[k]);
+    before = ',';
+  }
+  return text;
+}
+
+/// Reads all of `text` as a number. False for other text and for numbers outside of [least, most].
+bool read_number(std::string_view text, double least, double most, double& value) {
+  const char* end = text.data() + text.size();
+  const auto [at, error] = std::from_chars(text.data(), end, value);
+  return error == std::errc() && at == end && value >= least && value <= most;
+}
+
+/// "f1=1,f3=-0.05" and so on: any of f1 to f9, each once.
+bool read_coefficients(std::string_view text, std::array<double, 9>& f) {
+  std::array<bool, 9> given{};
+  while (true) {
+    const std::string_view each = text.substr(0, text.find(','));
+    if (each.size() < 3 || each[0] != 'f' || each[1] < '1' || each[1] > '9' || each[2] != '=') return false;
+    const auto k = static_cast<std::size_t>(each[1] - '1');
+    if (given[k] || !read_number(each.substr(3), k == 0 ? kLeastF1 : -kMostF, kMostF, f[k])) return false;
+    given[k] = true;
+    if (each.size() == text.size()) return true;
+    text.remove_prefix(each.size() + 1);
+  }
+}
+
+/// f1 to the last that is not 0, since every further one takes time.
+std::span<const double> coefficients(const CameraName& name) {
+  std::span<const double> f = name.f;
+  while (f.size() > 1 && f.back() == 0) f = f.first(f.size() - 1);
+  return f;
+}
+
+bool is_polynomial(const CameraName& name) {
+  return name.projection == Projection::kFisheye && coefficients(name).size() > 1;
+}
+
+/// The field of view up to which a fisheye's r rises, degrees.
+double rises_up_to_deg(const CameraName& name) { return 360 / kPi * RisingPolynomial(coefficients(name), kPi).max_x(); }
 
 /// How far from the centre the ray at this angle to the right of the axis is shown, in focal lengths.
 double offset(const CameraName& name, double angle) {
@@ -87,6 +140,7 @@ double phi(const CameraName& name, double theta, double down) {
 }  // namespace
 
 int CameraName::widest_fov_deg() const {
+  if (is_polynomial(*this)) return static_cast<int>(rises_up_to_deg(*this) + 1e-9);
   if (projection != Projection::kPannini) return known(projection).widest_deg;
   // The offset grows to infinity at cos a = -d, or for d > 1 to its largest value at cos a = -1 / d.
   const double limit_deg = 360 / kPi * std::acos(d > 1 ? -1 / d : -d);
@@ -108,35 +162,42 @@ Result<CameraName> parse_camera(std::string_view text) {
     CameraName made{each.projection};
     if (name.size() == text.size()) return made;
     const std::string_view rest = text.substr(name.size() + 1);
-    if (each.projection != Projection::kPannini) {
-      return fail(Errc::kBadValue, "the camera " + std::string(name) + " has no parameter, but '" +
-                                       std::string(rest.substr(0, 64)) + "' follows its name");
+    const std::string start = "camera '" + std::string(text.substr(0, 64)) + "': ";
+    if (each.projection == Projection::kPannini) {
+      if (rest.starts_with("d=") && read_number(rest.substr(2), 0, kMostD, made.d)) return made;
+      return fail(Errc::kBadValue, start + "after pannini: there may be d=D, a number from 0 to " + number(kMostD));
     }
-    constexpr std::string_view kKey = "d=";
-    const char* end = rest.data() + rest.size();
-    bool good = rest.starts_with(kKey);
-    if (good) {
-      const auto [at, error] = std::from_chars(rest.data() + kKey.size(), end, made.d);
-      good = error == std::errc() && at == end && made.d >= 0 && made.d <= kMostD;
+    if (each.projection == Projection::kFisheye) {
+      if (!read_coefficients(rest, made.f)) {
+        return fail(Errc::kBadValue,
+                    start + "after fisheye: there may be f1=F1,f2=F2 and so on up to f9, each once: F1 from " +
+                        number(kLeastF1) + " to " + number(kMostF) + ", the others from " + number(-kMostF) + " to " +
+                        number(kMostF));
+      }
+      if (made.widest_fov_deg() >= CameraName::kLeastFovDeg) return made;
+      return fail(Errc::kBadValue, start + "f1 a + f2 a^2 + ... rises only up to a field of view of " +
+                                       number(rises_up_to_deg(made)) + " degrees; the least is " +
+                                       std::to_string(CameraName::kLeastFovDeg));
     }
-    if (good) return made;
-    return fail(Errc::kBadValue, "camera '" + std::string(text.substr(0, 64)) +
-                                     "': after pannini: there may be d=D, a number from 0 to " + number(kMostD));
+    return fail(Errc::kBadValue, "the camera " + std::string(name) + " has no parameter, but '" +
+                                     std::string(rest.substr(0, 64)) + "' follows its name");
   }
   return fail(Errc::kBadValue, "no camera is called '" + std::string(name.substr(0, 64)) + "'; there are: " + names);
 }
 
 Camera::Camera(const CameraSpec& spec)
     : spec_(spec),
-      focal_(0.5 * spec.width / offset(spec.name, spec.fov_deg * kPi / 360)),
-      R_rig_camera_(geometry::to_R_head_rig(spec.pose).transpose()) {}
+      r_of_angle_(is_polynomial(spec.name) ? std::make_shared<const RisingPolynomial>(coefficients(spec.name), kPi)
+                                           : nullptr),
+      R_rig_camera_(geometry::to_R_head_rig(spec.pose).transpose()) {
+  const double half = spec.fov_deg * kPi / 360;
+  focal_ = 0.5 * spec.width / (r_of_angle_ ? r_of_angle_->value(half) : offset(spec.name, half));
+}
 
 Result<Camera> Camera::make(const CameraSpec& spec) {
   const int widest = spec.name.widest_fov_deg();
   if (!(spec.fov_deg >= CameraName::kLeastFovDeg && spec.fov_deg <= widest)) {
-    std::string camera(known(spec.name.projection).name);
-    if (spec.name.projection == Projection::kPannini) camera += ":d=" + number(spec.name.d);
-    return fail(Errc::kBadValue, "a field of view of " + number(spec.fov_deg) + " degrees; the " + camera +
+    return fail(Errc::kBadValue, "a field of view of " + number(spec.fov_deg) + " degrees; the " + text_of(spec.name) +
                                      " camera shows " + std::to_string(CameraName::kLeastFovDeg) + " to " +
                                      std::to_string(widest));
   }
@@ -152,7 +213,7 @@ std::optional<Ray> Camera::ray(double x, double y) const {
     return R_rig_camera_ * Ray::at({right, down});
   }
   const double r = std::hypot(a, b);
-  const double off = angle(spec_.name, r);
+  const double off = r_of_angle_ ? r_of_angle_->inverse(r).value_or(std::nan("")) : angle(spec_.name, r);
   if (std::isnan(off)) return std::nullopt;
   const double across = r > 0 ? std::sin(off) / r : 0;
   return Ray::towards(R_rig_camera_ * Eigen::Vector3d(a * across, b * across, std::cos(off)));

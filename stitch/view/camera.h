@@ -2,6 +2,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <memory>
 #include <optional>
 #include <string_view>
 #include <vector>
@@ -10,13 +12,17 @@
 #include "stitch/geometry/ray.h"
 #include "stitch/geometry/rotation.h"
 
+namespace nodal::geometry {
+class RisingPolynomial;
+}
+
 namespace nodal::view {
 
 /// Where a camera shows a ray, in focal lengths from the picture's centre.
 enum class Projection {
   // By the angle a between the ray and the axis: the distance r from the centre.
   kPerspective,    ///< r = tan a
-  kFisheye,        ///< r = a
+  kFisheye,        ///< r = f1 a + f2 a^2 + ..., which is r = a when no coefficients are given
   kStereographic,  ///< r = 2 tan(a / 2)
   kEquisolid,      ///< r = 2 sin(a / 2)
   kOrthographic,   ///< r = sin a
@@ -28,14 +34,17 @@ enum class Projection {
   kEquirectangular,    ///< x = theta, y = phi
 };
 
-/// A projection with its parameter.
+/// A projection with its parameters.
 struct CameraName {
   Projection projection = Projection::kPerspective;
+  /// Of kFisheye: f1 to f9, as those of an EquidistantLens. Only their ratios matter, because the field of view gives the
+  /// focal length.
+  std::array<double, 9> f{1};
   /// Of kPannini: how far behind the axis of a cylinder of radius 1 the point is from which the cylinder is seen. 0 is
   /// perspective, 1 stereographic along the horizon.
   double d = 1;
 
-  /// The least and the largest field of view, whole degrees.
+  /// The least and the largest field of view, whole degrees. A fisheye's r must rise up to the largest.
   static constexpr int kLeastFovDeg = 1;
   int widest_fov_deg() const;
 };
@@ -43,7 +52,8 @@ struct CameraName {
 /// Every projection's name, in their order.
 std::vector<std::string_view> camera_names();
 
-/// "perspective", "fisheye", ...; "pannini:d=0.5". Errors: kBadValue, with what there is.
+/// "perspective", "fisheye", ...; "pannini:d=0.5", "fisheye:f1=1,f3=-0.05". Errors: kBadValue, with what there is; for
+/// coefficients whose r does not rise up to the least field of view, how far it rises.
 Result<CameraName> parse_camera(std::string_view text);
 
 struct CameraSpec {
@@ -63,13 +73,14 @@ class Camera {
   int width() const { return spec_.width; }
   int height() const { return spec_.height; }
   /// The ray, in the raymap's frame, of a point of the picture; pixel (i, j)'s centre is (i + .5, j + .5). Nothing beyond
-  /// what the projection shows: a fisheye ends at 180 degrees from its axis.
+  /// what the projection shows: a fisheye ends at 180 degrees from its axis, or where its r stops rising.
   std::optional<geometry::Ray> ray(double x, double y) const;
 
  private:
   explicit Camera(const CameraSpec& spec);
   CameraSpec spec_;
-  double focal_;  ///< px
+  std::shared_ptr<const geometry::RisingPolynomial> r_of_angle_;  ///< of a fisheye with f2 or more, else null
+  double focal_;                                                  ///< px
   Eigen::Matrix3d R_rig_camera_;
 };
 

@@ -1,7 +1,8 @@
-// `nodal view` beside ffmpeg's v360.
+// `nodal view` beside ffmpeg's v360 and OpenCV's fisheye.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <string>
@@ -53,6 +54,18 @@ Eigen::Vector2d shift(const DecodedImage& a, const DecodedImage& b, Eigen::Array
   return (normal.inverse() * sums).head<2>();
 }
 
+/// How far the worst of the quarters of two views is beside the other, px.
+double worst_shift(const std::string& ours, const std::string& theirs) {
+  const DecodedImage a = media::read_image(ours, PixelFormat::kGrey8).value();
+  const DecodedImage b = media::read_image(theirs, PixelFormat::kGrey8).value();
+  constexpr int kHalf = kSide / 2;
+  double worst = 0;
+  for (const Eigen::Array2i& corner : {Eigen::Array2i(2, 2), {kHalf, 2}, {2, kHalf}, {kHalf, kHalf}}) {
+    worst = std::max(worst, shift(a, b, corner, kHalf - 2).cwiseAbs().maxCoeff());
+  }
+  return worst;
+}
+
 TEST_F(ViewPeer, EveryCamera_ShowsWhatFfmpegsV360Shows) {
   if (Process({"sh", "-c", "command -v ffmpeg"}).wait().code != 0) GTEST_SKIP() << "ffmpeg is not installed";
   // v360 takes the centres of the first and last pixels for -180 and 180 degrees: a picture this wide makes that negligible.
@@ -67,6 +80,7 @@ TEST_F(ViewPeer, EveryCamera_ShowsWhatFfmpegsV360Shows) {
       {"perspective", 110, "flat:h_fov=110:v_fov=110"},
       {"pannini:d=0", 110, "flat:h_fov=110:v_fov=110"},
       {"fisheye", 200, "fisheye:h_fov=200:v_fov=200"},
+      {"fisheye:f1=7", 200, "fisheye:h_fov=200:v_fov=200"},
       {"stereographic", 240, "sg:h_fov=240:v_fov=240"},
       {"equisolid", 240, "equisolid:h_fov=240:v_fov=240"},
       {"orthographic", 170, "og:h_fov=170:v_fov=170"},
@@ -86,14 +100,42 @@ TEST_F(ViewPeer, EveryCamera_ShowsWhatFfmpegsV360Shows) {
         Process({"ffmpeg", "-v", "error", "-y", "-i", path("s.png"), "-vf", filter, "-frames:v", "1", path("b.png")})
             .wait();
     ASSERT_EQ(theirs.code, 0) << theirs.err;
-    const DecodedImage a = media::read_image(path("a.png"), PixelFormat::kGrey8).value();
-    const DecodedImage b = media::read_image(path("b.png"), PixelFormat::kGrey8).value();
-    constexpr int kHalf = kSide / 2;
-    for (const Eigen::Array2i& corner : {Eigen::Array2i(2, 2), {kHalf, 2}, {2, kHalf}, {kHalf, kHalf}}) {
-      const Eigen::Vector2d off = shift(a, b, corner, kHalf - 2);
-      EXPECT_LT(off.cwiseAbs().maxCoeff(), 0.05) << pair.camera << " from " << corner.transpose();
-    }
+    EXPECT_LT(worst_shift(path("a.png"), path("b.png")), 0.05) << pair.camera;
   }
+}
+
+TEST_F(ViewPeer, FisheyesWithCoefficients_ShowWhatOpenCvsFisheyeShows) {
+  const std::string python = "/usr/bin/python3";  // Debian's interpreter, which finds Debian's modules
+  if (Process({"sh", "-c", python + " -c 'import cv2, numpy'"}).wait().code != 0)
+    GTEST_SKIP() << "Debian's python3-opencv is not installed";
+  test::write_bytes(path("s.png"), smooth_sphere(1024));
+  // theta_d = theta (1 + k1 theta^2 + k2 theta^4 + ...), which is r. It finds rays up to less than 90 degrees off the axis.
+  const std::string script = R"(
+import sys, cv2, numpy as np
+source, to, side, half = sys.argv[1], sys.argv[2], int(sys.argv[3]), np.radians(float(sys.argv[4]))
+k = np.array([float(v) for v in sys.argv[5:]])
+focal = side / 2 / (half * (1 + k @ half ** np.array([2, 4, 6, 8])))
+K = np.array([[focal, 0, side / 2 - 0.5], [0, focal, side / 2 - 0.5], [0, 0, 1]])
+y, x = np.mgrid[0:side, 0:side].astype(np.float64)
+flat = cv2.fisheye.undistortPoints(np.stack([x, y], -1).reshape(1, -1, 2), K, k).reshape(side, side, 2)
+theta, phi = np.arctan(flat[..., 0]), np.arctan2(flat[..., 1], np.hypot(1, flat[..., 0]))
+sphere = cv2.imread(source, cv2.IMREAD_GRAYSCALE)
+height, width = sphere.shape
+columns, rows = (theta / (2 * np.pi) + 0.5) * width - 0.5, (phi / np.pi + 0.5) * height - 0.5
+cv2.imwrite(to, cv2.remap(sphere, columns.astype(np.float32), rows.astype(np.float32), cv2.INTER_LINEAR))
+)";
+  const Finished ours = nodal({"view", path("s.png"), "--from", "equirectangular", "-o", path("a.png"), "--camera",
+                               "fisheye:f3=0.08,f5=-0.02,f7=0.005,f9=-0.001", "--fov", "110", "--size", "96x96"});
+  ASSERT_EQ(ours.code, 0) << ours.err;
+  const auto shows = [&](const std::string& k1) {
+    const Finished theirs =
+        Process({python, "-c", script, path("s.png"), path("b.png"), "96", "55", k1, "-0.02", "0.005", "-0.001"})
+            .wait();
+    EXPECT_EQ(theirs.code, 0) << theirs.err;
+    return worst_shift(path("a.png"), path("b.png"));
+  };
+  EXPECT_LT(shows("0.08"), 0.02);
+  EXPECT_GT(shows("0.05"), 0.1) << "another lens is noticed";
 }
 
 }  // namespace

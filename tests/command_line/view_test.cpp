@@ -200,6 +200,10 @@ TEST_F(ViewCommand, WhatCannotBeDone_IsSaidInOneSentence) {
                  "a field of view of 180 degrees; the perspective camera shows 1 to 179");
   expect_refused({"view", sphere, "-o", path("out.png"), "--size", "64"}, "WIDTHxHEIGHT");
   expect_refused({"view", sphere, "-o", path("out.png"), "--camera", "pinhole"}, "perspective, fisheye");
+  expect_refused({"view", sphere, "-o", path("out.png"), "--camera", "fisheye:f1=-1"}, "F1 from 1e-06");
+  expect_refused({"view", sphere, "-o", path("out.png"), "--from", "equirectangular", "--camera", "fisheye:f3=-0.1",
+                  "--fov", "210"},
+                 "the fisheye:f3=-0.1 camera shows 1 to 209");
 }
 
 TEST_F(ViewCommand, EyeBesideTheCentreOfASphere_SeesWhatTheGeometryPredicts) {
