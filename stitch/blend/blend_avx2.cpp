@@ -113,17 +113,15 @@ struct Avx2 {
   template <int N>
   using Light = std::array<std::array<Rows, 2>, N>;
 
-  /// Applies the head's curves and gains to the interpolated samples of a record.
-  template <int N>
+  /// Applies the head's curves and gains to the interpolated samples of a record, of the tile's halves [kBegin, kEnd).
+  template <int N, std::size_t kBegin, std::size_t kEnd>
   [[gnu::always_inline]] static inline void tone(const BlendJob& job, std::size_t r, Light<N>& negative_light) {
-    const PatchRecord& record = job.grid->records[r];
-    const HeadIndex head = record.head();
+    const HeadIndex head = job.grid->records[r].head();
     if (job.curves) {
       for (std::size_t c = 0; c < N; ++c) {
         const Pieces<32>& curve = job.curve[head][job.component[c].tone];
         const V base = all(job.component[c].black);
-        for (std::size_t half = 0; half < 2; ++half) {
-          if (!record.has(half)) continue;
+        for (std::size_t half = kBegin; half < kEnd; ++half) {
           Rows& rows = negative_light[c][half];
           rows = negated(on_curve<10>(negated(rows, base), curve), base);
         }
@@ -133,9 +131,9 @@ struct Avx2 {
     const bool alone = job.grid->gains.empty();
     Bilinear vignetting{};
     if (!alone) vignetting.set(out_of_sight(kConstants), job.grid->gains[r].data());
-    for (std::size_t half = 0; half < 2; ++half) {
+    if (kBegin == 1) vignetting.half();
+    for (std::size_t half = kBegin; half < kEnd; ++half) {
       const Rows gains = vignetting.half();
-      if (!record.has(half)) continue;
       for (std::size_t c = 0; c < N; ++c) {
         const V of_head = all(job.gain(head, c));
         const V upper = alone ? of_head : _mm256_mulhrs_epi16(gains.upper, of_head);
@@ -167,8 +165,8 @@ struct Avx2 {
     }
   }
 
-  /// The light that a record contributes to its part of a tile, negative.
-  template <int N>
+  /// The light that a record contributes to the tile's halves [kBegin, kEnd), negative.
+  template <int N, std::size_t kBegin, std::size_t kEnd>
   [[gnu::always_inline]] static inline void negative_light_of(const BlendJob& job, std::size_t r,
                                                               Light<N>& negative_light) {
     const PatchRecord& record = job.grid->records[r];
@@ -176,16 +174,16 @@ struct Avx2 {
     alignas(32) std::array<Staged, N> staged;
     std::array<Patch, N> patch;
     find_patch<N>(job.plane(record), record, staged, patch);
+    if (kBegin == 1) coordinates.half(out_of_sight(kConstants), 0);
 #pragma GCC unroll 2  // keeps the state that half 0 leaves for half 1 in registers
-    for (std::size_t half = 0; half < 2; ++half) {
+    for (std::size_t half = kBegin; half < kEnd; ++half) {
       const Constants& k = out_of_sight(kConstants);  // per half: common values would be spilled to the stack
       const Places at = coordinates.half(k, half);
-      if (!record.has(half)) continue;
       for (std::size_t c = 0; c < N; ++c) {
         negative_light[c][half] = mix(k, patch[c], at, record, half, all(job.component[c].black));
       }
     }
-    if (job.curves || job.gains) tone<N>(job, r, negative_light);
+    if (job.curves || job.gains) tone<N, kBegin, kEnd>(job, r, negative_light);
   }
 
   static inline Rows level_of(const BlendJob& job, std::size_t c, Rows light, bool negative) {

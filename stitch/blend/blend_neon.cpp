@@ -220,8 +220,8 @@ inline std::array<Row, 2> on_curve(const std::array<Row, 2>& at, const Pieces<kP
 }
 
 struct Neon {
-  /// The light that a record contributes to its part of a tile, negative.
-  template <int N>
+  /// The light that a record contributes to the tile's halves [kBegin, kEnd), negative.
+  template <int N, std::size_t kBegin, std::size_t kEnd>
   static inline void negative_light_of(const BlendJob& job, std::size_t r, std::array<TileRows, N>& negative_light) {
     const PatchRecord& record = job.grid->records[r];
     Staged<N> staged;
@@ -230,8 +230,7 @@ struct Neon {
     const Coordinates at = coordinates_of(*job.grid, record);
     const bool alone = job.grid->gains.empty();
     const TileRows vignetting = !job.gains || alone ? TileRows{} : bilinear_over_tile(job.grid->gains[r].data());
-    for (std::size_t j = 0; j < kTile; j += 2) {
-      if (!record.has(j / kQuarter)) continue;
+    for (std::size_t j = kBegin * kQuarter; j < kEnd * kQuarter; j += 2) {
       const int first = record.first_row(j / kQuarter);
       const Places places = places_of(at, j, first, record.last_row());
       for (std::size_t c = 0; c < N; ++c) {

@@ -166,18 +166,29 @@ template <class Kernel, int N, class Number>
   return true;
 }
 
-/// For kernels that interpolate record by record: the light of record r, or of the pair that begins with it. Returns how many
-/// records these are.
+/// For kernels that interpolate record by record: the light of the pair that begins with record r. Pairs are rare; apart from
+/// the rest, they do not change how that is compiled.
 template <class Kernel, int N, class Light>
-inline std::size_t next_light(const BlendJob& job, std::size_t r, Light& negative_light) {
+[[gnu::noinline]] void light_of_pair(const BlendJob& job, std::size_t r, Light& negative_light) {
+  prefetch<N>(job, r + 1);
+  Kernel::template negative_light_of<N, 0, 1>(job, r, negative_light);
+  Kernel::template negative_light_of<N, 1, 2>(job, r + 1, negative_light);
+}
+
+/// The light of record r, or of the pair that begins with it. Returns how many records these are.
+template <class Kernel, int N, class Light>
+[[gnu::always_inline]] inline std::size_t next_light(const BlendJob& job, std::size_t r, Light& negative_light) {
   const PatchRecord& record = job.grid->records[r];
-  const std::size_t count = record.paired() ? 2 : 1;
-  for (std::size_t k = r; k < r + count; ++k) {
-    prefetch<N>(job, k);
-    Kernel::template negative_light_of<N>(job, k, negative_light);
+  prefetch<N>(job, r);
+  if (record.paired()) {
+    Light of_pair;  // so that negative_light can stay in registers
+    light_of_pair<Kernel, N>(job, r, of_pair);
+    negative_light = of_pair;
+  } else {
+    Kernel::template negative_light_of<N, 0, 2>(job, r, negative_light);
   }
   if (job.low_band != nullptr) Kernel::template correct<N>(job, record.head(), negative_light);
-  return count;
+  return record.paired() ? 2 : 1;
 }
 
 template <class Kernel, int N, class Number>
