@@ -104,18 +104,31 @@ Status check_names(const FrameOptions& options) {
   std::vector<std::vector<std::string>> sets;
   for (const std::string& input : options.inputs) sets.push_back({input});
   if (const Status good = check_output(options.out, sets); !good) return good;
-  if (options.inputs.size() == 1 || has_number(options.out)) return {};
+  if (options.out == "-" || has_number(options.out)) return {};
+  if (options.pictures > 1) {
+    return fail(Errc::kBadValue,
+                fmt::format("--out {}: there will be {} pictures, and every one needs a name of its own; "
+                            "put %04d into it, or give - to send them on",
+                            options.out, options.pictures));
+  }
+  if (options.inputs.size() == 1) return {};
   return fail(Errc::kBadValue,
               fmt::format("--out {}: there are {} raymaps, and every result needs a name of its own; put "
                           "%04d into it",
                           options.out, options.inputs.size()));
 }
 
+Status check_pipe(const Console& console, bool piped) {
+  if (piped && console.json()) return fail(Errc::kBadValue, "--out - and --json both want standard output");
+  if (!piped || !console.out_is_terminal()) return {};
+  return fail(Errc::kBadValue, "--out - would write pictures on the terminal; send it on: | ffplay -f mjpeg -");
+}
+
 /// What all pictures of one size become.
 struct FrameJob {
   geometry::RaymapSize made;
-  std::optional<geometry::LayoutName> layout;  ///< of the results; nothing for a view
-  std::function<DecodedImage(const DecodedImage&)> paint;
+  std::optional<geometry::LayoutName> layout;                             ///< of the results; nothing for a view
+  std::function<DecodedImage(const DecodedImage&, std::size_t k)> paint;  ///< picture k
   double plan_seconds = 0;
 };
 
@@ -125,20 +138,27 @@ Status run_frame_job(Context& context, const FrameOptions& options,
   Console& console = context.console();
   const Stopwatch whole;
   double resampling_seconds = 0;
-  const Result<RaymapFormat> format = raymap_format_of_name(options.out);
+  const bool piped = options.out == "-";
+  if (const Status good = check_pipe(console, piped); !good) return good;
+  const Result<RaymapFormat> format = piped ? RaymapFormat::kJpg : raymap_format_of_name(options.out);
   if (!format) return fail(format.error().in("--out"));
   if (const Status good = check_names(options); !good) return good;
+  const std::size_t count = options.pictures > 0 ? options.pictures : options.inputs.size();
   std::optional<FrameJob> job;
   geometry::RaymapSize size;  // of the first
   std::string last;
+  std::optional<FrameInput> input;
   {
-    Progress bar(console, "resampling", options.inputs.size());
-    for (std::size_t k = 0; k < options.inputs.size(); ++k) {
-      if (interrupted())
-        return fail(Errc::kCancelled, fmt::format("stopped after {} of {} pictures", k, options.inputs.size()));
-      const Result<FrameInput> input = interruptible(
-          console, [&] { return read_frame(options.inputs[k], options.from.empty(), *format != RaymapFormat::kJpg); });
-      if (!input) return fail(input.error());
+    Progress bar(console, "resampling", count);
+    for (std::size_t k = 0; k < count; ++k) {
+      if (interrupted()) return fail(Errc::kCancelled, fmt::format("stopped after {} of {} pictures", k, count));
+      if (k < options.inputs.size()) {
+        Result<FrameInput> read = interruptible(console, [&] {
+          return read_frame(options.inputs[k], options.from.empty(), *format != RaymapFormat::kJpg);
+        });
+        if (!read) return fail(read.error());
+        input = std::move(*read);
+      }
       const DecodedImage& picture = input->picture;
       if (!job) {
         Result<FrameJob> begun = begin(*input);
@@ -154,17 +174,22 @@ Status run_frame_job(Context& context, const FrameOptions& options,
       }
       const auto file = interruptible(console, [&] {
         const Stopwatch watch;
-        const DecodedImage result = job->paint(picture);
+        const DecodedImage result = job->paint(picture, k);
         resampling_seconds += watch.seconds();
         return encode(result, *format, job->layout, options.quality);
       });
       if (!file) return fail(file.error());
+      if (piped) {
+        console.bytes({reinterpret_cast<const char*>(file->data()), file->size()});
+        continue;
+      }
       last = numbered_name(options.out, k).value();
       if (const Status written = write_file(last, *file); !written) return written;
       bar.update(k + 1, last);
     }
   }
-  Json document{{"pictures", options.inputs.size()},
+  if (piped) return {};
+  Json document{{"pictures", count},
                 {"out", last},
                 {"width", job->made.width},
                 {"height", job->made.height},
@@ -173,8 +198,8 @@ Status run_frame_job(Context& context, const FrameOptions& options,
                 {"resampling_seconds", resampling_seconds}};
   if (job->layout) document["layout"] = job->layout->text();
   console.document(document);
-  console.line(fmt::format("{}: {}x{}{} ({:.1f} s)", options.inputs.size() == 1 ? last : options.out, job->made.width,
-                           job->made.height, job->layout ? ", " + job->layout->text() : "", whole.seconds()));
+  console.line(fmt::format("{}: {}x{}{} ({:.1f} s)", count == 1 ? last : options.out, job->made.width, job->made.height,
+                           job->layout ? ", " + job->layout->text() : "", whole.seconds()));
   return {};
 }
 
@@ -186,7 +211,8 @@ void add_frame_options(CLI::App& command, FrameOptions& options) {
       ->type_name("");
   command
       .add_option("-o,--out", options.out,
-                  "The result, .png, .tif or .raw with the raymap's bits, or .jpg with 8; %04d numbers it")
+                  "The result, .png, .tif or .raw with the raymap's bits, or .jpg with 8; %04d numbers it;\n"
+                  "-: JPEGs on standard output, for | ffmpeg -f mjpeg -i - film.mp4")
       ->required()
       ->type_name("FILE");
   command.add_option("--from", options.from, "The raymaps' layout; as their metadata says when not given")
@@ -226,7 +252,10 @@ Status run_frames(Context& context, const FrameOptions& options,
     });
     return FrameJob{{made->target.width, made->target.height},
                     made->layout,
-                    [&](const DecodedImage& raymap) { return resampler->resample(raymap.view(), plan, workers); },
+                    [&, target_of = made->target_of](const DecodedImage& raymap, std::size_t k) {
+                      if (target_of && k > 0) plan = resampler->plan(target_of(k), workers);
+                      return resampler->resample(raymap.view(), plan, workers);
+                    },
                     watch.seconds()};
   });
 }
@@ -234,7 +263,7 @@ Status run_frames(Context& context, const FrameOptions& options,
 Status run_frames_as(Context& context, const FrameOptions& options, geometry::RaymapSize size,
                      const std::function<DecodedImage(const DecodedImage& raymap)>& paint) {
   return run_frame_job(context, options, [&](const FrameInput&) -> Result<FrameJob> {
-    return FrameJob{size, std::nullopt, paint, 0};
+    return FrameJob{size, std::nullopt, [&](const DecodedImage& raymap, std::size_t) { return paint(raymap); }, 0};
   });
 }
 

@@ -12,6 +12,7 @@
 #include "stitch/mesh/mesh_file.h"
 #include "stitch/mesh/rasteriser.h"
 #include "stitch/view/camera.h"
+#include "stitch/view/camera_path.h"
 
 namespace nodal::host {
 namespace {
@@ -20,7 +21,7 @@ struct ViewArgs {
   FrameOptions frames;
   std::string camera = "perspective";
   std::string size = "1920x1080";
-  std::string envelope, mesh, eye;
+  std::string envelope, mesh, eye, path;
   view::CameraSpec spec;
 };
 
@@ -76,6 +77,30 @@ Status run_mesh_view(Context& context, const ViewArgs& args, const view::CameraS
                        [&](const DecodedImage& raymap) { return seen->paint(raymap.view(), scattered, workers); });
 }
 
+/// A camera path whose keys all have a field of view that the camera can show.
+Result<view::CameraPath> read_path(const std::string& file, const view::CameraSpec& of) {
+  constexpr std::uint64_t kMostBytes = 16 << 20;
+  const Result<std::string> text = read_file(file, kMostBytes);
+  if (!text) return fail(text.error());
+  Result<view::CameraPath> path = view::CameraPath::parse(*text);
+  if (!path) return path;
+  for (const view::CameraKey& key : path->keys()) {
+    view::CameraSpec spec = of;
+    spec.fov_deg = key.fov_deg;
+    const Result<view::Camera> camera = view::Camera::make(spec);
+    if (!camera) return fail(camera.error().in(fmt::format("picture {}", key.picture)));
+  }
+  return path;
+}
+
+/// The camera in picture k.
+view::CameraSpec along(view::CameraSpec spec, const view::CameraPath& path, std::size_t k) {
+  const view::CameraKey key = path.at(static_cast<std::int64_t>(k));
+  spec.pose = key.pose;
+  spec.fov_deg = key.fov_deg;
+  return spec;
+}
+
 Status run_view(Context& context, const ViewArgs& args) {
   if (!args.eye.empty() && args.envelope.empty() && args.mesh.empty())
     return fail(Errc::kMissingField, "--eye: how far away things are is not known; give --envelope or --mesh");
@@ -85,7 +110,14 @@ Status run_view(Context& context, const ViewArgs& args) {
   spec.width = size.width;
   spec.height = size.height;
   if (!args.mesh.empty()) return run_mesh_view(context, args, spec);
-  const Result<view::Camera> camera = view::Camera::make(spec);
+  std::optional<view::CameraPath> path;
+  if (!args.path.empty()) {
+    Result<view::CameraPath> read = read_path(args.path, spec);
+    if (!read) return fail(read.error().in(args.path).in("--path"));
+    path = std::move(*read);
+    spec = along(spec, *path, 0);
+  }
+  Result<view::Camera> camera = view::Camera::make(spec);
   if (!camera) return fail(camera.error().in("--fov"));
   view::Target target{spec.width, spec.height, [&](double x, double y) { return camera->ray(x, y); }, 0, true};
   std::optional<geometry::Envelope> envelope;
@@ -102,8 +134,18 @@ Status run_view(Context& context, const ViewArgs& args) {
     };
     target.smooth = false;  // not at the edges of a mesh
   }
-  return run_frames(context, args.frames, [&](const geometry::LayoutName&, geometry::RaymapSize) -> Result<Outcome> {
-    return Outcome{target, std::nullopt};
+  FrameOptions frames = args.frames;
+  if (path && frames.inputs.size() == 1) frames.pictures = static_cast<std::size_t>(path->keys().back().picture) + 1;
+  return run_frames(context, frames, [&](const geometry::LayoutName&, geometry::RaymapSize) -> Result<Outcome> {
+    Outcome outcome{target, std::nullopt};
+    if (path) {
+      outcome.target_of = [&](std::size_t k) {
+        camera =
+            view::Camera::make(along(spec, *path, k));  // cannot fail: a field of view is between those of two keys
+        return target;
+      };
+    }
+    return outcome;
   });
 }
 
@@ -116,6 +158,7 @@ void add_view(CLI::App& app, CommandLine& line) {
                   "  nodal view cube.png --from cube -o planet.png --camera stereographic --pitch -90 \\\n"
                   "      --fov 300 --size 1500x1500\n"
                   "  nodal view r-*.jpg -o v-%04d.jpg\n"
+                  "  nodal view sphere.jpg -o - --path turn.csv | ffmpeg -f mjpeg -r 30 -i - turn.mp4\n"
                   "  nodal view hall.jpg -o near.jpg --envelope hall.glb --eye 0,0,3\n"
                   "  nodal view cube.jpg -o view.jpg --mesh cube.glb\n"
                   "  nodal view hall.jpg -o ball.jpg --envelope icosahedron:1 --eye 0,0,-3\n"
@@ -131,17 +174,15 @@ void add_view(CLI::App& app, CommandLine& line) {
               "\npannini:d=D with D from 0, perspective, to 100; 1 when not given")
       ->type_name("NAME:" + camera_words("|", "|"))
       ->check(checked_by(view::parse_camera));
-  command->add_option("--yaw", args->spec.pose.yaw, "To the right (0 when not given)")
-      ->type_name("DEGREES")
-      ->check(CLI::Range(-360.0, 360.0));
-  command->add_option("--pitch", args->spec.pose.pitch, "Up (0 when not given)")
-      ->type_name("DEGREES")
-      ->check(CLI::Range(-90.0, 90.0));
-  command->add_option("--roll", args->spec.pose.roll, "Clockwise (0 when not given)")
-      ->type_name("DEGREES")
-      ->check(CLI::Range(-360.0, 360.0));
-  command->add_option("--fov", args->spec.fov_deg, "From the left to the right edge (90 when not given)")
-      ->type_name("DEGREES");
+  CLI::Option* const yaw = command->add_option("--yaw", args->spec.pose.yaw, "To the right (0 when not given)");
+  yaw->type_name("DEGREES")->check(CLI::Range(-360.0, 360.0));
+  CLI::Option* const pitch = command->add_option("--pitch", args->spec.pose.pitch, "Up (0 when not given)");
+  pitch->type_name("DEGREES")->check(CLI::Range(-90.0, 90.0));
+  CLI::Option* const roll = command->add_option("--roll", args->spec.pose.roll, "Clockwise (0 when not given)");
+  roll->type_name("DEGREES")->check(CLI::Range(-360.0, 360.0));
+  CLI::Option* const fov =
+      command->add_option("--fov", args->spec.fov_deg, "From the left to the right edge (90 when not given)");
+  fov->type_name("DEGREES");
   command->add_option("--size", args->size, "Of the view, px (1920x1080 when not given)")
       ->type_name("WIDTHxHEIGHT")
       ->check(checked_by(parse_view_size));
@@ -155,6 +196,13 @@ void add_view(CLI::App& app, CommandLine& line) {
       ->add_option("--eye", args->eye, "Where the camera is, metres to the right, down and forward of the nodal point")
       ->type_name("X,Y,Z")
       ->check(checked_by(parse_eye));
+  CLI::Option* const path =
+      command->add_option("--path", args->path,
+                          "The camera moves. Lines picture,yaw,pitch,roll,fov; smooth between them. Of one raymap,\n"
+                          "pictures up to the last line's; of several, one each");
+  path->type_name("FILE");
+  for (CLI::Option* const fixed : {yaw, pitch, roll, fov}) path->excludes(fixed);
+  path->excludes("--mesh");
   line.on(command, [args](Context& context) { return run_view(context, *args); });
 }
 
