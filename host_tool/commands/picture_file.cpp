@@ -6,7 +6,6 @@
 #include <filesystem>
 #include <optional>
 
-#include "host_tool/console/console.h"
 #include "host_tool/console/files.h"
 #include "host_tool/rig/wire_json.h"
 #include "protocol/base/image.h"
@@ -84,8 +83,14 @@ std::string_view ending_of(RaymapFormat format) {
   return "raw";
 }
 
-Status check_output(const std::string& out, const std::vector<std::vector<std::string>>& sets) {
-  for (std::size_t i = 0; i < sets.size(); ++i) {
+Status check_pipe(const Console& console) {
+  if (console.json()) return fail(Errc::kBadValue, "--out - and --json both want standard output");
+  if (!console.out_is_terminal()) return {};
+  return fail(Errc::kBadValue, "--out - would write pictures on the terminal; send it on: | ffplay -f mjpeg -");
+}
+
+Status check_output(const std::string& out, const std::vector<std::vector<std::string>>& sets, std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) {
     const Result<std::string> name = numbered_name(out, i);
     if (!name) return fail(name.error().in("--out"));
     for (const auto& set : sets) {

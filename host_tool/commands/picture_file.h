@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "host_tool/console/console.h"
 #include "protocol/base/result.h"
 #include "protocol/nodal.pb.h"
 
@@ -24,9 +25,12 @@ Result<RaymapFormat> raymap_format_of_name(std::string_view name);
 /// The ending of a file's name for it, without the dot.
 std::string_view ending_of(RaymapFormat format);
 
-/// Refuses to write over a picture that is read: nothing could bring it back. `out` may number its files; the i-th is
-/// made of the i-th set of pictures. Errors: kExists, kBadValue; those of numbered_name().
-Status check_output(const std::string& out, const std::vector<std::vector<std::string>>& sets);
+/// Refuses to write over a picture that is read: nothing could bring it back. `out` may number its `count` files. Errors:
+/// kExists, kBadValue; those of numbered_name().
+Status check_output(const std::string& out, const std::vector<std::vector<std::string>>& sets, std::size_t count);
+
+/// Whether pictures can go to standard output. Errors: kBadValue.
+Status check_pipe(const Console& console);
 
 struct ReceivedRaymap {
   wire::RaymapHeader header;

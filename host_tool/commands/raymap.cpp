@@ -123,10 +123,7 @@ Result<RaymapSink> make_sink(const RaymapArgs& args, Console& console) {
   const std::string end(ending_of(sink.format));
   sink.pattern = !args.out.empty() ? args.out : (many ? "raymap-%06d." : "raymap.") + end;
   if (sink.pattern == "-") {
-    if (console.json()) return fail(Errc::kBadValue, "--out - and --json both want standard output");
-    if (console.out_is_terminal()) {
-      return fail(Errc::kBadValue, "--out - would write pictures on the terminal; send it on: | ffplay -f mjpeg -");
-    }
+    if (const Status good = check_pipe(console); !good) return fail(good.error());
     return sink;
   }
   if (const Result<std::string> name = numbered_name(sink.pattern, 1); !name) return fail(name.error());

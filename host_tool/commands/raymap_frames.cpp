@@ -100,28 +100,21 @@ Result<std::vector<std::uint8_t>> encode(const DecodedImage& picture, RaymapForm
                          notes);
 }
 
+/// How many pictures are made.
+std::size_t count_of(const FrameOptions& options) {
+  return options.pictures > 0 ? options.pictures : options.inputs.size();
+}
+
 Status check_names(const FrameOptions& options) {
-  std::vector<std::vector<std::string>> sets;
-  for (const std::string& input : options.inputs) sets.push_back({input});
-  if (const Status good = check_output(options.out, sets); !good) return good;
-  if (options.out == "-" || has_number(options.out)) return {};
-  if (options.pictures > 1) {
+  if (options.out == "-") return {};
+  const std::size_t count = count_of(options);
+  if (count > 1 && !has_number(options.out)) {
     return fail(Errc::kBadValue,
                 fmt::format("--out {}: there will be {} pictures, and every one needs a name of its own; "
                             "put %04d into it, or give - to send them on",
-                            options.out, options.pictures));
+                            options.out, count));
   }
-  if (options.inputs.size() == 1) return {};
-  return fail(Errc::kBadValue,
-              fmt::format("--out {}: there are {} raymaps, and every result needs a name of its own; put "
-                          "%04d into it",
-                          options.out, options.inputs.size()));
-}
-
-Status check_pipe(const Console& console, bool piped) {
-  if (piped && console.json()) return fail(Errc::kBadValue, "--out - and --json both want standard output");
-  if (!piped || !console.out_is_terminal()) return {};
-  return fail(Errc::kBadValue, "--out - would write pictures on the terminal; send it on: | ffplay -f mjpeg -");
+  return check_output(options.out, {options.inputs}, count);
 }
 
 /// What all pictures of one size become.
@@ -139,11 +132,11 @@ Status run_frame_job(Context& context, const FrameOptions& options,
   const Stopwatch whole;
   double resampling_seconds = 0;
   const bool piped = options.out == "-";
-  if (const Status good = check_pipe(console, piped); !good) return good;
+  if (const Status good = piped ? check_pipe(console) : Status{}; !good) return good;
   const Result<RaymapFormat> format = piped ? RaymapFormat::kJpg : raymap_format_of_name(options.out);
   if (!format) return fail(format.error().in("--out"));
   if (const Status good = check_names(options); !good) return good;
-  const std::size_t count = options.pictures > 0 ? options.pictures : options.inputs.size();
+  const std::size_t count = count_of(options);
   std::optional<FrameJob> job;
   geometry::RaymapSize size;  // of the first
   std::string last;

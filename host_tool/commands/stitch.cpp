@@ -93,7 +93,7 @@ std::string beside(const std::string& out, const std::string& ending) {
 }
 
 Status check_names(const std::string& out, const std::vector<std::vector<std::string>>& sets) {
-  if (const Status good = check_output(out, sets); !good) return good;
+  if (const Status good = check_output(out, sets, sets.size()); !good) return good;
   if (sets.size() == 1 || has_number(out)) return {};
   return fail(Errc::kBadValue, fmt::format("--out {}: there are {} sets of pictures, and every raymap needs a name of "
                                            "its own; put %04d into it",

@@ -166,8 +166,8 @@ template <class Kernel, int N, class Number>
   return true;
 }
 
-/// For kernels that interpolate record by record: the light of the pair that begins with record r. Pairs are rare; apart from
-/// the rest, they do not change how that is compiled.
+/// For kernels that interpolate record by record: the light of the pair that begins with record r. Not inlined, so that
+/// the code for single records is compiled as if there were no pairs.
 template <class Kernel, int N, class Light>
 [[gnu::noinline]] void light_of_pair(const BlendJob& job, std::size_t r, Light& negative_light) {
   prefetch<N>(job, r + 1);

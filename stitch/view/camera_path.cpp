@@ -38,7 +38,7 @@ bool read_number(std::string_view text, Number& number) {
   return error == std::errc() && end == text.data() + text.size();
 }
 
-/// Nothing if the line is none of a path.
+/// Nothing if the line is not five numbers, of which the first is whole.
 std::optional<CameraKey> read_key(std::string_view line) {
   std::array<std::string_view, 5> fields;
   for (std::size_t k = 0; k < fields.size(); ++k) {

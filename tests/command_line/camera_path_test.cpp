@@ -64,6 +64,10 @@ TEST_F(CameraPathCommand, MovesTheCamera_AndItsKeysAreTheViewsThere) {
     expect_refused(words, says);
   };
   refused({"--path", path("turn.csv"), "-o", path("one.png")}, "there will be 7 pictures");
+  std::filesystem::copy_file(path("sphere.png"), path("s-3.png"));  // the fourth picture would be written over it
+  expect_refused(
+      {"view", path("s-3.png"), "--from", "equirectangular", "--path", path("turn.csv"), "-o", path("s-%d.png")},
+      "s-3.png is one of the pictures");
   refused({"--path", path("turn.csv"), "-o", "-", "--json"}, "both want standard output");
   refused({"--path", path("turn.csv"), "--yaw", "3", "-o", path("v-%d.png")}, "excludes --path");
   refused({"--path", path("none.csv"), "-o", path("v-%d.png")}, "no such file");
