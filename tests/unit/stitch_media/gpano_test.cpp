@@ -56,7 +56,7 @@ TEST(Gpano, APartOf16Bits_IsPlacedWithBothBytes) {
   const DecodedImage part = numbered(PixelFormat::kRgb48, 3, 2);
   const DecodedImage whole = whole_sphere(part, {8, 4, 2, 1, 3, 2}).value();
   ASSERT_EQ(whole.bytes.size(), 8U * 4U * 6U);
-  std::vector<std::uint8_t> expected(whole.bytes.size());
+  std::vector<std::uint8_t> expected(8U * 4U * 6U);
   for (std::ptrdiff_t y = 0; y < 2; ++y) {
     std::copy_n(part.bytes.begin() + y * 18, 18, expected.begin() + (8 * (y + 1) + 2) * 6);
   }
