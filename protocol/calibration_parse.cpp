@@ -272,6 +272,44 @@ HeadCalibration parse_head(Fields fields) {
   return head;
 }
 
+/// Every field that a calibration may have, with as much of each as can be right.
+JsonShape calibration_shape() {
+  const JsonShape value = JsonShape::value(256);
+  const JsonShape numbers = JsonShape::list(16, value);
+  const JsonShape lens = JsonShape::object({{"model", value},
+                                            {"focal", value},
+                                            {"kappa1", value},
+                                            {"kappa2", value},
+                                            {"coefficients", numbers},
+                                            {"k", numbers}});
+  const JsonShape circle = JsonShape::object({{"x", value}, {"y", value}, {"radius", value}});
+  const JsonShape masks = JsonShape::list(kMaxMasks, JsonShape::list(kMaxMaskPoints, numbers));
+  const JsonShape region = JsonShape::object(
+      {{"left", value}, {"top", value}, {"right", value}, {"bottom", value}, {"circle", circle}, {"masks", masks}});
+  const JsonShape response = JsonShape::object({{"curve", value}, {"gamma", value}, {"coefficients", numbers}});
+  const JsonShape vignetting =
+      JsonShape::object({{"x", value}, {"y", value}, {"radius", value}, {"coefficients", numbers}});
+  const JsonShape head =
+      JsonShape::object({{"name", value},
+                         {"width", value},
+                         {"height", value},
+                         {"center", numbers},
+                         {"aspect", value},
+                         {"lens", lens},
+                         {"max_angle", value},
+                         {"R_head_rig", JsonShape::list(3, numbers)},
+                         {"position", numbers},
+                         {"region", region},
+                         {"response", response},
+                         {"vignetting", vignetting},
+                         {"gain", JsonShape::object({{"red", value}, {"green", value}, {"blue", value}})}});
+  return JsonShape::object({{"nodal_calibration", value},
+                            {"name", value},
+                            {"comment", JsonShape::value(kMaxCalibrationBytes)},
+                            {"distance", value},
+                            {"heads", JsonShape::list(kMaxCalibratedHeads, head)}});
+}
+
 /// Checked first: a newer document may have fields that this version does not know.
 Status check_version(const json& document) {
   if (!document.is_object() || !document.contains("nodal_calibration")) {
@@ -295,7 +333,8 @@ Status check_version(const json& document) {
 }  // namespace
 
 Result<Calibration> parse_calibration(std::string_view text) {
-  Result<json> document = parse_strict_json(text, {kMaxCalibrationBytes, 8});
+  static const JsonShape kShape = calibration_shape();
+  Result<json> document = parse_strict_json(text, {kMaxCalibrationBytes, 8}, kShape);
   if (!document) return fail(document.error());
   if (Status s = check_version(*document); !s) return fail(s.error());
 
@@ -313,8 +352,8 @@ Result<Calibration> parse_calibration(std::string_view text) {
   }
   if (const json* heads = fields.array("heads")) {
     if (heads->size() > kMaxCalibratedHeads) {
-      return fail(Errc::kBadValue, "the calibration has " + std::to_string(heads->size()) +
-                                       " heads; it may have 1 to " + std::to_string(kMaxCalibratedHeads));
+      return fail(Errc::kBadValue,
+                  "the calibration has more heads than it may have: 1 to " + std::to_string(kMaxCalibratedHeads));
     }
     for (std::size_t i = 0; i < heads->size(); ++i) {
       calibration.heads.push_back(parse_head(Fields(&(*heads)[i], "heads[" + std::to_string(i) + "]", error)));

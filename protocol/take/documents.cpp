@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
-#include <set>
 
 #include "protocol/base/text.h"
 #include "protocol/strict_json.h"
@@ -53,8 +52,9 @@ class JsonFields {
   const std::string where_;
 };
 
-Result<Json> parse(std::string_view text, const std::string& file, std::size_t limit) {
-  auto json = parse_strict_json(text, {.bytes = limit, .depth = 8});
+/// `shape`: every field that this version reads; others are left out.
+Result<Json> parse(const TextPieces& text, const std::string& file, std::size_t limit, const JsonShape& shape) {
+  auto json = parse_strict_json(text, {.bytes = limit, .depth = 8}, shape);
   if (!json) return fail(json.error().in(file));
   if (!json->is_object()) return fail(Errc::kBadFormat, file + ": not a JSON object");
   const auto version = JsonFields(*json, file).number("version", UINT32_MAX);
@@ -73,7 +73,6 @@ Result<Json> parse(std::string_view text, const std::string& file, std::size_t l
   auto& variable = *variable##_result
 
 constexpr std::uint64_t kMostNs = INT64_MAX;
-constexpr std::size_t kMostFiles = 200'000;
 
 }  // namespace
 
@@ -93,7 +92,19 @@ std::string take_json(const TakeDocument& take) {
 }
 
 Result<TakeDocument> parse_take_json(std::string_view text, const std::string& file) {
-  NODAL_TAKE(json, parse(text, file, kMaxTakeJsonBytes));
+  const JsonShape value = JsonShape::value(256);
+  const JsonShape shape = JsonShape::object({{"version", value},
+                                             {"take", value},
+                                             {"rig", value},
+                                             {"software", value},
+                                             {"started_utc_ns", value},
+                                             {"rate", JsonShape::list(2, value)},
+                                             {"mode", value},
+                                             {"calibration", value},
+                                             {"layout", value},
+                                             {"raymap", JsonShape::list(2, value)},
+                                             {"heads", JsonShape::list(kMaxHeads, value)}});
+  NODAL_TAKE(json, parse(one_piece(text), file, kMaxTakeJsonBytes, shape));
   const JsonFields fields(json, file);
   TakeDocument take;
   NODAL_TAKE(number, fields.number("take", kMostNs));
@@ -169,10 +180,100 @@ std::string manifest_json(const Manifest& manifest) {
   return json.dump(1) + "\n";
 }
 
-Result<Manifest> parse_manifest(std::string_view text, const std::string& file) {
-  NODAL_TAKE(json, parse(text, file, kMaxManifestBytes));
-  const JsonFields fields(json, file);
+namespace {
+
+/// Takes the elements of a manifest's lists, one after the other. The first error is kept.
+class ManifestLists {
+ public:
+  ManifestLists(Manifest& into, const std::string& file) : into_(into), file_(file) {}
+
+  void mark(const Json& json) {
+    add(json, "marks", [&](const JsonFields& entry) -> Status {
+      if (into_.marks.size() == kMostMarks) return too_many("marks", kMostMarks);
+      NODAL_TAKE(set, entry.number("set", std::uint64_t{1} << 48));
+      NODAL_TAKE(text, entry.text("text", kMaxMarkBytes));
+      into_.marks.push_back({set, text});
+      return {};
+    });
+  }
+  void calibration(const Json& json) {
+    add(json, "calibrations", [&](const JsonFields& entry) -> Status {
+      NODAL_TAKE(name, entry.text("file", 64));
+      NODAL_TAKE(id, entry.text("id", 64));
+      NODAL_TAKE(set, entry.number("set", kMostNs));
+      Manifest::Calibration calibration{name, id, set};
+      if (const Status good = check_next(calibration, into_.calibrations); !good) return fail(good.error().in(file_));
+      into_.calibrations.push_back(std::move(calibration));
+      return {};
+    });
+  }
+  void file(const Json& json) {
+    add(json, "files", [&](const JsonFields& entry) -> Status {
+      if (into_.files.size() == kMaxTakeFiles) return too_many("files", kMaxTakeFiles);
+      NODAL_TAKE(name, entry.text("name", 64));
+      NODAL_TAKE(bytes, entry.number("bytes", std::uint64_t{1} << 40));
+      NODAL_TAKE(xxh3, entry.text("xxh3", 32));
+      const auto digest = xxh128_of_hex(xxh3);
+      if (!digest) return entry.wrong("xxh3", "not 32 hexadecimal digits");
+      if (!is_take_file(name) || name == kManifestFile)
+        return entry.wrong("name", fmt::format("'{}' is no file of a take", name));
+      into_.files.push_back({name, bytes, *digest});
+      return {};
+    });
+  }
+
+  /// Errors: of an element; kBadValue for a file that is listed twice.
+  Status finish() const {
+    if (!status_) return status_;
+    std::vector<std::string_view> names;
+    for (const Manifest::File& each : into_.files) names.emplace_back(each.name);
+    std::ranges::sort(names);
+    const auto twice = std::ranges::adjacent_find(names);
+    if (twice == names.end()) return {};
+    return fail(Errc::kBadValue, fmt::format("{}: files: name: '{}' is there twice", file_, *twice));
+  }
+
+ private:
+  template <class Read>
+  void add(const Json& json, const char* list, Read read) {
+    if (!status_) return;
+    if (!json.is_object()) {
+      status_ = fail(Errc::kBadValue, fmt::format("{}: {}: not a list of objects", file_, list));
+    } else {
+      status_ = read(JsonFields(json, fmt::format("{}: {}", file_, list)));
+    }
+  }
+  Status too_many(const char* list, std::size_t most) const {
+    return fail(Errc::kBadValue, fmt::format("{}: {}: not a list of at most {}", file_, list, most));
+  }
+
+  Manifest& into_;
+  const std::string& file_;
+  Status status_;
+};
+
+}  // namespace
+
+Result<Manifest> parse_manifest(const TextPieces& text, const std::string& file) {
   Manifest manifest;
+  ManifestLists lists(manifest, file);
+  const JsonShape value = JsonShape::value(256);
+  const JsonShape mark = JsonShape::object({{"set", value}, {"text", value}});
+  const JsonShape calibration = JsonShape::object({{"file", value}, {"id", value}, {"set", value}});
+  const JsonShape each_file = JsonShape::object({{"name", value}, {"bytes", value}, {"xxh3", value}});
+  const JsonShape shape = JsonShape::object(
+      {{"version", value},
+       {"take", value},
+       {"sets", value},
+       {"lost_sets", value},
+       {"deleted_sets", value},
+       {"length_ns", value},
+       {"ended", value},
+       {"marks", JsonShape::stream(mark, [&](const Json& json) { lists.mark(json); })},
+       {"calibrations", JsonShape::stream(calibration, [&](const Json& json) { lists.calibration(json); })},
+       {"files", JsonShape::stream(each_file, [&](const Json& json) { lists.file(json); })}});
+  NODAL_TAKE(json, parse(text, file, kMaxManifestBytes, shape));
+  const JsonFields fields(json, file);
   NODAL_TAKE(number, fields.number("take", kMostNs));
   NODAL_TAKE(sets, fields.number("sets", std::uint64_t{1} << 48));
   NODAL_TAKE(lost, fields.number("lost_sets", std::uint64_t{1} << 48));
@@ -181,42 +282,11 @@ Result<Manifest> parse_manifest(std::string_view text, const std::string& file) 
                                                     : Result<std::uint64_t>(0));
   NODAL_TAKE(length, fields.number("length_ns", kMostNs));
   NODAL_TAKE(ended, fields.text("ended", 256));
-  NODAL_TAKE(marks, fields.list("marks", kMostMarks));
-  for (const Json& each : *marks) {
-    if (!each.is_object()) return fields.wrong("marks", "not a list of objects");
-    const JsonFields entry(each, file + ": marks");
-    NODAL_TAKE(set, entry.number("set", std::uint64_t{1} << 48));
-    NODAL_TAKE(mark, entry.text("text", kMaxMarkBytes));
-    manifest.marks.push_back({set, mark});
+  for (const char* list : {"marks", "calibrations", "files"}) {
+    if (list == std::string_view("calibrations") && !json.contains(list)) continue;
+    if (const auto is_list = fields.list(list, 0); !is_list) return fail(is_list.error());
   }
-  if (json.contains("calibrations")) {
-    NODAL_TAKE(calibrations, fields.list("calibrations", kMostCalibrations));
-    for (const Json& each : *calibrations) {
-      if (!each.is_object()) return fields.wrong("calibrations", "not a list of objects");
-      const JsonFields entry(each, file + ": calibrations");
-      NODAL_TAKE(name, entry.text("file", 64));
-      NODAL_TAKE(id, entry.text("id", 64));
-      NODAL_TAKE(set, entry.number("set", kMostNs));
-      Manifest::Calibration calibration{name, id, set};
-      if (const Status good = check_next(calibration, manifest.calibrations); !good) return fail(good.error().in(file));
-      manifest.calibrations.push_back(std::move(calibration));
-    }
-  }
-  NODAL_TAKE(files, fields.list("files", kMostFiles));
-  std::set<std::string> names;
-  for (const Json& each : *files) {
-    if (!each.is_object()) return fields.wrong("files", "not a list of objects");
-    const JsonFields entry(each, file + ": files");
-    NODAL_TAKE(name, entry.text("name", 64));
-    NODAL_TAKE(bytes, entry.number("bytes", std::uint64_t{1} << 40));
-    NODAL_TAKE(xxh3, entry.text("xxh3", 32));
-    const auto digest = xxh128_of_hex(xxh3);
-    if (!digest) return entry.wrong("xxh3", "not 32 hexadecimal digits");
-    if (!is_take_file(name) || name == kManifestFile)
-      return entry.wrong("name", fmt::format("'{}' is no file of a take", name));
-    if (!names.insert(name).second) return entry.wrong("name", fmt::format("'{}' is there twice", name));
-    manifest.files.push_back({name, bytes, *digest});
-  }
+  if (const Status good = lists.finish(); !good) return fail(good.error());
   manifest.number = number;
   manifest.sets = sets;
   manifest.lost_sets = lost;
@@ -224,6 +294,10 @@ Result<Manifest> parse_manifest(std::string_view text, const std::string& file) 
   manifest.length = Duration::nanoseconds(static_cast<std::int64_t>(length));
   manifest.ended = ended;
   return manifest;
+}
+
+Result<Manifest> parse_manifest(std::string_view text, const std::string& file) {
+  return parse_manifest(one_piece(text), file);
 }
 
 std::string calibration_file(std::size_t number) { return fmt::format("calibration-{:04}.json", number); }
@@ -240,8 +314,8 @@ Status check_next(const Manifest::Calibration& calibration, std::span<const Mani
 }
 
 bool is_take_file(std::string_view name) {
-  for (const std::string& each :
-       {kTakeFile, kManifestFile, kProtectedFile, kCalibrationFile, kRigFile, kThumbFile, kFlightFile, kDeletedFile}) {
+  for (const std::string& each : {kTakeFile, kManifestFile, kProtectedFile, kCalibrationFile, kRigFile, kThumbFile,
+                                  kFlightFile, kDeletedFile, kRecoveringFile, kSetAsideFile}) {
     if (name == each) return true;
   }
   const auto digits = [&](std::size_t least) {

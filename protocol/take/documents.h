@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -18,6 +19,8 @@ inline constexpr int kTakeVersion = 1;
 inline constexpr std::size_t kMaxTakeJsonBytes = 64 * 1024;
 /// A day of segments of a minute, with 16 heads, is 3 MB.
 inline constexpr std::size_t kMaxManifestBytes = std::size_t{32} << 20;
+/// Four times as many as that day has.
+inline constexpr std::size_t kMaxTakeFiles = 200'000;
 /// In one take.
 inline constexpr std::size_t kMostMarks = 10'000;
 inline constexpr std::size_t kMaxMarkBytes = 200;
@@ -27,7 +30,8 @@ inline constexpr std::size_t kMostCalibrations = 100;
 /// File names in the folder of a take.
 inline const std::string kTakeFile = "take.json", kManifestFile = "manifest", kProtectedFile = "protected",
                          kCalibrationFile = "calibration.json", kRigFile = "rig.toml", kThumbFile = "thumb.jpg",
-                         kFlightFile = "flight", kDeletedFile = "deleted";
+                         kFlightFile = "flight", kDeletedFile = "deleted", kRecoveringFile = "recovering",
+                         kSetAsideFile = "set-aside";
 
 /// take.json.
 struct TakeDocument {
@@ -85,6 +89,9 @@ struct Manifest {
 std::string manifest_json(const Manifest& manifest);
 /// Errors: as parse_take_json(); kBadValue for the name of a file that no take has, such as "../x".
 Result<Manifest> parse_manifest(std::string_view text, const std::string& file);
+/// The same for a manifest that arrives in pieces: it is never in memory as a whole.
+using TextPieces = std::function<Result<std::string_view>()>;
+Result<Manifest> parse_manifest(const TextPieces& text, const std::string& file);
 
 /// "calibration-0001.json": the first after calibration.json.
 std::string calibration_file(std::size_t number);

@@ -86,6 +86,8 @@ class Reader {
 
   Status set(const wire::Set& set) {
     const std::uint64_t expected = segment_.begin.first_set() + segment_.sets.size() + open_.size();
+    if (segment_.sets.size() + open_.size() == kMaxSegmentSets)
+      return fail(Errc::kTooLarge, fmt::format("more than {} sets", kMaxSegmentSets));
     if (set.index() != expected)
       return fail(Errc::kBadFormat, fmt::format("set {} where {} comes next", set.index(), expected));
     if (set.since_start_ns() < newest_ns_ || set.since_start_ns() > kLongestNs) {
@@ -117,6 +119,11 @@ class Reader {
         clusters.sets() != segment_.begin.first_set() + segment_.sets.size() + open_.size()) {
       return fail(Errc::kBadFormat,
                   fmt::format("clusters up to set {} of {} files", clusters.sets(), clusters.end_size()));
+    }
+    if (segment_.rows.size() == kMaxSegmentSets ||
+        static_cast<std::size_t>(clusters.raymaps_size()) > 2 * kMaxSegmentSets - segment_.raymaps.size()) {
+      return fail(Errc::kTooLarge,
+                  fmt::format("more than {} clusters or {} raymaps", kMaxSegmentSets, 2 * kMaxSegmentSets));
     }
     std::optional<std::size_t> raymap_file;
     for (std::size_t file = 0; file < files(); ++file) {
@@ -159,6 +166,8 @@ class Reader {
   }
 
   Status seams(const wire::Seams& seams) {
+    if (segment_.seams.size() == kMaxSegmentSets)
+      return fail(Errc::kTooLarge, fmt::format("more than {} changes of seams", kMaxSegmentSets));
     if (!segment_.seams.empty() && seams.set() <= segment_.seams.back().set()) {
       return fail(Errc::kBadFormat, fmt::format("seams from set {} on come after those from set {} on", seams.set(),
                                                 segment_.seams.back().set()));
@@ -236,32 +245,64 @@ std::vector<Xxh128> Segment::hashes_of(std::size_t file) const {
   return all;
 }
 
-Result<Segment> read_evidence(std::span<const std::uint8_t> bytes, const std::string& name) {
-  if (bytes.size() > kMaxEvidenceBytes) {
-    return fail(Errc::kTooLarge, fmt::format("{}: {} bytes; at most {}", name, bytes.size(), kMaxEvidenceBytes));
-  }
-  silence_protobuf();
+struct EvidenceReader::State {
+  explicit State(std::string of) : name(std::move(of)) {}
+
+  const std::string name;
   Segment segment;
-  Reader reader(segment);
+  Reader reader{segment};
   FrameDecoder decoder;
-  auto rest = bytes;
-  while (!rest.empty()) {
-    const auto frame = decoder.next(rest);
-    if (!frame || !*frame) break;  // torn
+  std::uint64_t bytes = 0;
+  bool torn = false;
+  Status status;
+};
+
+EvidenceReader::EvidenceReader(std::string name) : state_(std::make_unique<State>(std::move(name))) {
+  silence_protobuf();
+}
+EvidenceReader::~EvidenceReader() = default;
+
+std::uint64_t EvidenceReader::bytes() const { return state_->bytes; }
+
+Status EvidenceReader::add(std::span<const std::uint8_t> bytes) {
+  State& at = *state_;
+  const std::uint64_t before = at.bytes, size = bytes.size();
+  at.bytes += size;
+  if (at.status && at.bytes > kMaxEvidenceBytes) {
+    at.status = fail(Errc::kTooLarge, fmt::format("{}: {} bytes; at most {}", at.name, at.bytes, kMaxEvidenceBytes));
+  }
+  while (at.status && !at.torn && !bytes.empty()) {
+    const auto frame = at.decoder.next(bytes);
+    at.torn = !frame;
+    if (!frame || !*frame) break;
     wire::Record record;
     if ((*frame)->header.type != FrameType::kTakeRecord || (*frame)->header.stream != 0 ||
         !record.ParseFromArray((*frame)->payload.data(), static_cast<int>((*frame)->payload.size()))) {
-      return fail(Errc::kBadFormat, fmt::format("{}: record {} is not one of evidence", name, decoder.frames() - 1));
+      at.status =
+          fail(Errc::kBadFormat, fmt::format("{}: record {} is not one of evidence", at.name, at.decoder.frames() - 1));
+      break;
     }
-    const std::uint64_t end = bytes.size() - rest.size();
-    if (const Status good = reader.add(record, end); !good) {
-      return fail(good.error().in(fmt::format("{}: record {}", name, decoder.frames() - 1)));
+    const std::uint64_t end = before + size - bytes.size();
+    if (const Status good = at.reader.add(record, end); !good) {
+      at.status = fail(good.error().in(fmt::format("{}: record {}", at.name, at.decoder.frames() - 1)));
+      break;
     }
-    segment.good_bytes = end;
+    at.segment.good_bytes = end;
   }
-  if (segment.good_bytes == 0)
-    return fail(Errc::kTruncated, fmt::format("{}: not even its first record is whole", name));
-  return segment;
+  return at.status;
+}
+
+Result<Segment> EvidenceReader::finish() && {
+  if (!state_->status) return fail(state_->status.error());
+  if (state_->segment.good_bytes == 0)
+    return fail(Errc::kTruncated, fmt::format("{}: not even its first record is whole", state_->name));
+  return std::move(state_->segment);
+}
+
+Result<Segment> read_evidence(std::span<const std::uint8_t> bytes, const std::string& name) {
+  EvidenceReader reader(name);
+  if (const Status read = reader.add(bytes); !read) return fail(read.error());
+  return std::move(reader).finish();
 }
 
 std::string head_file(std::uint32_t head, std::uint32_t segment) {

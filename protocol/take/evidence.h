@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -19,8 +20,10 @@ inline constexpr std::uint32_t kEvidenceVersion = 1;
 inline constexpr std::uint64_t kMaxEvidenceBytes = std::uint64_t{64} << 20;
 /// A file of each head, and that of the raymaps.
 inline constexpr std::size_t kMaxSegmentFiles = 17;
-/// Positions and lengths in files: far more than a segment has, so that sums fit 64 bits.
-inline constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 40;
+/// Positions and lengths in files. A segment ends when a file has 2 GiB; a row more fits below.
+inline constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 33;
+/// Sets of a segment: a minute of 1000 a second, and a row more. As many rows, and two raymaps a set.
+inline constexpr std::size_t kMaxSegmentSets = 64'000;
 
 /// Turns records into bytes to append.
 class EvidenceWriter {
@@ -63,7 +66,30 @@ struct Segment {
   std::uint64_t next_set() const { return begin.first_set() + sets.size(); }
 };
 
-/// Reads as much as is whole. `name` is that of the evidence's file, for errors. Errors: kBadFormat for what is not evidence or
+/// Reads evidence that arrives in pieces of any size; what is not kept in the Segment is not kept at all.
+///
+/// Threading: thread-bound. Ownership: none.
+/// Errors: of add() and finish(), final: kBadFormat for what is not evidence or contradicts itself, kFutureVersion, kTooLarge over
+///   kMaxEvidenceBytes; finish(): kTruncated if not even the first record is whole. They name the file and the record.
+class EvidenceReader {
+ public:
+  explicit EvidenceReader(std::string name);
+  ~EvidenceReader();
+  EvidenceReader(const EvidenceReader&) = delete;
+  EvidenceReader& operator=(const EvidenceReader&) = delete;
+
+  /// Bytes after the newest whole record are torn: they are counted, and nothing else.
+  Status add(std::span<const std::uint8_t> bytes);
+  /// Of all pieces.
+  std::uint64_t bytes() const;
+  Result<Segment> finish() &&;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// The same for evidence that is in memory. Reads as much as is whole. `name` is that of the evidence's file, for errors. Errors: kBadFormat for what is not evidence or
 /// contradicts itself, kFutureVersion, kTruncated if not even the first record is whole.
 Result<Segment> read_evidence(std::span<const std::uint8_t> bytes, const std::string& name);
 

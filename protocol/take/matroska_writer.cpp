@@ -173,20 +173,40 @@ std::string_view fourcc_of(PixelFormat format) {
   return {};
 }
 
-std::size_t whole_cluster(std::span<const std::uint8_t> bytes) {
-  if (bytes.size() < kCheckedFrom) return 0;
+bool ClusterCheck::add(std::span<const std::uint8_t> bytes) {
+  while (good_ && !bytes.empty()) {
+    if (left_ == 0) {
+      const std::size_t part = std::min(bytes.size(), kCheckedFrom - head_.size());
+      head_.insert(head_.end(), bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(part));
+      bytes = bytes.subspan(part);
+      if (head_.size() == kCheckedFrom) good_ = begin_cluster();
+      continue;
+    }
+    const auto part = static_cast<std::size_t>(std::min<std::uint64_t>(bytes.size(), left_));
+    crc_ = crc_of(crc_, bytes.first(part));
+    bytes = bytes.subspan(part);
+    left_ -= part;
+    if (left_ == 0) good_ = crc_ == expected_;
+  }
+  return good_;
+}
+
+bool ClusterCheck::begin_cluster() {
   std::uint64_t length = 0;
-  for (std::size_t k = kClusterHead - 7; k < kClusterHead; ++k) length = length << 8 | bytes[k];
-  if (length < kCheckedFrom - kClusterHead || length > bytes.size() - kClusterHead) return 0;
-  const std::size_t size = kClusterHead + static_cast<std::size_t>(length);
-  Bytes head;
-  put_id(head, kCluster);
-  put_length(head, length);
-  put_id(head, kCrc32);
-  put_short_length(head, 4);
-  const std::uint32_t crc = crc_of(0, bytes.first(size).subspan(kCheckedFrom));
-  for (int k = 0; k < 4; ++k) head.push_back(static_cast<std::uint8_t>(crc >> (8 * k)));
-  return std::ranges::equal(head, bytes.first(kCheckedFrom)) ? size : 0;
+  for (std::size_t k = kClusterHead - 7; k < kClusterHead; ++k) length = length << 8 | head_[k];
+  Bytes expected;
+  put_id(expected, kCluster);
+  put_length(expected, length);
+  put_id(expected, kCrc32);
+  put_short_length(expected, 4);
+  if (length <= kCheckedFrom - kClusterHead || !std::ranges::equal(expected, std::span(head_).first(expected.size())))
+    return false;
+  expected_ = 0;
+  for (std::size_t k = 0; k < 4; ++k) expected_ |= std::uint32_t{head_[kCheckedFrom - 4 + k]} << (8 * k);
+  left_ = length - (kCheckedFrom - kClusterHead);
+  crc_ = 0;
+  head_.clear();
+  return true;
 }
 
 MatroskaWriter::MatroskaWriter(const VideoTrack& track) : MatroskaWriter(track, 0) { size_ = head().size(); }

@@ -117,7 +117,23 @@ class MatroskaWriter {
   std::vector<std::uint64_t> frames_at_;
 };
 
-/// The length of the complete cluster that `bytes` begin with: its id, its length and its CRC-32 are right. 0: there is none.
-std::size_t whole_cluster(std::span<const std::uint8_t> bytes);
+/// Checks clusters that follow each other in a file and arrive in pieces of any size: each one's id, length and CRC-32.
+///
+/// Threading: thread-bound. Ownership, errors: none.
+class ClusterCheck {
+ public:
+  /// False from the first byte on that shows that a cluster is not whole; what comes after is not looked at.
+  bool add(std::span<const std::uint8_t> bytes);
+  /// Whether all bytes so far are whole clusters.
+  bool whole() const { return good_ && head_.empty() && left_ == 0; }
+
+ private:
+  bool begin_cluster();
+
+  bool good_ = true;
+  std::vector<std::uint8_t> head_;  ///< of the cluster under way, as far as it arrived
+  std::uint64_t left_ = 0;          ///< bytes of the cluster that come
+  std::uint32_t expected_ = 0, crc_ = 0;
+};
 
 }  // namespace nodal::take
