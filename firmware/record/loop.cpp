@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "firmware/record/stored_documents.h"
 #include "firmware/storage/durable_file.h"
 #include "protocol/take/evidence.h"
 
@@ -15,10 +16,6 @@ namespace {
 constexpr std::string_view kEvidencePrefix = "evidence-", kCalibrationPrefix = "calibration-";
 /// More than the first record of any evidence.
 constexpr std::size_t kBeginBytes = 64 * 1024;
-
-std::string_view view_of(const std::vector<std::uint8_t>& bytes) {
-  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
-}
 
 /// The number in a name such as "cam0-0003.mkv". Nothing for names that are not of a segment.
 std::optional<std::uint32_t> segment_of(std::string_view name) {
@@ -73,14 +70,10 @@ bool near_mark(std::uint64_t first, std::uint64_t last, std::span<const take::Ma
 }
 
 Result<std::optional<Trimmed>> trim_take(hal::DiskPort& disk, const std::string& folder) {
-  const std::string about_name = folder + "/" + take::kTakeFile, manifest_name = folder + "/" + take::kManifestFile;
-  const auto about_text = disk.read(about_name, take::kMaxTakeJsonBytes);
-  if (!about_text) return fail(about_text.error());
-  const auto about = take::parse_take_json(view_of(*about_text), about_name);
+  const std::string manifest_name = folder + "/" + take::kManifestFile;
+  const auto about = stored_take_json(disk, folder);
   if (!about) return fail(about.error());
-  const auto text = disk.read(manifest_name, take::kMaxManifestBytes);
-  if (!text) return fail(text.error());
-  auto manifest = take::parse_manifest(view_of(*text), manifest_name);
+  auto manifest = stored_manifest(disk, folder);
   if (!manifest) return fail(manifest.error());
 
   const std::vector<std::uint32_t> segments = segments_of(*manifest);
@@ -100,9 +93,7 @@ Result<std::optional<Trimmed>> trim_take(hal::DiskPort& disk, const std::string&
   if (!chosen) return std::optional<Trimmed>();
 
   const std::string evidence_name = folder + "/" + take::evidence_file(*chosen);
-  const auto bytes = disk.read(evidence_name, take::kMaxEvidenceBytes);
-  if (!bytes) return fail(bytes.error());
-  const auto evidence = take::read_evidence(*bytes, evidence_name);
+  const auto evidence = stored_evidence(disk, evidence_name);
   if (!evidence) return fail(evidence.error());
   const std::uint64_t sets = std::min<std::uint64_t>(evidence->sets.size(), manifest->sets);
   Trimmed done;

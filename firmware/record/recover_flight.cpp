@@ -1,35 +1,10 @@
-#include <algorithm>
-#include <utility>
-
 #include "firmware/record/recovery.h"
+#include "firmware/storage/file_pieces.h"
 #include "protocol/framing.h"
 #include "protocol/take/digest.h"
 
 namespace nodal::firmware {
-namespace {
-
 using take::PieceHashes;
-
-/// Calls `each` with the file's bytes, at most `end`, a MiB at a time, until it returns false.
-template <class Each>
-Status for_each_piece(hal::DiskPort& disk, const std::string& name, std::uint64_t end, Each each) {
-  const auto file = disk.open_read(name);
-  if (!file) return fail(file.error());
-  std::vector<std::uint8_t> piece(PieceHashes::kPiece);
-  Status good;
-  for (std::uint64_t from = 0; from < end;) {
-    const std::span<std::uint8_t> into =
-        std::span(piece).first(static_cast<std::size_t>(std::min<std::uint64_t>(piece.size(), end - from)));
-    const auto read = disk.read_at(*file, from, into);
-    if (!read) good = fail(read.error());
-    if (!read || *read == 0 || !each(std::span<const std::uint8_t>(into.first(*read)))) break;
-    from += *read;
-  }
-  disk.close(*file);
-  return good;
-}
-
-}  // namespace
 
 Result<std::optional<take::Manifest::File>> recover_flight(hal::DiskPort& disk, const std::string& folder) {
   const std::string name = folder + "/" + take::kFlightFile;
@@ -39,7 +14,8 @@ Result<std::optional<take::Manifest::File>> recover_flight(hal::DiskPort& disk, 
   std::uint64_t seen = 0;
   std::uint64_t whole = 0;
   FrameDecoder decoder;
-  const Status scanned = for_each_piece(disk, name, *size, [&](std::span<const std::uint8_t> rest) {
+  FilePieces all(disk, name, 0, *size);
+  const Status scanned = for_each_piece(all, [&](std::span<const std::uint8_t> rest) {
     seen += rest.size();
     while (!rest.empty()) {
       const auto frame = decoder.next(rest);
@@ -61,7 +37,8 @@ Result<std::optional<take::Manifest::File>> recover_flight(hal::DiskPort& disk, 
     if (!cut) return fail(cut.error());
   }
   PieceHashes hashes;
-  const Status hashed = for_each_piece(disk, name, whole, [&](std::span<const std::uint8_t> bytes) {
+  FilePieces kept(disk, name, 0, whole);
+  const Status hashed = for_each_piece(kept, [&](std::span<const std::uint8_t> bytes) {
     hashes.update(bytes);
     return true;
   });

@@ -6,7 +6,9 @@
 #include <limits>
 #include <utility>
 
+#include "firmware/record/stored_documents.h"
 #include "firmware/storage/durable_file.h"
+#include "firmware/storage/file_pieces.h"
 #include "stitch/media/thumbnail.h"
 
 namespace nodal::firmware {
@@ -15,11 +17,12 @@ namespace {
 using take::PieceHashes;
 using Bytes = std::vector<std::uint8_t>;
 
-/// Reads a part of a file. Errors: the disk's; kTruncated if the file is shorter.
+/// Reads at most a piece of a file. Errors: the disk's; kTruncated if the file is shorter.
 Result<Bytes> read_part(hal::DiskPort& disk, const std::string& name, std::uint64_t from, std::uint64_t to) {
   const auto size = disk.size(name);
   if (!size) return fail(size.error());
   if (to > *size || from > to) return fail(Errc::kTruncated, "file '" + name + "': is shorter than its evidence says");
+  NODAL_ASSERT(to - from <= PieceHashes::kPiece);
   const auto handle = disk.open_read(name);
   if (!handle) return fail(handle.error());
   Bytes bytes(static_cast<std::size_t>(to - from));
@@ -30,32 +33,39 @@ Result<Bytes> read_part(hal::DiskPort& disk, const std::string& name, std::uint6
   return bytes;
 }
 
-/// The evidence of a segment. Its last bytes may be unreadable after a power cut, and count as missing then; but not more of them
-/// than may come between two syncs, because a fault of the disk in what was durable is for people to see.
-Result<Bytes> read_evidence_file(hal::DiskPort& disk, const std::string& name) {
-  constexpr std::uint64_t kMostUnreadable = 64 << 10;
-  auto whole = disk.read(name, take::kMaxEvidenceBytes);
-  if (whole || whole.error().code != Errc::kIo) return whole;
-  const auto size = disk.size(name);
-  if (!size || *size > take::kMaxEvidenceBytes) return whole;
-  Bytes readable;
-  while (readable.size() < *size) {
-    const auto part = read_part(disk, name, readable.size(),
-                                std::min<std::uint64_t>(*size, readable.size() + hal::DiskPort::kSector));
-    if (!part) break;
-    readable.insert(readable.end(), part->begin(), part->end());
-  }
-  if (*size - readable.size() > kMostUnreadable) return whole;
-  return readable;
-}
+struct EvidenceFile {
+  Result<take::Segment> segment;
+  std::uint64_t bytes = 0;
+  PieceHashes hashes;
+};
 
-bool whole_clusters(std::span<const std::uint8_t> bytes) {
-  while (!bytes.empty()) {
-    const std::size_t length = take::whole_cluster(bytes);
-    if (length == 0) return false;
-    bytes = bytes.subspan(length);
+/// Reads the evidence of a segment. Its last bytes may be unreadable after a power cut, and count as missing then; but not more of
+/// them than may come between two syncs, because a fault of the disk in what was durable is for people to see. Errors: the disk's.
+Result<EvidenceFile> read_evidence_file(const TakePlace& place, const std::string& name) {
+  constexpr std::uint64_t kMostUnreadable = 64 << 10;
+  const auto size = place.disk->size(name);
+  if (!size) return fail(size.error());
+  take::EvidenceReader reader(name);
+  EvidenceFile read{take::Segment(), 0, PieceHashes()};
+  const auto add = [&](std::span<const std::uint8_t> bytes) {
+    place.progressed();
+    read.hashes.update(bytes);
+    return reader.add(bytes).has_value();
+  };
+  FilePieces pieces(*place.disk, name);
+  Status readable = for_each_piece(pieces, add);
+  if (!readable && readable.error().code == Errc::kIo) {
+    while (reader.bytes() < *size) {
+      const auto part = read_part(*place.disk, name, reader.bytes(),
+                                  std::min<std::uint64_t>(*size, reader.bytes() + hal::DiskPort::kSector));
+      if (!part || !add(*part)) break;
+    }
+    if (*size - reader.bytes() <= kMostUnreadable) readable = {};
   }
-  return true;
+  if (!readable) return fail(readable.error());
+  read.bytes = reader.bytes();
+  read.segment = std::move(reader).finish();
+  return read;
 }
 
 std::string path(const TakePlace& place, const std::string& file) { return place.folder + "/" + file; }
@@ -64,18 +74,30 @@ std::uint64_t end_of(const take::Segment& found, std::size_t rows, std::size_t f
   return rows == 0 ? found.begin.files(static_cast<int>(file)).head_bytes() : found.rows[rows - 1].file_ends[file];
 }
 
+/// Errors: the disk's.
+Result<bool> are_whole_clusters(const TakePlace& place, const std::string& name, std::uint64_t from, std::uint64_t to) {
+  take::ClusterCheck check;
+  FilePieces pieces(*place.disk, name, from, to);
+  const Status read = for_each_piece(pieces, [&](std::span<const std::uint8_t> bytes) {
+    place.progressed();
+    return check.add(bytes);
+  });
+  if (!read) return fail(read.error());
+  return check.whole() && pieces.at() == to;
+}
+
 /// Errors: the disk's. A file that is too short, gone, or cannot be read there, also when it is tried again, is no error: the row
 /// is not whole. After a power cut, bytes that were never synced may be unreadable.
 Result<bool> row_is_whole(const TakePlace& place, const take::Segment& found, std::size_t row) {
   for (std::size_t file = 0; file < static_cast<std::size_t>(found.begin.files_size()); ++file) {
     const std::string name = path(place, found.begin.files(static_cast<int>(file)).name());
     const auto read = [&] {
-      return read_part(*place.disk, name, end_of(found, row, file), end_of(found, row + 1, file));
+      return are_whole_clusters(place, name, end_of(found, row, file), end_of(found, row + 1, file));
     };
-    auto bytes = read();
-    if (!bytes && bytes.error().code == Errc::kIo) bytes = read();
-    if (!bytes && bytes.error().code == Errc::kDeviceGone) return fail(bytes.error());
-    if (!bytes || !whole_clusters(*bytes)) return false;
+    auto whole = read();
+    if (!whole && whole.error().code == Errc::kIo) whole = read();
+    if (!whole && whole.error().code == Errc::kDeviceGone) return fail(whole.error());
+    if (!whole || !*whole) return false;
   }
   return true;
 }
@@ -93,6 +115,7 @@ Result<bool> end_is_whole(const TakePlace& place, const take::Segment& found, bo
     for (std::uint64_t piece = 0; piece < hashes.size(); ++piece) {
       if (piece != 0 && piece < durable) continue;
       const std::uint64_t from = piece * PieceHashes::kPiece;
+      place.progressed();
       const auto bytes = read_part(*place.disk, name, from, std::min(*size, from + PieceHashes::kPiece));
       if (!bytes && bytes.error().code == Errc::kDeviceGone) return fail(bytes.error());
       if (!bytes) return false;
@@ -207,13 +230,13 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::reopen(const TakePlace& pl
 Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, std::uint32_t segment, Trust trust,
                                                        const std::string& reason) {
   const std::string name = path(place, take::evidence_file(segment));
-  const auto bytes = read_evidence_file(*place.disk, name);
-  if (!bytes) return fail(bytes.error());
-  auto found = take::read_evidence(*bytes, name);
+  const auto evidence = read_evidence_file(place, name);
+  if (!evidence) return fail(evidence.error());
+  const Result<take::Segment>& found = evidence->segment;
   if (!found && found.error().code != Errc::kTruncated) return fail(found.error());
   std::size_t rows = 0;
   if (found) {
-    if (found->end && found->good_bytes == bytes->size() && trust != Trust::kDurable) {
+    if (found->end && found->good_bytes == evidence->bytes && trust != Trust::kDurable) {
       const auto whole = end_is_whole(place, *found, trust == Trust::kAll);
       if (!whole) return fail(whole.error());
       if (*whole) {
@@ -228,9 +251,7 @@ Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, s
           done.files.push_back({found->begin.files(static_cast<int>(file)).name(),
                                 found->end->length(static_cast<int>(file)), take::digest_of(found->hashes_of(file))});
         }
-        PieceHashes hashes;
-        hashes.update(*bytes);
-        done.files.push_back({take::evidence_file(segment), bytes->size(), take::digest_of(hashes.all())});
+        done.files.push_back({take::evidence_file(segment), evidence->bytes, take::digest_of(evidence->hashes.all())});
         return done;
       }
     }
@@ -288,6 +309,8 @@ Result<take::Manifest> write_manifest(hal::DiskPort& disk, const std::string& fo
     hashes.update(*bytes);
     manifest.files.push_back({name, bytes->size(), take::digest_of(hashes.all())});
   }
+  if (manifest.files.size() > take::kMaxTakeFiles)
+    return fail(Errc::kTooLarge, fmt::format("take {}: has more than {} files", folder, take::kMaxTakeFiles));
   std::ranges::sort(manifest.files, {}, &take::Manifest::File::name);
   if (const Status synced = disk.sync_all(); !synced) return fail(synced.error());
   const Status written = write_durably(disk, folder, folder + "/" + take::kManifestFile, take::manifest_json(manifest));
@@ -304,15 +327,14 @@ Result<bool> nothing_recorded(hal::DiskPort& disk, const std::string& folder) {
   if (!entries) return fail(entries.error());
   return std::ranges::all_of(*entries, [](std::string_view file) {
     if (file.ends_with(kTemporarySuffix)) file.remove_suffix(kTemporarySuffix.size());
-    return file == take::kTakeFile || file == take::kCalibrationFile || file == take::kRigFile;
+    return file == take::kTakeFile || file == take::kCalibrationFile || file == take::kRigFile ||
+           file == take::kRecoveringFile;
   });
 }
 
-Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& folder) {
-  const auto text = disk.read(folder + "/" + take::kTakeFile, take::kMaxTakeJsonBytes);
-  if (!text) return fail(text.error());
-  const auto about = take::parse_take_json({reinterpret_cast<const char*>(text->data()), text->size()},
-                                           folder + "/" + take::kTakeFile);
+Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& folder,
+                                    const std::function<void()>& progress) {
+  const auto about = stored_take_json(disk, folder);
   if (!about) return fail(about.error());
   TakePlace place;
   place.disk = &disk;
@@ -321,6 +343,7 @@ Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& fold
   place.rate = about->rate;
   place.layout = about->layout;
   place.software = about->software;
+  place.progress = progress;
   const auto entries = disk.list(folder);
   if (!entries) return fail(entries.error());
   std::vector<std::uint32_t> segments;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -41,8 +42,10 @@ Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, s
 Result<bool> nothing_recorded(hal::DiskPort& disk, const std::string& folder);
 
 /// Recovers every segment of a take and writes its manifest. A segment of which a file is missing is left out: its other files stay,
-/// and the manifest says so in `ended`. The take's calibration and take.json are read from its folder.
-Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& folder);
+/// and the manifest says so in `ended`. The take's calibration and take.json are read from its folder. Memory: that of one segment's
+/// evidence and of the manifest, at their limits. `progress` is called for every piece that was read.
+Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& folder,
+                                    const std::function<void()>& progress = {});
 
 /// Cuts the flight record of a take after its last whole record. Nothing if there is none, or none is whole; its file is removed
 /// then. Errors: the disk's.

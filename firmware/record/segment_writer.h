@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -36,6 +37,11 @@ struct TakePlace {
   std::vector<take::Manifest::Calibration> calibrations;
   /// Placed seams in force for the newest written set. Every segment's evidence begins with them, for the same reason.
   std::optional<SeamChange> seams{};
+  /// Called while the take is recovered, for every piece that was read; may be empty.
+  std::function<void()> progress{};
+  void progressed() const {
+    if (progress) progress();
+  }
 };
 
 /// One file for each head that has a stream, one for raymaps, and the evidence. A row appends one cluster to each file that

@@ -19,12 +19,13 @@ std::string_view take_state_name(TakeState state) {
     case TakeState::kComplete: return "complete";
     case TakeState::kUnfinished: return "unfinished";
     case TakeState::kDamaged: return "damaged";
+    case TakeState::kSetAside: return "set aside";
   }
   return "";
 }
 
 TakeKeeper::TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& recorder, std::string software,
-                       UtcClock utc, FlightLog* flight, Blender* places_seams)
+                       UtcClock utc, FlightLog* flight, Blender* places_seams, hal::ConfinedPort* confined)
     : config_(config),
       disk_(disk),
       recorder_(recorder),
@@ -34,7 +35,8 @@ TakeKeeper::TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& r
       places_seams_(places_seams),
       requests_(64),
       calibrations_(2),
-      answers_(64 + 4) {
+      answers_(64 + 4),
+      recovery_(disk, confined) {
   report_.loop = config_.takes->loop;
   if (places_seams_) places_seams_->log_seams();
 }
@@ -56,7 +58,7 @@ bool TakeKeeper::step(Instant now) {
   end_late_still(now);
   busy |= take_request(now);  // also while rows always wait, because the disk is too slow
   if (!busy) busy = step_test(now);
-  if (!busy && !writing_) busy = recover_one();
+  busy |= recover_some(!busy && (recovery_.is_beside() || !writing_));
   if (busy || now >= next_report_) publish(now);
   return busy;
 }
@@ -352,7 +354,7 @@ void TakeKeeper::answer(std::uint64_t ticket, Result<Answered> result) {
 void TakeKeeper::publish(Instant now) {
   next_report_ = now + kReportEvery;
   const Recorder::Counts& counts = recorder_.counts();
-  report_.ready = loaded_ && loaded_status_ && to_recover_.empty();
+  report_.ready = loaded_ && loaded_status_ && half_deleted_.empty() && (recovery_.is_beside() || recovery_.idle());
   report_.test_percent.reset();
   if (test_) report_.test_percent = test_->test->percent(now);
   report_.sets = writing_ ? writing_->sets() : 0;
@@ -367,6 +369,7 @@ void TakeKeeper::publish(Instant now) {
 }
 
 void TakeKeeper::close(Instant now) {
+  recovery_.close();
   if (!writing_) return;
   tell_to_end("nodald ended");
   reason_ = "nodald ended";

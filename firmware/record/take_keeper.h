@@ -16,6 +16,8 @@
 #include "firmware/picture/blender.h"
 #include "firmware/record/disk_test.h"
 #include "firmware/record/recorder.h"
+#include "firmware/record/take_recovery.h"
+#include "hal/confined.h"
 #include "hal/disk.h"
 #include "protocol/base/result.h"
 #include "protocol/base/sha256.h"
@@ -67,6 +69,7 @@ enum class TakeState : std::uint8_t {
   kComplete,    ///< it has a manifest
   kUnfinished,  ///< its recovery is under way
   kDamaged,     ///< it could not be recovered: TakeEntry::problem
+  kSetAside,    ///< its recovery failed twice; it stays as it is
 };
 std::string_view take_state_name(TakeState state);
 
@@ -106,7 +109,8 @@ struct TakeAnswer {
 
 /// Status of the stage.
 struct TakeReport {
-  bool ready = false;  ///< the takes on the disk have been read, and those that were not ended are finished
+  /// The takes on the disk have been read, and those that were not ended are finished, or are being finished beside the stage.
+  bool ready = false;
   std::optional<std::uint64_t> recording;
   Instant since;
   std::uint64_t sets = 0;       ///< of the take that is being recorded
@@ -138,8 +142,9 @@ class TakeKeeper {
   using UtcClock = std::function<std::int64_t()>;
 
   /// `flight`: of [takes] flight_recorder; null without it. `places_seams`: the blend stage, which then logs its seams; null if seams are fixed.
+  /// `confined`: where takes are recovered; null: in step().
   TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& recorder, std::string software, UtcClock utc,
-             FlightLog* flight = nullptr, Blender* places_seams = nullptr);
+             FlightLog* flight = nullptr, Blender* places_seams = nullptr, hal::ConfinedPort* confined = nullptr);
   ~TakeKeeper();
 
   /// True when it did something.
@@ -179,8 +184,10 @@ class TakeKeeper {
 
   void load();
   void load(const std::string& folder);
-  bool recover_one();
+  bool recover_some(bool begin);
   bool recover(TakeEntry& entry);
+  bool note(const TakeRecovery::Done& done);
+  bool remove_rest(std::uint64_t take);
   bool being_deleted(std::uint64_t take);
   Status make_room(std::uint64_t needed);
   Result<std::optional<std::uint64_t>> delete_oldest();
@@ -228,7 +235,8 @@ class TakeKeeper {
   Status loaded_status_;
   std::map<std::uint64_t, TakeEntry> takes_;
   std::uint64_t next_take_ = 1;
-  std::vector<std::uint64_t> to_recover_;
+  TakeRecovery recovery_;
+  std::vector<std::uint64_t> half_deleted_;
 
   struct Test {
     std::uint64_t ticket = 0;

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <charconv>
 
-#include "firmware/record/recovery.h"
+#include "firmware/record/stored_documents.h"
 #include "firmware/record/take_keeper.h"
 #include "firmware/storage/durable_file.h"
 #include "protocol/take/documents.h"
@@ -63,59 +63,89 @@ void TakeKeeper::load(const std::string& folder) {
   TakeEntry& entry = takes_[*number_of(folder)];
   entry.number = *number_of(folder);
   entry.is_protected = disk_.size(folder + "/" + take::kProtectedFile).has_value();
-  const auto text = disk_.read(folder + "/" + take::kTakeFile, take::kMaxTakeJsonBytes);
-  const auto about = text ? take::parse_take_json(text_of(*text), folder + "/" + take::kTakeFile)
-                          : Result<take::TakeDocument>(fail(text.error()));
-  if (about) {
+  if (const auto about = stored_take_json(disk_, folder)) {
     entry.started_utc_ns = about->started_utc_ns;
     entry.raymap_width = about->raymap_width;
     entry.raymap_height = about->raymap_height;
   }
-  const auto stored = disk_.read(folder + "/" + take::kManifestFile, take::kMaxManifestBytes);
-  if ((!stored && stored.error().code == Errc::kNotFound) || being_deleted(entry.number)) {
+  if (being_deleted(entry.number)) {
     entry.state = TakeState::kUnfinished;
-    to_recover_.push_back(entry.number);
+    half_deleted_.push_back(entry.number);
     return;
   }
-  const auto manifest = stored ? take::parse_manifest(text_of(*stored), folder + "/" + take::kManifestFile)
-                               : Result<take::Manifest>(fail(stored.error()));
+  const auto manifest = stored_manifest(disk_, folder);
   if (manifest) {
     entry.complete(*manifest);
-  } else {
+  } else if (manifest.error().code != Errc::kNotFound) {
     entry.state = TakeState::kDamaged;
     entry.problem = manifest.error().message;
+  } else if (const auto reason = set_aside_reason(disk_, entry.number)) {
+    (void)note({entry.number, TakeRecovery::Outcome::kSetAside, *reason});
+  } else {
+    entry.state = TakeState::kUnfinished;
+    recovery_.add(entry.number);
   }
 }
 
-bool TakeKeeper::recover_one() {
-  if (to_recover_.empty()) return false;
-  recover(takes_.at(to_recover_.back()));
-  return true;
+/// `begin`: there is nothing else to do.
+bool TakeKeeper::recover_some(bool begin) {
+  if (begin && !half_deleted_.empty()) {
+    (void)remove_rest(half_deleted_.back());
+    return true;
+  }
+  const auto done = recovery_.step(begin);
+  if (done) (void)note(*done);
+  return done.has_value();
+}
+
+/// True if the take is complete now.
+bool TakeKeeper::note(const TakeRecovery::Done& done) {
+  TakeEntry& entry = takes_.at(done.take);
+  entry.state = TakeState::kDamaged;
+  entry.problem = done.problem;
+  switch (done.outcome) {
+    case TakeRecovery::Outcome::kFailed: break;
+    case TakeRecovery::Outcome::kNothing:
+      entry.problem = "the power failed when it began; it holds nothing";  // if it cannot be removed
+      (void)remove({done.take});
+      break;
+    case TakeRecovery::Outcome::kSetAside:
+      entry.state = TakeState::kSetAside;
+      report_.problem =
+          fmt::format("take {} is set aside, because its recovery failed twice: {}; the rig runs without it", done.take,
+                      done.problem);
+      break;
+    case TakeRecovery::Outcome::kRecovered: {
+      const auto manifest = stored_manifest(disk_, take::take_folder(done.take));
+      if (manifest) entry.complete(*manifest);
+      else entry.problem = manifest.error().message;
+      return manifest.has_value();
+    }
+  }
+  return false;
 }
 
 bool TakeKeeper::being_deleted(std::uint64_t take) {
   return disk_.size(take::take_folder(take) + "/" + take::kDeletedFile).has_value();
 }
 
-/// False if it held nothing, or was being deleted, and is gone.
+/// Deletes what is left of a take that was being deleted.
+bool TakeKeeper::remove_rest(std::uint64_t take) {
+  std::erase(half_deleted_, take);
+  TakeEntry& entry = takes_.at(take);
+  entry.state = TakeState::kDamaged;  // if it cannot be removed
+  entry.problem = "the power failed while it was deleted; delete it again";
+  return remove({take}).has_value();
+}
+
+/// True if the take is complete now. Where takes are recovered beside this stage, it may be later.
 bool TakeKeeper::recover(TakeEntry& entry) {
-  std::erase(to_recover_, entry.number);
-  const bool deleted = being_deleted(entry.number);
-  if (const auto nothing = nothing_recorded(disk_, take::take_folder(entry.number)); deleted || (nothing && *nothing)) {
-    const std::uint64_t number = entry.number;  // its entry goes
-    entry.state = TakeState::kDamaged;          // if it cannot be removed
-    entry.problem = deleted ? "the power failed while it was deleted; delete it again"
-                            : "the power failed when it began; it holds nothing";
-    return !remove({number});
+  if (being_deleted(entry.number)) {
+    (void)remove_rest(entry.number);
+    return false;
   }
-  const auto manifest = recover_take(disk_, take::take_folder(entry.number));
-  if (manifest) {
-    entry.complete(*manifest);
-  } else {
-    entry.state = TakeState::kDamaged;
-    entry.problem = manifest.error().message;
-  }
-  return true;
+  const auto done = recovery_.recover(entry.number);
+  return done && note(*done);
 }
 
 Result<TakeEntry*> TakeKeeper::finished(std::uint64_t take) {
@@ -125,6 +155,8 @@ Result<TakeEntry*> TakeKeeper::finished(std::uint64_t take) {
   if (found->second.state == TakeState::kRecording) {
     return fail(Errc::kWrongState, fmt::format("take {} is being recorded; stop it first: nodal take stop", take));
   }
+  if (recovery_.is_running(take))
+    return fail(Errc::kBusy, fmt::format("take {} is being recovered; try again in a moment", take));
   return &found->second;
 }
 
@@ -137,9 +169,9 @@ Status TakeKeeper::remove(const TakeRequest::Delete& what) {
   }
   const std::string folder = take::take_folder(take);
   if (what.manifest) {
-    const auto manifest = disk_.read(folder + "/" + take::kManifestFile, take::kMaxManifestBytes);
-    if (!manifest) return fail(manifest.error());
-    if (sha256(*manifest) != *what.manifest) {
+    const auto id = stored_manifest_id(disk_, folder);
+    if (!id) return fail(id.error());
+    if (*id != *what.manifest) {
       return fail(Errc::kWrongState,
                   fmt::format("take {} has another manifest than the one named: it is not deleted; list takes again: "
                               "nodal take list",
@@ -162,7 +194,7 @@ Status TakeKeeper::remove(const TakeRequest::Delete& what) {
   }
   if (const Status removed = disk_.remove(folder); !removed) return removed;
   takes_.erase(take);
-  std::erase(to_recover_, take);
+  recovery_.forget(take);
   return disk_.sync_folder("");
 }
 

@@ -28,6 +28,7 @@ class TakeStage {
     int width = 32;  ///< of the pictures, px
     int height = 16;
     std::array<TakeMode, kStageHeads> modes{};  ///< of the heads
+    hal::ConfinedPort* confined = nullptr;      ///< where takes are recovered
   };
 
   /// 153600 bytes a set, 30 a second: 4.6 MB/s.
@@ -44,7 +45,9 @@ class TakeStage {
         clock_(clock),
         config_(config(options)),
         recorder_(config_, sets_in_, encoder_),
-        keeper_(config_, disk, recorder_, "a test", [&clock] { return kUtcNs + clock.now().ns(); }),
+        keeper_(
+            config_, disk, recorder_, "a test", [&clock] { return kUtcNs + clock.now().ns(); }, nullptr, nullptr,
+            options.confined),
         next_set_at_(clock.now()),
         pixels_(static_cast<std::size_t>(options.width * options.height), 90) {
     settle(clock_.now());
