@@ -89,8 +89,7 @@ class EvidenceReader {
   std::unique_ptr<State> state_;
 };
 
-/// The same for evidence that is in memory. Reads as much as is whole. `name` is that of the evidence's file, for errors. Errors: kBadFormat for what is not evidence or
-/// contradicts itself, kFutureVersion, kTruncated if not even the first record is whole.
+/// The same for evidence that is in memory, of the file `name`.
 Result<Segment> read_evidence(std::span<const std::uint8_t> bytes, const std::string& name);
 
 /// "cam0-0003.mkv", "raymap-0003.mkv", "evidence-0003".

@@ -92,25 +92,19 @@ Received receive(int socket, int flags, Message& message, int& descriptor) {
   return Received::kMessage;
 }
 
-bool write_at(int fd, std::uint64_t at, std::span<const std::uint8_t> bytes) {
+/// pread() or pwrite() until all bytes are read or written.
+template <class Call, class Byte>
+bool all_at(Call call, int fd, std::uint64_t at, std::span<Byte> bytes) {
   while (!bytes.empty()) {
-    const ssize_t put = ::pwrite(fd, bytes.data(), bytes.size(), static_cast<off_t>(at));
-    if (put <= 0) return false;
-    at += static_cast<std::uint64_t>(put);
-    bytes = bytes.subspan(static_cast<std::size_t>(put));
+    const ssize_t done = call(fd, bytes.data(), bytes.size(), static_cast<off_t>(at));
+    if (done <= 0) return false;
+    at += static_cast<std::uint64_t>(done);
+    bytes = bytes.subspan(static_cast<std::size_t>(done));
   }
   return true;
 }
-
-bool read_at(int fd, std::uint64_t at, std::span<std::uint8_t> bytes) {
-  while (!bytes.empty()) {
-    const ssize_t got = ::pread(fd, bytes.data(), bytes.size(), static_cast<off_t>(at));
-    if (got <= 0) return false;
-    at += static_cast<std::uint64_t>(got);
-    bytes = bytes.subspan(static_cast<std::size_t>(got));
-  }
-  return true;
-}
+bool write_at(int fd, std::uint64_t at, std::span<const std::uint8_t> bytes) { return all_at(::pwrite, fd, at, bytes); }
+bool read_at(int fd, std::uint64_t at, std::span<std::uint8_t> bytes) { return all_at(::pread, fd, at, bytes); }
 
 template <class T>
 std::span<const std::uint8_t> bytes_of(const T& value) {
