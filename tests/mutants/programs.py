@@ -129,7 +129,7 @@ class Programs:
         target.parent.mkdir(parents=True, exist_ok=True)
         compiler = next(i for i, word in enumerate(words) if word.startswith("-"))
         words[compiler:compiler] = ["-I", str(self.tree), "-include", str(HERE / "switch.h")]
-        done = run(words + ["-w", "-fmax-errors=0", "-fno-diagnostics-show-caret"], cwd=self.build.folder)
+        done = run(words + ["-O1", "-w", "-fmax-errors=0", "-fno-diagnostics-show-caret"], cwd=self.build.folder)
         if done.returncode == 0:
             return set()
         refused = set()

@@ -18,10 +18,11 @@ class Test:
 
 
 class Trials:
-    """`whole`: programs without GoogleTest, with their arguments; each is one test."""
+    """`whole`: programs without GoogleTest, with their arguments; each is one test. `budget`: the processor seconds of a
+    program's tests for one change, the quickest tests first; None: all."""
 
-    def __init__(self, work, names, whole):
-        self.work, self.names, self.whole = work, names, whole
+    def __init__(self, work, names, whole, budget):
+        self.work, self.names, self.whole, self.budget = work, names, whole, budget
         self.tests = {}
         self.skipped = []
 
@@ -91,12 +92,14 @@ class Trials:
                 if status != 0:
                     return program
                 continue
-            total, first = 0.0, []
+            total, first, then = 0.0, [], []
             for test in tests:
                 total += test.seconds
                 if total < FIRST_TESTS or not first:
                     first.append(test)
-            for group in (first, tests[len(first):]):
+                elif self.budget is None or total < self.budget:
+                    then.append(test)
+            for group in (first, then):
                 noticed = group and self.group_notices(program, group, number)
                 if noticed:
                     return noticed

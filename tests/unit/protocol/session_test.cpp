@@ -46,6 +46,22 @@ TEST(Session, RequestAndReply_ArriveAsSent) {
   EXPECT_EQ(replies[0].status().state(), "running");
 }
 
+// LIMITS.md: lists in a reply; refused before it is parsed.
+TEST(Session, AReplyOfMoreThanItsLimitThatIsNoCalibration_EndsTheSession) {
+  for (const bool calibration : {true, false}) {
+    Conversation talk;
+    talk.run();
+    wire::Reply reply;
+    const std::string text(kMaxListReplyBytes + 1, 'x');
+    if (calibration) reply.mutable_calibration()->set_json(text);
+    else reply.mutable_status()->set_state(text);
+    ASSERT_TRUE(talk.rig->send(reply));
+    const Status received = talk.host->receive(take_output(*talk.rig));
+    EXPECT_EQ(received.has_value(), calibration);
+    EXPECT_EQ(received ? Errc::kTooLarge : received.error().code, Errc::kTooLarge);
+  }
+}
+
 wire::Hello hello_of(std::string software, std::uint32_t low, std::uint32_t high) {
   wire::Hello hello = make_hello(std::move(software));
   hello.set_protocol_min(low);

@@ -38,6 +38,13 @@ TEST(Polynomial, RootThatOnlyTouchesZero_IsFound) {
   EXPECT_DOUBLE_EQ(roots[0], 2);
 }
 
+TEST(Polynomial, RootAtAnEndOfTheInterval_IsFoundOnce) {
+  for (const double slope : {1.0, -1.0}) {
+    EXPECT_EQ(polynomial_roots(std::vector<double>{0, slope}, 0, 5), (std::vector<double>{0}));
+    EXPECT_EQ(polynomial_roots(std::vector<double>{0, slope}, -5, 0), (std::vector<double>{0}));
+  }
+}
+
 TEST(Polynomial, ConstantAndZero_HaveNoRoots) {
   EXPECT_TRUE(polynomial_roots(std::vector<double>{3}, -1, 1).empty());
   EXPECT_TRUE(polynomial_roots(std::vector<double>{0, 0, 0}, -1, 1).empty());
