@@ -36,7 +36,7 @@ void DriftMeter::add(std::int64_t number, Instant at) {
   }
   last_distance_ = distance;
   if (from_first - filling_since_ >= kBlockPeriods) {
-    if (filling_.moments > 0) blocks_[full_++ % kBlocks] = filling_;
+    blocks_[full_++ % kBlocks] = filling_;
     filling_ = {};
     filling_since_ = from_first;
   }

@@ -20,7 +20,7 @@ class DriftMeter {
  public:
   void restart(FrameRate rate);
   /// Period `number` began, or was exposed, `at`. Numbers increase; a gap means that periods were missed. If the distance
-  /// from the grid changes by half a period from one call to the next, the measurement starts again.
+  /// from the grid changes by more than half a period from one call to the next, the measurement starts again.
   void add(std::int64_t number, Instant at);
   /// In 1/1000 ppm; positive: slower than nominal. Nothing before two blocks are full.
   std::optional<std::int32_t> ppb() const;

@@ -38,7 +38,7 @@ enum class GenlockCondition : std::uint8_t {
   kOutOfStep,      ///< a set that is not good
   kPulseUnseen,    ///< a set without a pulse, its heads relative to each other as in lock
   kUnresponsive,   ///< a set whose heads are in step, but one of them did not carry out a nudge
-  kPulsesOverdue,  ///< none seen for 2.5 periods
+  kPulsesOverdue,  ///< none seen for more than 2.5 periods
   kSetsOverdue,    ///< none closed for 3 periods
   kPortGone,       ///< the trigger's port failed permanently
   kCoastedLong,    ///< in holdover for kHoldover
