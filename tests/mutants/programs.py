@@ -3,6 +3,7 @@
 Only changed sources, and those that include a changed header, are compiled again. Their objects replace the original ones
 in the command that links a program, or in a copy of the library that holds them.
 """
+import fcntl
 import json
 import os
 import re
@@ -45,7 +46,9 @@ class Build:
         return done.stdout
 
     def make(self, targets):
-        if targets:
+        """Builds the programs as they are. Rooms may run beside each other; this part of them may not."""
+        with open(self.folder / "mutants.lock", "w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
             self.ninja(f"-j{self.jobs}", *targets)
 
     def link_command(self, program):
