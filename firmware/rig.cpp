@@ -36,7 +36,7 @@ Stages Rig::stages(const RigConfig& config, const RigPorts& ports, const std::st
   recorder_.emplace(config, capture_.add_outlet(Recorder::kSets, false), encoder_);
   if (flight_) flight_log_ = std::make_unique<FlightLog>(*flight_, software, kSetsHeld);
   stages.takes = &takes_.emplace(config, *ports.takes, *recorder_, software, ports.utc, flight_log_.get(),
-                                 places_seams_ ? &blender_ : nullptr);
+                                 places_seams_ ? &blender_ : nullptr, ports.recovery);
   stages.take_reader = &take_reader_.emplace(*ports.takes_read, *recorder_);
   return stages;
 }

@@ -20,6 +20,7 @@
 #include "firmware/record/take_reader.h"
 #include "firmware/storage/settings_store.h"
 #include "hal/clock.h"
+#include "hal/confined.h"
 #include "hal/disk.h"
 #include "hal/head.h"
 #include "hal/link.h"
@@ -46,10 +47,11 @@ struct RigPorts {
   std::vector<Listener> listeners;
   hal::WatchdogPort* watchdog = nullptr;
   PanelPins panel;
-  hal::ClockPort* stopwatch = nullptr;  ///< real clock that measures processing times, if `clock` is virtual
-  DeviceScan* scan = nullptr;           ///< null: hosts cannot list what is plugged in
-  hal::DiskPort* takes = nullptr;       ///< for [takes]; null: nothing is recorded
-  hal::DiskPort* takes_read = nullptr;  ///< the same folder, for the thread that reads; null without `takes`
+  hal::ClockPort* stopwatch = nullptr;    ///< real clock that measures processing times, if `clock` is virtual
+  DeviceScan* scan = nullptr;             ///< null: hosts cannot list what is plugged in
+  hal::DiskPort* takes = nullptr;         ///< for [takes]; null: nothing is recorded
+  hal::DiskPort* takes_read = nullptr;    ///< the same folder, for the thread that reads; null without `takes`
+  hal::ConfinedPort* recovery = nullptr;  ///< where takes are recovered; null: in step_takes()
   TakeKeeper::UtcClock utc = [] { return std::int64_t{0}; };
 };
 

@@ -15,6 +15,7 @@
 
 #include "firmware/daemon/board_ports.h"
 #include "firmware/daemon/bridge.h"
+#include "firmware/daemon/confined_work.h"
 #include "firmware/daemon/device_scanner.h"
 #include "firmware/daemon/end_deadline.h"
 #include "firmware/daemon/line_ports.h"
@@ -110,11 +111,12 @@ void close(firmware::Rig& rig) noexcept {
 }
 
 /// Runs the rig until a signal arrives.
-void run_rig(BoardPorts& ports, TakesDisk& takes, const Options& options, const firmware::RigConfig& config,
-             EndDeadline& deadline) {
+void run_rig(BoardPorts& ports, TakesDisk& takes, hal::ConfinedPort* recovery, const Options& options,
+             const firmware::RigConfig& config, EndDeadline& deadline) {
   firmware::RigPorts rig_ports = ports.ports();
   rig_ports.takes = takes.to_write.get();
   rig_ports.takes_read = takes.to_read.get();
+  rig_ports.recovery = recovery;
   rig_ports.utc = utc_ns;
   firmware::Rig rig(config, rig_ports, kSoftware);
   for (const std::string& address : ports.addresses()) log_line(LogLevel::kInfo, "hosts can connect at " + address);
@@ -156,6 +158,14 @@ int make_lines_safe(const firmware::RigConfig& config) {
 
 int run(const Options& options, const firmware::RigConfig& config, const std::filesystem::path& base,
         EndDeadline& deadline) {
+  // Before devices and sockets are open, so that the process has none of them.
+  std::unique_ptr<hal::ConfinedPort> recovery;
+  if (config.takes && !options.check) {
+    auto started = start_recovery(base / config.takes->folder);
+    if (!started) return give_up(started.error(), kExitCannotStart);
+    recovery = std::move(*started);
+    if (const std::string missing = missing_confinement(); !missing.empty()) log_line(LogLevel::kInfo, missing);
+  }
   auto ports = BoardPorts::make(config, base);
   if (!ports) return give_up(ports.error(), kExitBadInput);
   if (options.check) {
@@ -190,7 +200,7 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
   const sigset_t signals = stop_signals();
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   const EndDeadline::Protection protection = deadline.protect([&ports = **ports] { ports.make_safe(); });
-  run_rig(**ports, takes, options, config, deadline);
+  run_rig(**ports, takes, recovery.get(), options, config, deadline);
   return kExitFine;
 }
 

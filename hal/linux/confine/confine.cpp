@@ -72,11 +72,22 @@ Status allow(int ruleset, const std::string& path, std::uint64_t rights) {
   return {};
 }
 
+/// Of the kernel's interface; 0: it has none.
+int landlock_version() { return static_cast<int>(std::max(0L, ::syscall(kCreateRuleset, nullptr, 0, kAskVersion))); }
+
+bool has_seccomp() { return ::prctl(PR_GET_SECCOMP, 0, 0, 0, 0) >= 0 || errno != EINVAL; }
+
+std::string missing(bool landlock, bool seccomp) {
+  std::string text;
+  if (!landlock) text = "this kernel has no Landlock (Linux 5.13 or newer, with landlock in its list lsm=)";
+  if (!seccomp) text += std::string(text.empty() ? "" : "; ") + "this kernel has no seccomp filters";
+  return text.empty() ? text : text + ": foreign data is read with fewer restrictions";
+}
+
 /// The version in force; 0: the kernel has none.
 Result<int> restrict_files(const Confinement& what) {
-  const long version = ::syscall(kCreateRuleset, nullptr, 0, kAskVersion);
-  if (version < 1) return 0;
-  const int known = static_cast<int>(version);
+  const int known = landlock_version();
+  if (known == 0) return 0;
   const std::uint64_t handled = files_of(known);
   const Ruleset all{handled, known >= 4 ? kTcp : 0, known >= 6 ? kAbstractSocketsAndSignals : 0};
   const std::size_t size = known >= 6 ? sizeof all : known >= 4 ? 2 * sizeof(std::uint64_t) : sizeof(std::uint64_t);
@@ -256,7 +267,7 @@ bool deny_dangerous(const Filter& filter, bool execute) {
 
 /// Whether a filter is in force. False: the kernel has none.
 Result<bool> restrict_calls(const Confinement& what) {
-  if (::prctl(PR_GET_SECCOMP, 0, 0, 0, 0) < 0 && errno == EINVAL) return false;
+  if (!has_seccomp()) return false;
   const bool listed = what.calls == Confinement::Calls::kFilesAndMemory;
   const Filter filter(seccomp_init(listed ? SCMP_ACT_ERRNO(EPERM) : SCMP_ACT_ALLOW), seccomp_release);
   const bool made = filter && (listed ? allow_files_and_memory(filter) : deny_dangerous(filter, !what.execute.empty()));
@@ -288,11 +299,10 @@ Result<Confined> confine(const Confinement& what) {
   const auto seccomp = restrict_calls(what);
   if (!seccomp) return fail(seccomp.error());
   done.seccomp = *seccomp;
-  if (done.landlock == 0) done.missing = "this kernel has no Landlock (Linux 5.13 or newer, in the list lsm=)";
-  if (!done.seccomp)
-    done.missing += std::string(done.missing.empty() ? "" : "; ") + "this kernel has no seccomp filters";
-  if (!done.missing.empty()) done.missing += ": data of strangers is read with fewer restrictions";
+  done.missing = missing(done.landlock > 0, done.seccomp);
   return done;
 }
+
+std::string missing_in_kernel() { return missing(landlock_version() > 0, has_seccomp()); }
 
 }  // namespace nodal::hal::linux_os

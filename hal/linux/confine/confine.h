@@ -45,4 +45,7 @@ struct Confined {
 /// Threading: thread-bound. Errors: kIo if the kernel has a restriction and refuses to apply it.
 Result<Confined> confine(const Confinement& what);
 
+/// Confined::missing of this kernel, without restricting anything.
+std::string missing_in_kernel();
+
 }  // namespace nodal::hal::linux_os
