@@ -105,7 +105,8 @@ class Programs:
     def to_compile(self, changed):
         """(source, object) for all sources of room and programs that are changed, or include what is changed."""
         headers = {path for path in changed if path.endswith(".h")}
-        paths = [path for path in changed if not path.endswith(".h")]
+        # A source that is not in this build, such as the kernel of another processor, is not compiled; nothing reaches it.
+        paths = [path for path in changed if path in self.build.commands]
         if headers:
             own = {path for path in self.sources if path in self.build.commands}
             for name in self.unit:
