@@ -133,8 +133,6 @@ wire::FrameSetHeader frame_set_header(std::uint32_t side) {
   return header;
 }
 
-std::string frame_set_meta(std::uint32_t side) { return frame_set_header(side).SerializeAsString(); }
-
 void answer_calibration(ScriptedRig& rig, const wire::Request& request) {
   wire::Reply reply;
   reply.mutable_calibration()->set_json(to_json(six_heads("six")));
@@ -147,7 +145,7 @@ TEST_F(LyingRigs, FrameSetAnnouncedAndNotSent_TakesNoMemory) {
     if (request.has_calibration_get()) answer_calibration(rig, request);
     if (!request.has_frame_set()) return;
     start_pull(rig, request);
-    rig.first_piece(kStream, 0, frame_set_meta(8000), 1'000'000'000, std::string(1000, 'x'));
+    rig.first_piece(kStream, 0, frame_set_header(8000).SerializeAsString(), 1'000'000'000, std::string(1000, 'x'));
   };
   const Finished run = against(respond, "drift", "500ms");
   EXPECT_EQ(run.code, 3) << run.err;
@@ -161,7 +159,7 @@ TEST_F(LyingRigs, SecondFrameSetOnItsStream_IsRefused) {
     if (!request.has_frame_set()) return;
     start_pull(rig, request);
     for (std::uint64_t item = 0; item < 2; ++item) {
-      rig.first_piece(kStream, item, frame_set_meta(10), 1800, std::string(1800, 'x'));
+      rig.first_piece(kStream, item, frame_set_header(10).SerializeAsString(), 1800, std::string(1800, 'x'));
     }
   };
   const Finished run = against(respond, "drift");
@@ -182,14 +180,11 @@ TEST_F(LyingRigs, FrameSetThatLacksAHead_IsPassedOver) {
     const std::string pictures(static_cast<std::size_t>(300 * header.heads_size()), 'x');
     start_pull(rig, request, stream);
     rig.first_piece(stream, 0, header.SerializeAsString(), pictures.size(), pictures);
-    wire::StreamClose close;
-    close.set_offered(1);
-    rig.frame(FrameType::kStreamClose, stream, close.SerializeAsString());
+    rig.frame(FrameType::kStreamClose, stream, wire::StreamClose().SerializeAsString());
   };
   const Finished run = against(respond, "drift --sets 1");
   EXPECT_EQ(run.code, 4) << run.err;
   EXPECT_NE(run.err.find("the picture is 10x10"), std::string::npos) << "the second set is used: " << run.err;
-  EXPECT_EQ(sets, 2);
 }
 
 // --- lists -----------------------------------------------------------------------------------------------
