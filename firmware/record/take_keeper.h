@@ -166,8 +166,7 @@ class TakeKeeper {
   bool step_test(Instant now);
   void end_test(Result<TakeAnswer::DiskTested> result);
   std::uint64_t set_bytes(const HeadShapes& heads, std::optional<TakeMode> mode = std::nullopt) const;
-  Result<std::optional<Answered>> eject(std::uint64_t ticket);
-  Result<std::uint64_t> eject_now();
+  bool step_eject();
   Status make_room_while_recording();
   void answer_end(std::uint64_t take, const Result<take::Manifest>& manifest, bool empty_still);
   std::uint64_t bytes_a_second() const;
@@ -220,7 +219,8 @@ class TakeKeeper {
   bool closing_ = false;  ///< the blend does not go on
   std::vector<std::uint64_t>
       stopping_;  ///< tickets that are answered when the take has ended: of Stop, and of a still's Start
-  std::vector<std::uint64_t> ejecting_;  ///< tickets of Eject that wait for the same
+  std::vector<std::uint64_t> ejecting_;  ///< tickets of Eject that wait for the same, and for the end of a read
+  std::uint64_t ejected_take_ = 0;       ///< the take that ended for them
   bool still_ = false;                   ///< the take is a still
   bool ending_ = false;                  ///< the recorder was told to end
   std::string reason_;                   ///< why

@@ -66,6 +66,7 @@ class TakeReader {
 
  private:
   Result<PieceOfTake> read(const ReadOrder& order, Loan<std::vector<std::uint8_t>> into);
+  Result<PieceOfTake> read_there(const ReadOrder& order, Loan<std::vector<std::uint8_t>> into);
 
   hal::DiskPort& disk_;
   Recorder& recorder_;

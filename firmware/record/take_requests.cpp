@@ -42,7 +42,13 @@ Result<std::optional<TakeKeeper::Answered>> TakeKeeper::run(const TakeRequest& r
     if (const Status set = shelf_.protect(what->take, what->on); !set) return fail(set.error());
     return done(what->take);
   }
-  if (std::holds_alternative<TakeRequest::Eject>(request.what)) return eject(request.ticket);
+  if (std::holds_alternative<TakeRequest::Eject>(request.what)) {
+    if (test_) end_test(fail(Errc::kCancelled, "the disk was ejected"));
+    ejected_take_ = 0;
+    ejecting_.push_back(request.ticket);
+    if (writing_) tell_to_end("ejected");
+    return std::optional<Answered>();
+  }
   if (const auto* what = std::get_if<TakeRequest::TestDisk>(&request.what)) {
     if (const Status begun = begin_test(request.ticket, *what, now); !begun) return fail(begun.error());
     return std::optional<Answered>();
@@ -63,30 +69,22 @@ void TakeKeeper::answer_end(std::uint64_t take, const Result<take::Manifest>& ma
     else if (manifest) answer(ticket, TakeAnswer::Done{take});
     else answer(ticket, fail(manifest.error()));
   }
+  if (manifest) ejected_take_ = take;
+  else
+    for (const std::uint64_t ticket : std::exchange(ejecting_, {})) answer(ticket, fail(manifest.error()));
+}
+
+/// Answers requests to eject when no take is recorded any more. While a file is being read, the next step tries again.
+bool TakeKeeper::step_eject() {
+  if (ejecting_.empty() || writing_) return false;
+  const Status done = shelf_.ejected() ? Status() : shelf_.eject();
+  if (!done && done.error().code == Errc::kBusy) return false;
+  const std::uint64_t take = std::exchange(ejected_take_, 0);
   for (const std::uint64_t ticket : std::exchange(ejecting_, {})) {
-    const auto ejected = manifest ? eject_now() : Result<std::uint64_t>(fail(manifest.error()));
-    if (ejected) answer(ticket, TakeAnswer::Done{take});
-    else answer(ticket, fail(ejected.error()));
+    if (done) answer(ticket, TakeAnswer::Done{take});
+    else answer(ticket, fail(done.error()));
   }
-}
-
-/// The answer comes when the take that is being recorded has ended.
-Result<std::optional<TakeKeeper::Answered>> TakeKeeper::eject(std::uint64_t ticket) {
-  if (test_) end_test(fail(Errc::kCancelled, "the disk was ejected"));
-  if (writing_) {
-    ejecting_.push_back(ticket);
-    tell_to_end("ejected");
-    return std::optional<Answered>();
-  }
-  const auto ejected = eject_now();
-  if (!ejected) return fail(ejected.error());
-  return std::optional<Answered>(TakeAnswer::Done{*ejected});
-}
-
-Result<std::uint64_t> TakeKeeper::eject_now() {
-  if (shelf_.ejected()) return 0;
-  if (const Status done = shelf_.eject(); !done) return fail(done.error());
-  return 0;
+  return true;
 }
 
 }  // namespace nodal::firmware

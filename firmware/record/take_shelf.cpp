@@ -74,9 +74,12 @@ Status TakeShelf::eject() {
   NODAL_ASSERT(holds_ == 0);
   const auto now = disk_.identity();
   if (!now) return fail(now.error());
-  const std::lock_guard none_reads(in_use_.reading());
-  if (const Status synced = disk_.sync_all(); !synced) return synced;
   in_use_.set_ejected(true);
+  if (in_use_.is_read()) return fail(Errc::kBusy, "a take is being read; try again in a moment");
+  if (const Status synced = disk_.sync_all(); !synced) {
+    in_use_.set_ejected(false);
+    return synced;
+  }
   forget();
   identity_.reset();
   ejected_ = *now;
@@ -86,7 +89,6 @@ Status TakeShelf::eject() {
 
 void TakeShelf::use_again() {
   ejected_.reset();
-  const std::lock_guard none_reads(in_use_.reading());
   in_use_.set_ejected(false);
 }
 

@@ -60,7 +60,8 @@ class TakeShelf {
   /// How many disks have been noticed.
   std::uint64_t disks() const { return disks_; }
   bool here() const { return identity_.has_value(); }
-  /// Syncs the disk, and leaves it alone until there is another one, or use_again(). No hold may exist.
+  /// Syncs the disk, and leaves it alone until there is another one, or use_again(). No hold may exist. kBusy while a file is being read:
+  /// no other one is read from then on, so a later call succeeds.
   Status eject();
   void use_again();
   bool ejected() const { return ejected_.has_value(); }

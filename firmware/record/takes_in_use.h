@@ -5,14 +5,14 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
-#include <mutex>
 
 namespace nodal::firmware {
 
-/// Control notes the takes that hosts read; the disk's stage deletes none of them to make room. The reader of takes and an eject
-/// exclude each other by the mutex.
+/// Control notes the takes that hosts read; the disk's stage deletes none of them to make room. The reader of takes says when it has a
+/// file open, so that an eject waits for it.
 ///
-/// Threading: set() is thread-bound to control, the rest is for any thread.
+/// Threading: set() is thread-bound to control, begin_read() and end_read() to the reader, set_ejected() and is_read() to the disk's stage;
+///   contains() is for any thread.
 /// Errors: none.
 class TakesInUse {
  public:
@@ -27,17 +27,23 @@ class TakesInUse {
     return false;
   }
 
-  /// Held by the reader of takes while it has a file open.
-  std::mutex& reading() { return reading_; }
-  /// While it is set, takes are not read. Call with reading() held.
-  void set_ejected(bool on) { ejected_ = on; }
-  /// Call with reading() held.
-  bool ejected() const { return ejected_; }
+  /// False: the disk was ejected, so nothing may be opened. Else call end_read() when the file is closed.
+  bool begin_read() {
+    reading_.store(true);
+    if (!ejected_.load()) return true;
+    reading_.store(false);
+    return false;
+  }
+  void end_read() { reading_.store(false); }
+  /// While it is set, no read begins.
+  void set_ejected(bool on) { ejected_.store(on); }
+  /// A file may still be open.
+  bool is_read() const { return reading_.load(); }
 
  private:
   std::array<std::atomic<std::uint64_t>, kMaxReaders> takes_{};
-  std::mutex reading_;
-  bool ejected_ = false;
+  std::atomic<bool> reading_{false};
+  std::atomic<bool> ejected_{false};
 };
 
 }  // namespace nodal::firmware

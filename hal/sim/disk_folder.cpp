@@ -113,10 +113,10 @@ Status SimDisk::sync_folder(const std::string& name) {
 }
 
 Result<std::vector<std::string>> SimDisk::list(const std::string& folder) {
-  auto found = entries(folder);
+  const auto found = entries(folder);
   if (!found) return fail(found.error());
-  std::vector<std::string> names;
-  for (FolderEntry& entry : *found) names.push_back(std::move(entry.name));
+  std::vector<std::string> names(found->size());
+  std::ranges::transform(*found, names.begin(), &FolderEntry::name);
   return names;
 }
 

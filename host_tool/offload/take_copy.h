@@ -22,7 +22,8 @@ namespace nodal::host {
 /// What exists is never written over: neither files of another take, nor one of this take that was changed.
 ///
 /// Errors: those of fetch_file(); kDiskFull, kIo, kNotFound of the host's disk; kWrongState if the folder holds another take of
-///   this number, or other files with its names; kBusy while another program copies to it; kChecksum if bytes differ from those that were recorded, kTries times.
+///   this number, or other files with its names; kBusy while another program copies to it; kChecksum if bytes differ
+///   from those that were recorded, kTries times.
 class TakeCopy {
  public:
   /// Bytes of the take that are there and verified, and the file that is being copied.
