@@ -37,7 +37,7 @@ Stages Rig::stages(const RigConfig& config, const RigPorts& ports, const std::st
   if (flight_) flight_log_ = std::make_unique<FlightLog>(*flight_, software, kSetsHeld);
   stages.takes = &takes_.emplace(config, *ports.takes, *recorder_, software, ports.utc, flight_log_.get(),
                                  places_seams_ ? &blender_ : nullptr, ports.recovery);
-  stages.take_reader = &take_reader_.emplace(*ports.takes_read, *recorder_);
+  stages.take_reader = &take_reader_.emplace(*ports.takes_read, *recorder_, takes_->in_use());
   return stages;
 }
 

@@ -313,7 +313,8 @@ Result<take::Manifest> write_manifest(hal::DiskPort& disk, const std::string& fo
     return fail(Errc::kTooLarge, fmt::format("take {}: has more than {} files", folder, take::kMaxTakeFiles));
   std::ranges::sort(manifest.files, {}, &take::Manifest::File::name);
   if (const Status synced = disk.sync_all(); !synced) return fail(synced.error());
-  const Status written = write_durably(disk, folder, folder + "/" + take::kManifestFile, take::manifest_json(manifest));
+  const Status written =
+      create_durably(disk, folder, folder + "/" + take::kManifestFile, take::manifest_json(manifest));
   if (!written) return fail(written.error());
   return manifest;
 }

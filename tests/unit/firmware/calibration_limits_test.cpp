@@ -23,9 +23,7 @@ CalibrationStore store_on(SimDisk& disk) {
 }
 
 void write(SimDisk& disk, const std::string& name, std::span<const std::uint8_t> bytes) {
-  const auto file = disk.create(name);
-  ASSERT_TRUE(file && disk.write(*file, bytes));
-  disk.close(*file);
+  disk.put(name, bytes);
 }
 
 std::string signed_name(const CalibrationStore::Entry& entry) {
