@@ -67,7 +67,7 @@ struct HealthInputs {
   ShedLevel shed;
   const std::string& settings_problem;  ///< SettingsWriter::problem()
   const TakeReport* takes;              ///< null: the rig records nothing
-  Duration since_lost_set;              ///< of a take, by the disk
+  Duration since_lost_set;              ///< of a take, because the disk was too slow
   const std::string& undecodable;       ///< a sentence about a head whose newest frame could not be decoded, or empty
 };
 

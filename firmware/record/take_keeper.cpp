@@ -36,7 +36,8 @@ TakeKeeper::TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& r
       requests_(64),
       calibrations_(2),
       answers_(64 + 4),
-      recovery_(disk, confined) {
+      recovery_(disk, confined),
+      rate_(config.rate) {
   report_.loop = config_.takes->loop;
   if (places_seams_) places_seams_->log_seams();
 }
@@ -135,7 +136,7 @@ void TakeKeeper::end_late_still(Instant now) {
 std::uint64_t TakeKeeper::bytes_a_second() const {
   const std::uint64_t a_set =
       std::max(recorder_.counts().set_bytes.load(std::memory_order_relaxed), expected_set_bytes_);
-  return a_set * config_.rate.numerator / config_.rate.denominator;
+  return a_set * rate_.numerator / rate_.denominator;
 }
 
 std::uint64_t TakeKeeper::room_to_start() const {
@@ -167,6 +168,8 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
     return fail(Errc::kTooLarge,
                 fmt::format("the disk has {} takes, the most that there may be; delete some", takes_.size()));
   }
+  if (const Status good = check_pictures(start.heads); !good) return fail(good.error());
+  rate_ = start.rate.value_or(config_.rate);
   expected_set_bytes_ = set_bytes(start.heads);
   if (expected_set_bytes_ > recorder_.ring().size() / 4) {
     return fail(Errc::kBadValue, fmt::format("a set of pictures has {} MB; [takes] buffer_mb must be at least {}",
@@ -180,19 +183,11 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
   }
   next_take_ = number + 1;
   TakeWriter::Documents documents;
-  documents.about.number = number;
-  documents.about.rig = config_.name;
-  documents.about.software = software_;
-  documents.about.started_utc_ns = utc_();
-  documents.about.rate = config_.rate;
-  documents.about.mode = mode_names(config_.heads);
-  if (start.calibration) documents.about.calibration_id = to_hex(*start.calibration);
+  documents.about = document_of(start, number, now);
   documents.calibration = start.calibration;
-  for (const HeadConfig& head : config_.heads) documents.about.heads.push_back(head.name);
   documents.calibration_json = start.calibration_json;
   if (config_.text) documents.rig_toml = *config_.text;
-  if (config_.takes->raymap && start.calibration) {
-    documents.about.layout = config_.raymap.layout;
+  if (!documents.about.layout.empty()) {
     documents.raymap_width = config_.raymap.width;
     documents.raymap_height = config_.raymap.height;
   }
@@ -231,6 +226,13 @@ bool TakeKeeper::store_calibration() {
   const auto calibration = calibrations_.pop();
   if (!calibration || !writing_ || broken_) return calibration.has_value();
   if (const Status stored = writing_->use_calibration(*calibration); !stored) give_up(stored.error());
+  if (writing_->left_out_calibrations()) {
+    report_.problem = fmt::format(
+        "take {} has {} calibrations, the most that it can have: sets with later ones cannot be rendered; start "
+        "another "
+        "take: nodal take start",
+        writing_->number(), take::kMostCalibrations);
+  }
   return true;
 }
 
@@ -282,7 +284,9 @@ bool TakeKeeper::write_rows(Instant now) {
 void TakeKeeper::give_up(const Error& error) {
   broken_ = true;
   if (cause_.empty()) cause_ = error.message;
-  tell_to_end(error.code == Errc::kDiskFull ? "disk full" : "disk failed");
+  tell_to_end(error.code == Errc::kDiskFull   ? "disk full"
+              : error.code == Errc::kTooLarge ? "as long as a take can be"
+                                              : "disk failed");
 }
 
 void TakeKeeper::sync_if_due(Instant now) {
@@ -300,8 +304,8 @@ void TakeKeeper::sync_if_due(Instant now) {
     return give_up(synced.error());
   } else {
     // Said when the next segment is on the disk: if the disk takes nothing more, only that is said.
-    lost_by_sync_ = fmt::format("take {}: {} sets were lost, and a new segment begins: {}", writing_->number(), cut,
-                                synced.error().message);
+    lost_by_sync_ = fmt::format("take {}: {} sets were lost by an error of the disk, and a new segment begins: {}",
+                                writing_->number(), cut, synced.error().message);
   }
   const auto ahead = static_cast<std::uint64_t>(kLoopAhead.ns() / 1'000'000'000);
   const Status room = make_room(2 * kReserveBytes + recorder_.ring().size() + ahead * bytes_a_second());
@@ -318,7 +322,7 @@ void TakeKeeper::sync_if_due(Instant now) {
 
 void TakeKeeper::end(Instant now) {
   const std::uint64_t number = writing_->number();
-  const std::uint64_t lost = recorder_.counts().lost_sets.load() - lost_before_ + dropped_sets_;
+  const LostSets lost{recorder_.counts().lost_sets.load() - lost_before_, dropped_sets_};
   end_flight(now);
   const auto manifest = writing_->end(reason_, lost);
   writing_.reset();
@@ -359,6 +363,7 @@ void TakeKeeper::publish(Instant now) {
   if (test_) report_.test_percent = test_->test->percent(now);
   report_.sets = writing_ ? writing_->sets() : 0;
   report_.lost_sets = writing_ ? counts.lost_sets.load() - lost_before_ + dropped_sets_ : 0;
+  report_.lost_by_errors = writing_ ? dropped_sets_ : 0;
   report_.lost_raymaps = writing_ ? counts.lost_raymaps.load() - raymaps_lost_before_ : 0;
   const bool encodes = writing_ && std::ranges::count(config_.heads, TakeMode::kJpeg, &HeadConfig::take_mode) > 0;
   report_.quality = encodes ? recorder_.quality_now() : 0;

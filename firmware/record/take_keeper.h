@@ -19,13 +19,15 @@
 #include "firmware/record/take_recovery.h"
 #include "hal/confined.h"
 #include "hal/disk.h"
+#include "protocol/base/gaps.h"
 #include "protocol/base/result.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/spsc_ring.h"
 
 namespace nodal::take {
 struct Manifest;
-}
+struct TakeDocument;
+}  // namespace nodal::take
 
 namespace nodal::firmware {
 
@@ -38,6 +40,7 @@ struct TakeRequest {
     std::string calibration_json{};       ///< its canonical form
     HeadShapes heads{};                   ///< for the room that a take needs
     bool still = false;                   ///< one set; the answer comes when it is on the disk
+    std::optional<FrameRate> rate{};      ///< at which sets come; empty: not known, rig.toml's
   };
   struct Stop {};
   struct Mark {
@@ -56,6 +59,7 @@ struct TakeRequest {
   struct TestDisk {
     Duration length = Duration::seconds(10);
     HeadShapes heads{};  ///< for what the modes need
+    std::optional<FrameRate> rate{};
   };
   using What = std::variant<List, Start, Stop, Mark, Delete, Protect, TestDisk>;
 
@@ -80,6 +84,9 @@ struct TakeEntry {
   std::uint64_t sets = 0;
   std::uint64_t lost_sets = 0;
   std::uint64_t deleted_sets = 0;  ///< to make room for newer ones
+  take::Gaps gaps{};
+  std::vector<take::HeadGaps> heads{};    ///< by index
+  std::vector<take::RateChange> rates{};  ///< empty: unknown
   std::uint64_t bytes = 0;
   Duration length;
   bool is_protected = false;
@@ -113,8 +120,9 @@ struct TakeReport {
   bool ready = false;
   std::optional<std::uint64_t> recording;
   Instant since;
-  std::uint64_t sets = 0;       ///< of the take that is being recorded
-  std::uint64_t lost_sets = 0;  ///< likewise
+  std::uint64_t sets = 0;            ///< of the take that is being recorded
+  std::uint64_t lost_sets = 0;       ///< likewise
+  std::uint64_t lost_by_errors = 0;  ///< part of them: an error of the disk, not its speed
   std::uint64_t lost_raymaps = 0;
   bool leaves_out_raymaps = false;   ///< because the buffer is too full
   int quality = 0;                   ///< of JPEGs that the rig encodes now; 0: it encodes none
@@ -213,6 +221,8 @@ class TakeKeeper {
   void sync_if_due(Instant now);
   void give_up(const Error& error);
   void end_late_still(Instant now);
+  Status check_pictures(const HeadShapes& heads) const;
+  take::TakeDocument document_of(const TakeRequest::Start& start, std::uint64_t number, Instant now) const;
   void tell_to_end(const std::string& reason);
   void end(Instant now);
   void answer(std::uint64_t ticket, Result<Answered> result);
@@ -259,6 +269,7 @@ class TakeKeeper {
   bool broken_ = false;                  ///< the disk failed: rows are dropped until the last
   std::uint64_t dropped_sets_ = 0;
   std::uint64_t expected_set_bytes_ = 0;
+  FrameRate rate_;                 ///< of the sets, when the newest take or test began
   std::uint64_t lost_before_ = 0;  ///< Recorder's counts when the take began
   std::uint64_t raymaps_lost_before_ = 0;
   Instant next_sync_;

@@ -19,6 +19,7 @@ std::optional<std::uint64_t> number_of(const std::string& folder) {
   const char* const end = folder.data() + folder.size();
   const auto [stop, error] = std::from_chars(folder.data(), end, number);
   if (error != std::errc() || stop != end || take::take_folder(number) != folder) return std::nullopt;
+  if (number > take::kMaxTakeNumber) return std::nullopt;  // of no rig
   return number;
 }
 
@@ -33,6 +34,9 @@ void TakeEntry::complete(const take::Manifest& manifest) {
   sets = manifest.sets;
   lost_sets = manifest.lost_sets;
   deleted_sets = manifest.deleted_sets;
+  gaps = manifest.gaps;
+  heads = manifest.heads;
+  if (!manifest.rates.empty()) rates = manifest.rates;  // else that of take.json
   bytes = manifest.bytes();
   length = manifest.length;
   ended = manifest.ended;
@@ -67,6 +71,7 @@ void TakeKeeper::load(const std::string& folder) {
     entry.started_utc_ns = about->started_utc_ns;
     entry.raymap_width = about->raymap_width;
     entry.raymap_height = about->raymap_height;
+    entry.rates = {{0, about->rate}};
   }
   if (being_deleted(entry.number)) {
     entry.state = TakeState::kUnfinished;

@@ -113,7 +113,8 @@ class Films {
     if (stream.lossless) {
       track.codec = media::kUtVideoCodec;
       track.fourcc.clear();
-      track.codec_private = media::ut_video_private(stream.format, stream.width, stream.height, stream.coding);
+      track.codec_private =
+          media::ut_video_private(stream.format, stream.width, stream.height, stream.coding, stream.fields);
     }
     track.width = stream.width;
     track.height = stream.height;

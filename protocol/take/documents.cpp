@@ -72,7 +72,56 @@ Result<Json> parse(const TextPieces& text, const std::string& file, std::size_t 
   if (!variable##_result) return fail(variable##_result.error()); \
   auto& variable = *variable##_result
 
-constexpr std::uint64_t kMostNs = INT64_MAX;
+constexpr auto kMostNs = static_cast<std::uint64_t>(kMaxTimeNs);
+
+nlohmann::ordered_json rate_json(FrameRate rate) { return {rate.numerator, rate.denominator}; }
+
+Result<FrameRate> rate_of(const Json& list, const JsonFields& fields) {
+  if (!list.is_array() || list.size() != 2 || !list[0].is_number_unsigned() || !list[1].is_number_unsigned()) {
+    return fields.wrong("rate", "not two numbers");
+  }
+  const auto rate = FrameRate::make(list[0].get<std::uint64_t>(), list[1].get<std::uint64_t>());
+  if (!rate) return fields.wrong("rate", "not a frame rate");
+  return *rate;
+}
+
+/// gaps, heads and rates of a manifest. A nodald of before did not write them.
+Status parse_tally(const Json& json, const std::string& file, Manifest& manifest) {
+  const JsonFields fields(json, file);
+  if (json.contains("gaps")) {
+    if (!json["gaps"].is_object()) return fields.wrong("gaps", "not an object");
+    const JsonFields entry(json["gaps"], file + ": gaps");
+    NODAL_TAKE(count, entry.number("count", kMaxSets));
+    NODAL_TAKE(slow, entry.number("slow", kMaxSets));
+    NODAL_TAKE(error, entry.number("error", kMaxSets));
+    NODAL_TAKE(capture, entry.number("capture", kMaxSets));
+    NODAL_TAKE(longest, entry.number("longest_ns", kMostNs));
+    NODAL_TAKE(before, entry.number("longest_before", kMaxSets));
+    manifest.gaps = {count, slow, error, capture, Duration::nanoseconds(static_cast<std::int64_t>(longest)), before};
+  }
+  if (json.contains("heads")) {
+    NODAL_TAKE(heads, fields.list("heads", kMaxHeads));
+    for (const Json& each : *heads) {
+      if (!each.is_object()) return fields.wrong("heads", "not a list of objects");
+      const JsonFields entry(each, file + ": heads");
+      NODAL_TAKE(missing, entry.number("missing", kMaxSets));
+      NODAL_TAKE(format, entry.number("format", kMaxSets));
+      NODAL_TAKE(encoder, entry.number("encoder", kMaxSets));
+      manifest.heads.push_back({missing, format, encoder});
+    }
+  }
+  if (json.contains("rates")) {
+    NODAL_TAKE(rates, fields.list("rates", kMaxRates));
+    for (const Json& each : *rates) {
+      if (!each.is_object() || !each.contains("rate")) return fields.wrong("rates", "not a list of rates");
+      const JsonFields entry(each, file + ": rates");
+      NODAL_TAKE(set, entry.number("set", kMaxSets));
+      NODAL_TAKE(rate, rate_of(each["rate"], entry));
+      manifest.rates.push_back({set, rate});
+    }
+  }
+  return {};
+}
 
 }  // namespace
 
@@ -82,7 +131,9 @@ std::string take_json(const TakeDocument& take) {
                               {"rig", take.rig},
                               {"software", take.software},
                               {"started_utc_ns", take.started_utc_ns},
-                              {"rate", {take.rate.numerator, take.rate.denominator}},
+                              {"started_ns", take.started_ns},
+                              {"rate", rate_json(take.rate)},
+                              {"raymaps_a_set", take.raymaps_a_set},
                               {"mode", take.mode},
                               {"calibration", take.calibration_id},
                               {"layout", take.layout},
@@ -98,6 +149,8 @@ Result<TakeDocument> parse_take_json(std::string_view text, const std::string& f
                                              {"rig", value},
                                              {"software", value},
                                              {"started_utc_ns", value},
+                                             {"started_ns", value},
+                                             {"raymaps_a_set", value},
                                              {"rate", JsonShape::list(2, value)},
                                              {"mode", value},
                                              {"calibration", value},
@@ -107,28 +160,27 @@ Result<TakeDocument> parse_take_json(std::string_view text, const std::string& f
   NODAL_TAKE(json, parse(one_piece(text), file, kMaxTakeJsonBytes, shape));
   const JsonFields fields(json, file);
   TakeDocument take;
-  NODAL_TAKE(number, fields.number("take", kMostNs));
-  NODAL_TAKE(rig, fields.text("rig", 256));
-  NODAL_TAKE(software, fields.text("software", 256));
-  NODAL_TAKE(started, fields.number("started_utc_ns", kMostNs));
+  NODAL_TAKE(number, fields.number("take", kMaxTakeNumber));
+  NODAL_TAKE(rig, fields.text("rig", kMaxTakeTextBytes));
+  NODAL_TAKE(software, fields.text("software", kMaxTakeTextBytes));
+  NODAL_TAKE(started, fields.number("started_utc_ns", static_cast<std::uint64_t>(kMaxUtcNs)));
+  // A nodald of before did not write these two.
+  NODAL_TAKE(started_ns, json.contains("started_ns") ? fields.number("started_ns", kMostNs) : Result<std::uint64_t>(0));
+  NODAL_TAKE(a_set, json.contains("raymaps_a_set") ? fields.number("raymaps_a_set", 2) : Result<std::uint64_t>(1));
   NODAL_TAKE(rate, fields.list("rate", 2));
   NODAL_TAKE(mode, fields.text("mode", 32));
   NODAL_TAKE(calibration, fields.text("calibration", 64));
-  NODAL_TAKE(layout, fields.text("layout", 256));
+  NODAL_TAKE(layout, fields.text("layout", kMaxTakeTextBytes));
   NODAL_TAKE(raymap, fields.list("raymap", 2));
   NODAL_TAKE(heads, fields.list("heads", kMaxHeads));
-  if (rate->size() != 2 || !(*rate)[0].is_number_unsigned() || !(*rate)[1].is_number_unsigned()) {
-    return fields.wrong("rate", "not two numbers");
-  }
-  const auto valid = FrameRate::make((*rate)[0].get<std::uint64_t>(), (*rate)[1].get<std::uint64_t>());
-  if (!valid) return fields.wrong("rate", "not a frame rate");
+  NODAL_TAKE(valid, rate_of(*rate, fields));
   constexpr std::uint64_t kMostPixels = 1 << 16;
   for (const Json& side : *raymap) {
     if (raymap->size() != 2 || !side.is_number_unsigned() || side.get<std::uint64_t>() > kMostPixels)
       return fields.wrong("raymap", "not a width and a height");
   }
   for (const Json& head : *heads) {
-    if (!head.is_string() || head.get_ref<const std::string&>().size() > 256 ||
+    if (!head.is_string() || head.get_ref<const std::string&>().size() > kMaxTakeTextBytes ||
         !is_printable(head.get_ref<const std::string&>())) {
       return fields.wrong("heads", "not a list of names");
     }
@@ -138,7 +190,9 @@ Result<TakeDocument> parse_take_json(std::string_view text, const std::string& f
   take.rig = rig;
   take.software = software;
   take.started_utc_ns = static_cast<std::int64_t>(started);
-  take.rate = *valid;
+  take.started_ns = static_cast<std::int64_t>(started_ns);
+  take.rate = valid;
+  take.raymaps_a_set = std::max(1, static_cast<int>(a_set));
   take.mode = mode;
   take.calibration_id = calibration;
   take.layout = layout;
@@ -149,10 +203,30 @@ Result<TakeDocument> parse_take_json(std::string_view text, const std::string& f
   return take;
 }
 
+std::optional<std::int64_t> TakeDocument::utc_offset_ns() const {
+  if (started_utc_ns == 0 || started_ns == 0) return std::nullopt;
+  return started_utc_ns - started_ns;
+}
+
 std::uint64_t Manifest::bytes() const {
   std::uint64_t sum = 0;
   for (const File& file : files) sum += file.bytes;
   return sum;
+}
+
+Manifest within_limits(Manifest manifest) {
+  for (std::uint64_t* const each : {&manifest.sets, &manifest.lost_sets, &manifest.deleted_sets})
+    *each = std::min(*each, kMaxSets);
+  manifest.length = std::clamp(manifest.length, Duration(), Duration::nanoseconds(kMaxTimeNs));
+  manifest.ended = printable(manifest.ended, kMaxTakeTextBytes);
+  if (manifest.marks.size() > kMostMarks) manifest.marks.resize(kMostMarks);
+  for (Manifest::Mark& mark : manifest.marks) {
+    mark.set = std::min(mark.set, kMaxSets);
+    mark.text = printable(mark.text, kMaxMarkBytes);
+  }
+  manifest.gaps.longest = std::clamp(manifest.gaps.longest, Duration(), Duration::nanoseconds(kMaxTimeNs));
+  if (manifest.rates.size() > kMaxRates) manifest.rates.resize(kMaxRates);
+  return manifest;
 }
 
 std::string manifest_json(const Manifest& manifest) {
@@ -162,7 +236,20 @@ std::string manifest_json(const Manifest& manifest) {
                               {"lost_sets", manifest.lost_sets},
                               {"deleted_sets", manifest.deleted_sets},
                               {"length_ns", manifest.length.ns()},
-                              {"ended", manifest.ended}};
+                              {"ended", manifest.ended},
+                              {"gaps",
+                               {{"count", manifest.gaps.count},
+                                {"slow", manifest.gaps.slow},
+                                {"error", manifest.gaps.error},
+                                {"capture", manifest.gaps.capture},
+                                {"longest_ns", manifest.gaps.longest.ns()},
+                                {"longest_before", manifest.gaps.longest_before}}}};
+  nlohmann::ordered_json heads = nlohmann::ordered_json::array(), rates = nlohmann::ordered_json::array();
+  for (const HeadGaps& head : manifest.heads)
+    heads.push_back({{"missing", head.missing}, {"format", head.format}, {"encoder", head.encoder}});
+  for (const RateChange& each : manifest.rates) rates.push_back({{"set", each.set}, {"rate", rate_json(each.rate)}});
+  json["heads"] = std::move(heads);
+  json["rates"] = std::move(rates);
   nlohmann::ordered_json files = nlohmann::ordered_json::array();
   for (const Manifest::File& file : manifest.files) {
     files.push_back({{"name", file.name}, {"bytes", file.bytes}, {"xxh3", to_hex(file.digest)}});
@@ -190,7 +277,7 @@ class ManifestLists {
   void mark(const Json& json) {
     add(json, "marks", [&](const JsonFields& entry) -> Status {
       if (into_.marks.size() == kMostMarks) return too_many("marks", kMostMarks);
-      NODAL_TAKE(set, entry.number("set", std::uint64_t{1} << 48));
+      NODAL_TAKE(set, entry.number("set", kMaxSets));
       NODAL_TAKE(text, entry.text("text", kMaxMarkBytes));
       into_.marks.push_back({set, text});
       return {};
@@ -200,7 +287,7 @@ class ManifestLists {
     add(json, "calibrations", [&](const JsonFields& entry) -> Status {
       NODAL_TAKE(name, entry.text("file", 64));
       NODAL_TAKE(id, entry.text("id", 64));
-      NODAL_TAKE(set, entry.number("set", kMostNs));
+      NODAL_TAKE(set, entry.number("set", UINT64_MAX));  // by the rig's count, which any number may be
       Manifest::Calibration calibration{name, id, set};
       if (const Status good = check_next(calibration, into_.calibrations); !good) return fail(good.error().in(file_));
       into_.calibrations.push_back(std::move(calibration));
@@ -261,6 +348,14 @@ Result<Manifest> parse_manifest(const TextPieces& text, const std::string& file)
   const JsonShape mark = JsonShape::object({{"set", value}, {"text", value}});
   const JsonShape calibration = JsonShape::object({{"file", value}, {"id", value}, {"set", value}});
   const JsonShape each_file = JsonShape::object({{"name", value}, {"bytes", value}, {"xxh3", value}});
+  const JsonShape gaps = JsonShape::object({{"count", value},
+                                            {"slow", value},
+                                            {"error", value},
+                                            {"capture", value},
+                                            {"longest_ns", value},
+                                            {"longest_before", value}});
+  const JsonShape head = JsonShape::object({{"missing", value}, {"format", value}, {"encoder", value}});
+  const JsonShape each_rate = JsonShape::object({{"set", value}, {"rate", JsonShape::list(2, value)}});
   const JsonShape shape = JsonShape::object(
       {{"version", value},
        {"take", value},
@@ -269,19 +364,23 @@ Result<Manifest> parse_manifest(const TextPieces& text, const std::string& file)
        {"deleted_sets", value},
        {"length_ns", value},
        {"ended", value},
+       {"gaps", gaps},
+       {"heads", JsonShape::list(kMaxHeads, head)},
+       {"rates", JsonShape::list(kMaxRates, each_rate)},
        {"marks", JsonShape::stream(mark, [&](const Json& json) { lists.mark(json); })},
        {"calibrations", JsonShape::stream(calibration, [&](const Json& json) { lists.calibration(json); })},
        {"files", JsonShape::stream(each_file, [&](const Json& json) { lists.file(json); })}});
   NODAL_TAKE(json, parse(text, file, kMaxManifestBytes, shape));
   const JsonFields fields(json, file);
-  NODAL_TAKE(number, fields.number("take", kMostNs));
-  NODAL_TAKE(sets, fields.number("sets", std::uint64_t{1} << 48));
-  NODAL_TAKE(lost, fields.number("lost_sets", std::uint64_t{1} << 48));
+  NODAL_TAKE(number, fields.number("take", kMaxTakeNumber));
+  NODAL_TAKE(sets, fields.number("sets", kMaxSets));
+  NODAL_TAKE(lost, fields.number("lost_sets", kMaxSets));
   // A nodald that could not delete segments did not write it.
-  NODAL_TAKE(deleted, json.contains("deleted_sets") ? fields.number("deleted_sets", std::uint64_t{1} << 48)
-                                                    : Result<std::uint64_t>(0));
+  NODAL_TAKE(deleted,
+             json.contains("deleted_sets") ? fields.number("deleted_sets", kMaxSets) : Result<std::uint64_t>(0));
   NODAL_TAKE(length, fields.number("length_ns", kMostNs));
-  NODAL_TAKE(ended, fields.text("ended", 256));
+  NODAL_TAKE(ended, fields.text("ended", kMaxTakeTextBytes));
+  if (const Status good = parse_tally(json, file, manifest); !good) return fail(good.error());
   for (const char* list : {"marks", "calibrations", "files"}) {
     if (list == std::string_view("calibrations") && !json.contains(list)) continue;
     if (const auto is_list = fields.list(list, 0); !is_list) return fail(is_list.error());
@@ -304,9 +403,10 @@ std::string calibration_file(std::size_t number) { return fmt::format("calibrati
 
 Status check_next(const Manifest::Calibration& calibration, std::span<const Manifest::Calibration> before) {
   const auto is_digit = [](char c) { return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f'); };
-  if (before.size() < kMostCalibrations && calibration.file == calibration_file(before.size() + 1) &&
-      calibration.id.size() == 64 && std::ranges::all_of(calibration.id, is_digit) &&
-      (before.empty() || before.back().set <= calibration.set)) {
+  const bool next = before.size() < kMostCalibrations && calibration.file == calibration_file(before.size() + 1);
+  const bool left_out = !calibration.stored() && before.size() <= kMostCalibrations;
+  if ((next || left_out) && (before.empty() || before.back().stored()) && calibration.id.size() == 64 &&
+      std::ranges::all_of(calibration.id, is_digit) && (before.empty() || before.back().set <= calibration.set)) {
     return {};
   }
   return fail(Errc::kBadValue, fmt::format("calibrations: '{}' from set {} on, as number {}", calibration.file,

@@ -1,0 +1,45 @@
+// The part of TakeKeeper that says what a take is before its first set.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "firmware/record/head_coder.h"
+#include "firmware/record/take_keeper.h"
+#include "protocol/base/text.h"
+#include "protocol/take/documents.h"
+#include "protocol/take/limits.h"
+
+namespace nodal::firmware {
+
+/// What is larger than a reader takes is not recorded.
+Status TakeKeeper::check_pictures(const HeadShapes& heads) const {
+  for (std::size_t head = 0; head < heads.size() && head < config_.heads.size(); ++head) {
+    if (!heads[head] || heads[head]->format == PixelFormat::kMjpeg) continue;
+    const std::size_t bytes = packed_size(heads[head]->format, heads[head]->width, heads[head]->height);
+    if (bytes <= take::kMaxTakePictureBytes) continue;
+    return fail(
+        Errc::kTooLarge,
+        fmt::format("pictures of head '{}' have {} MB, and those of a take at most {}; choose a smaller size or "
+                    "MJPEG in rig.toml",
+                    config_.heads[head].name, bytes >> 20, take::kMaxTakePictureBytes >> 20));
+  }
+  return {};
+}
+
+take::TakeDocument TakeKeeper::document_of(const TakeRequest::Start& start, std::uint64_t number, Instant now) const {
+  take::TakeDocument about;
+  about.number = number;
+  about.rig = printable(config_.name, take::kMaxTakeTextBytes);
+  about.software = software_;
+  about.started_utc_ns = std::clamp<std::int64_t>(utc_(), 0, take::kMaxUtcNs);
+  about.started_ns = now.ns();
+  about.rate = rate_;
+  about.raymaps_a_set = config_.raymap.raymaps_a_set();
+  about.mode = mode_names(config_.heads);
+  if (start.calibration) about.calibration_id = to_hex(*start.calibration);
+  if (config_.takes->raymap && start.calibration) about.layout = config_.raymap.layout;
+  for (const HeadConfig& head : config_.heads) about.heads.push_back(printable(head.name, take::kMaxTakeTextBytes));
+  return about;
+}
+
+}  // namespace nodal::firmware
