@@ -63,6 +63,7 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::create(const TakePlace& pl
     told.set_bt709(stream.coding.bt709);
     told.set_fields(std::string(fields_name(stream.fields)));
     told.set_lossless(stream.lossless);
+    told.set_fields_apart(file.fields_apart);
   };
   for (std::size_t head = 0; head < kMaxHeads; ++head) {
     if (first.streams[head])

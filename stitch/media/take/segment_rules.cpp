@@ -51,6 +51,7 @@ TakeStream stream_of(const take::wire::File& file) {
   stream.coding = {.video_range = file.video_range(), .bt709 = file.bt709()};
   stream.fields = fields_named(file.fields());
   stream.lossless = file.lossless();
+  stream.fields_apart = file.fields_apart();
   return stream;
 }
 

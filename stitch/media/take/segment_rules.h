@@ -22,7 +22,8 @@ struct TakeStream {
   int height = 0;
   ColourCoding coding;
   Fields fields = Fields::kProgressive;
-  bool lossless = false;  ///< the file's frames are Ut Video, and `format` is that of the decoded pictures
+  bool lossless = false;      ///< the file's frames are Ut Video, and `format` is that of the decoded pictures
+  bool fields_apart = false;  ///< a frame is two JPEGs, one of each field, the one exposed first is first
 };
 TakeStream stream_of(const take::wire::File& file);
 

@@ -52,9 +52,10 @@ Result<TakeFolder> TakeFolder::open(std::shared_ptr<TakeFiles> files) {
   TakeFolder take;
   take.files_ = std::move(files);
   const auto listed = read_manifest_file(*take.files_);
-  if (!listed) return fail(listed.error());
   const auto about = read_take_file(*take.files_, take::kTakeFile, take::kMaxTakeJsonBytes);
+  if (!listed && listed.error().code != Errc::kNotFound) return fail(listed.error());
   if (!about) return fail(about.error());
+  if (!listed) return fail(listed.error());
   auto document = take::parse_take_json(text_of(*about), take.shown(take::kTakeFile));
   if (!document) return fail(document.error());
   const std::string name = take.shown(take::kManifestFile);
