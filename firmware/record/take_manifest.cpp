@@ -4,18 +4,12 @@
 #include <utility>
 #include <vector>
 
+#include "firmware/record/stored_documents.h"
 #include "firmware/storage/durable_file.h"
 #include "protocol/take/digest.h"
 #include "stitch/media/thumbnail.h"
 
 namespace nodal::firmware {
-namespace {
-
-std::string_view text_of(const std::vector<std::uint8_t>& bytes) {
-  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
-}
-
-}  // namespace
 
 void ManifestSum::add(const FinishedSegment& segment) {
   const Duration most = Duration::nanoseconds(take::kMaxTimeNs);
@@ -67,9 +61,7 @@ Result<take::Manifest> store_manifest(hal::DiskPort& disk, const std::string& fo
   const std::string text = take::manifest_json(take::within_limits(std::move(manifest)));
   if (const auto parsed = take::parse_manifest(text, name); !parsed) return fail(parsed.error().in("to be written"));
   if (const Status written = write_durably(disk, folder, name, text); !written) return fail(written.error());
-  const auto stored = disk.read(name, take::kMaxManifestBytes);
-  if (!stored) return fail(stored.error());
-  return take::parse_manifest(text_of(*stored), name);
+  return stored_manifest(disk, folder);
 }
 
 }  // namespace nodal::firmware
