@@ -60,7 +60,7 @@ void RateInForce::add(Instant middle, std::optional<std::int32_t> drift_ppb) {
   if (count_ % kSteps != 0) return;
   const auto step = measured();
   if (!step) return;
-  constexpr std::int64_t kOther = 5'000'000, kMeasured = 100'000;  // ppb; the second: what the mean of 64 may be off
+  constexpr std::int64_t kOther = 5'000'000, kMeasured = 300'000;  // ppb; the second: what the mean of 64 may be off
   const std::int64_t period = commanded_.period().ns();
   if (distance_ppb(step->ns(), period) > kOther) {
     if (distance_ppb(step->ns(), rate_.period().ns()) > kOther)
