@@ -20,7 +20,7 @@ Rig::Rig(const RigConfig& config, const RigPorts& ports, const std::string& soft
       places_seams_(config.raymap.seams == SeamPlacement::kPlaced),
       seams_(blender_.seams_out(), blender_.seams_in()),
       encoder_(config.raymap, ports.stopwatch ? *ports.stopwatch : ports.clock, blender_.raymaps_out()),
-      keeper_(config, ports.disk, blender_.tables_in(), blender_.tables_out()),
+      keeper_(config, ports.disk, blender_.tables_in(), blender_.tables_out(), ports.rehearsal),
       settings_(ports.disk),
       frame_sets_(capture_.add_outlet(FrameSender::kSets, false)),
       control_(config, software, stages(config, ports, software), frame_sets_, ports.listeners, ports.watchdog,
@@ -37,7 +37,7 @@ Stages Rig::stages(const RigConfig& config, const RigPorts& ports, const std::st
   if (flight_) flight_log_ = std::make_unique<FlightLog>(*flight_, software, kSetsHeld);
   stages.takes = &takes_.emplace(config, *ports.takes, *recorder_, software, ports.utc, flight_log_.get(),
                                  places_seams_ ? &blender_ : nullptr, ports.recovery);
-  stages.take_reader = &take_reader_.emplace(*ports.takes_read, *recorder_);
+  stages.take_reader = &take_reader_.emplace(*ports.takes_read, *recorder_, takes_->in_use());
   return stages;
 }
 

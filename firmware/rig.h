@@ -47,11 +47,12 @@ struct RigPorts {
   std::vector<Listener> listeners;
   hal::WatchdogPort* watchdog = nullptr;
   PanelPins panel;
-  hal::ClockPort* stopwatch = nullptr;    ///< real clock that measures processing times, if `clock` is virtual
-  DeviceScan* scan = nullptr;             ///< null: hosts cannot list what is plugged in
-  hal::DiskPort* takes = nullptr;         ///< for [takes]; null: nothing is recorded
-  hal::DiskPort* takes_read = nullptr;    ///< the same folder, for the thread that reads; null without `takes`
-  hal::ConfinedPort* recovery = nullptr;  ///< where takes are recovered; null: in step_takes()
+  hal::ClockPort* stopwatch = nullptr;     ///< real clock that measures processing times, if `clock` is virtual
+  DeviceScan* scan = nullptr;              ///< null: hosts cannot list what is plugged in
+  hal::DiskPort* takes = nullptr;          ///< for [takes]; null: nothing is recorded
+  hal::DiskPort* takes_read = nullptr;     ///< the same folder, for the thread that reads; null without `takes`
+  hal::ConfinedPort* recovery = nullptr;   ///< where takes are recovered; null: in step_takes()
+  hal::ConfinedPort* rehearsal = nullptr;  ///< where calibrations are parsed and compiled first; null: nowhere
   TakeKeeper::UtcClock utc = [] { return std::int64_t{0}; };
 };
 

@@ -11,18 +11,42 @@ namespace nodal::hal {
 
 using FileHandle = std::uint32_t;
 
+enum class EntryKind : std::uint8_t { kFile, kFolder, kOther };
+
+/// A direct entry of a folder.
+struct FolderEntry {
+  std::string name;
+  EntryKind kind = EntryKind::kOther;  ///< kOther: a symbolic link, a device, a pipe
+  /// Another number after the entry was replaced and, if it is a folder, after an entry of its own was made, renamed or removed.
+  std::uint64_t version = 0;
+  friend bool operator==(const FolderEntry&, const FolderEntry&) = default;
+};
+
 /// A folder whose files survive power loss as far as they were synced. Names are relative to the folder, with "/"
-/// between parts, never "..". Data that is not synced may be missing or incomplete after a crash.
+/// between parts, never "..". Data that is not synced may be missing or incomplete after a crash. Symbolic links are never
+/// followed, and only regular files are opened. What exists is written over by rename() alone, which replaces a file as a whole.
+///
+/// The folder may be on a disk that people take out and exchange. Between claim() and release() every call concerns the folder that
+/// had its name at claim(); without a claim, each call concerns the one that has it now, and nothing stays open but handles.
 ///
 /// Threading: thread-bound to its stage.
 /// Ownership: handles are closed by close() or with the port.
-/// Errors: kNotFound, kExists, kDiskFull, kIo, kDeviceGone; each names the file. kWrongState for a handle that is not open.
+/// Errors: kNotFound, kExists, kDiskFull, kIo, kDeviceGone; each names the file. kNotReady if no disk is mounted where one is
+///   demanded. kWrongState for a handle that is not open. kBadValue for a name that leads through a symbolic link.
 class DiskPort {
  public:
   virtual ~DiskPort() = default;
-  /// Creates an empty file and opens it for appending; replaces an existing file of that name.
+  /// Reserves the folder for this port: no other one can claim it, of this program or another. Once claimed, nothing changes.
+  /// Errors: kBusy if it is claimed already.
+  virtual Status claim() = 0;
+  /// Gives the folder up. What was written stays. Without a claim, nothing changes.
+  virtual void release() = 0;
+  /// Tells the disks apart that come to have this name: a number for the folder that has it now, also during a claim.
+  virtual Result<std::uint64_t> identity() = 0;
+
+  /// Creates an empty file and opens it for appending. kExists if there is anything of that name.
   virtual Result<FileHandle> create(const std::string& name) = 0;
-  /// Opens an existing file for appending.
+  /// Opens an existing file for appending. kBadValue if the file has other names, too (hard links), whose bytes would change.
   virtual Result<FileHandle> open_append(const std::string& name) = 0;
   /// Opens an existing file for reading at any offset. kIo if it is not a regular file.
   virtual Result<FileHandle> open_read(const std::string& name) = 0;
@@ -53,12 +77,18 @@ class DiskPort {
   virtual Result<std::uint64_t> size(const std::string& name) = 0;
   /// Replaces `to` atomically.
   virtual Status rename(const std::string& from, const std::string& to) = 0;
+  /// kExists if there is anything named `to`, which then stays.
+  virtual Status rename_new(const std::string& from, const std::string& to) = 0;
+  /// Removes a file, an empty folder, or a symbolic link, not what the link leads to.
   virtual Status remove(const std::string& name) = 0;
+  /// kExists if there is anything of that name.
   virtual Status make_folder(const std::string& name) = 0;
   /// Makes creations, renames and removals in the folder durable; "" is the root.
   virtual Status sync_folder(const std::string& name) = 0;
   /// Names of the direct entries, sorted.
   virtual Result<std::vector<std::string>> list(const std::string& folder) = 0;
+  /// The same with what they are, sorted by name; "" is the root.
+  virtual Result<std::vector<FolderEntry>> entries(const std::string& folder) = 0;
   virtual Result<std::uint64_t> free_bytes() = 0;
   virtual Result<std::uint64_t> total_bytes() = 0;
 

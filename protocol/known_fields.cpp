@@ -50,6 +50,7 @@ void drop_unknown_fields(wire::Request& request) {
     case wire::Request::kTakeProtect: return drop(request.mutable_take_protect());
     case wire::Request::kTakeRead: return drop(request.mutable_take_read());
     case wire::Request::kDiskTest: return drop(request.mutable_disk_test());
+    case wire::Request::kDiskEject: return drop(request.mutable_disk_eject());
     case wire::Request::WHAT_NOT_SET: return;
   }
 }

@@ -33,15 +33,23 @@ Result<Calibration> fit_to_rig(const Calibration& calibration, const std::vector
   return sets::calibration_of(calibration, named, "rig.toml");
 }
 
+std::vector<PixelFormat> delivered_formats(const RigConfig& config, const HeadShapes& heads) {
+  std::vector<PixelFormat> formats;
+  for (std::size_t i = 0; i < config.heads.size(); ++i)
+    formats.push_back(i < heads.size() && heads[i] ? heads[i]->format : config.heads[i].format);
+  return formats;
+}
+
 CalibrationKeeper::CalibrationKeeper(const RigConfig& config, hal::DiskPort& disk,
                                      SpscRing<sets::InstalledPtr>& tables_out,
-                                     SpscRing<sets::InstalledPtr>& tables_back)
+                                     SpscRing<sets::InstalledPtr>& tables_back, hal::ConfinedPort* rehearsal)
     : config_(config),
       disk_(disk),
       tables_out_(tables_out),
       tables_back_(tables_back),
       requests_(kRequests),
-      answers_(kRequests) {
+      answers_(kRequests),
+      rehearsal_(rehearsal) {
   report_.activity = "reading the calibration store";  // before the first step(), for hosts that connect early
   publish();
 }
@@ -144,7 +152,8 @@ Status CalibrationKeeper::start(const KeeperRequest& request) {
                                  std::to_string((trial_.report().until - now_).ms() / 1000) +
                                  " s; wait, or end the trial with `nodal calibration rollback`");
   }
-  if (std::holds_alternative<KeeperRequest::Install>(request.what)) return install(request);
+  if (std::holds_alternative<KeeperRequest::Install>(request.what))
+    return rehearsal_ ? rehearse(request) : install(request);
   if (const auto* wanted = std::get_if<KeeperRequest::Use>(&request.what)) {
     const auto found = store_->find(wanted->id_prefix);
     return found ? use(request, found->id) : Status(fail(found.error()));
@@ -253,12 +262,9 @@ Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration
                                 bool newly_stored, const HeadShapes& heads) {
   auto fitted = fit_to_rig(calibration, config_.heads, heads);
   if (!fitted) return fail(fitted.error());
-  std::vector<PixelFormat> formats;
-  for (std::size_t i = 0; i < config_.heads.size(); ++i) {
-    formats.push_back(i < heads.size() && heads[i] ? heads[i]->format : config_.heads[i].format);
-  }
   try {
-    auto job = sets::TableJob::make(*fitted, config_.raymap, config_.heads[0].fields, std::move(formats));
+    auto job =
+        sets::TableJob::make(*fitted, config_.raymap, config_.heads[0].fields, delivered_formats(config_, heads));
     if (!job) return fail(job.error().in("calibration " + short_id(id)));
     installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), false, false,
                                      std::make_shared<const std::string>(canonical_json(calibration))});
@@ -270,6 +276,7 @@ Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration
 
 bool CalibrationKeeper::compile_some() {
   Installation& now = *installing_;
+  if (now.rehearsed) return !answers_.full() && end_rehearsal();
   if (now.job && !now.job->done()) {
     now.job->compile_some(kRowsAStep);
     report_.activity =

@@ -13,6 +13,7 @@
 #include "firmware/config/config.h"
 #include "firmware/frame/frame_set.h"
 #include "firmware/frame/snapshot.h"
+#include "hal/confined.h"
 #include "hal/disk.h"
 #include "protocol/base/result.h"
 #include "protocol/base/spsc_ring.h"
@@ -80,6 +81,8 @@ struct KeeperReport {
 /// The calibration with its heads in the rig's order. Errors: kHeadMismatch, naming a head that does not fit.
 Result<Calibration> fit_to_rig(const Calibration& calibration, const std::vector<HeadConfig>& rig,
                                const HeadShapes& heads);
+/// Of every head: what it delivers, or, before it was ever open, what rig.toml says.
+std::vector<PixelFormat> delivered_formats(const RigConfig& config, const HeadShapes& heads);
 
 /// Installs a calibration in these steps: parse, fit to the rig, store, compile, validate, put in force on the disk, swap.
 /// It works on one request at a time, in slices. A request that fails in any step leaves the old calibration in force.
@@ -94,8 +97,9 @@ Result<Calibration> fit_to_rig(const Calibration& calibration, const std::vector
 /// Ownership: the disk outlives it. Errors: in the answers, and in the report's problem.
 class CalibrationKeeper {
  public:
+  /// `rehearsal`: where uploaded documents are parsed and compiled first, by rehearse(); null: nowhere.
   CalibrationKeeper(const RigConfig& config, hal::DiskPort& disk, SpscRing<sets::InstalledPtr>& tables_out,
-                    SpscRing<sets::InstalledPtr>& tables_back);
+                    SpscRing<sets::InstalledPtr>& tables_back, hal::ConfinedPort* rehearsal = nullptr);
 
   /// True when it did something.
   bool step(Instant now);
@@ -119,6 +123,7 @@ class CalibrationKeeper {
     bool on_trial = false;
     bool handed_over = false;                       ///< it is in tables_out_; the blend takes it between two sets
     std::shared_ptr<const std::string> document{};  ///< canonical form
+    std::optional<KeeperRequest> rehearsed{};       ///< an upload that is parsed and compiled elsewhere first
   };
   using Answered = std::variant<KeeperAnswer::Done, KeeperAnswer::Listed, KeeperAnswer::Document>;
 
@@ -127,6 +132,8 @@ class CalibrationKeeper {
   bool take_request();
   Status start(const KeeperRequest& request);
   bool answer_at_once(const KeeperRequest& request);
+  Status rehearse(const KeeperRequest& request);
+  bool end_rehearsal();
   Status install(const KeeperRequest& request);
   Status install_on_trial(const KeeperRequest& request, Calibration calibration, std::optional<SignedDocument> original,
                           Duration trial);
@@ -155,6 +162,7 @@ class CalibrationKeeper {
   Snapshot<KeeperReport> snapshot_;
   KeeperReport report_;
 
+  hal::ConfinedPort* const rehearsal_;
   std::optional<CalibrationStore> store_;
   Status store_status_;
   bool started_ = false;

@@ -97,7 +97,7 @@ ExposureControl::Orders ExposureControl::step(const blend::SphereLight& seen,
   const bool together = settings.program == ExposureProgram::kJoint;
   const std::int64_t common = stride(worst, settings.ramp);
   for (std::size_t h = 0; h < kMaxHeads; ++h) {
-    if ((present & head_bit(h)) == 0 || errors[h] == 0) continue;
+    if (errors[h] == 0) continue;  // as of every absent head
     if (!together && (resting_ & head_bit(h)) != 0) continue;
     const Stops own = errors[h] < 0 ? -stride(errors[h], settings.ramp) : stride(errors[h], settings.ramp);
     const Stops move = together ? static_cast<Stops>(std::min(common, std::int64_t{worst}) * errors[h] / worst) : own;

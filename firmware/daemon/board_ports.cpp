@@ -298,6 +298,7 @@ void BoardPorts::prepare() {
 Status BoardPorts::open_store(const std::filesystem::path& folder) {
   auto disk = hal::linux_os::LinuxDisk::open(folder.string());
   if (!disk) return fail(disk.error().in("calibration store"));
+  if (const Status mine = (*disk)->claim(); !mine) return fail(mine.error().in("calibration store"));
   state_->disk = std::move(*disk);
   return {};
 }

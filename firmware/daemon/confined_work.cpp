@@ -6,6 +6,7 @@
 #include <cstring>
 #include <utility>
 
+#include "firmware/calibration/rehearsal.h"
 #include "firmware/record/take_recovery.h"
 #include "hal/linux/confine/confine.h"
 #include "hal/linux/confine/confined_process.h"
@@ -41,6 +42,18 @@ Result<std::unique_ptr<hal::ConfinedPort>> start_recovery(const std::filesystem:
   return hal::linux_os::ConfinedProcess::start(
       kRecovery, [path = takes.string()](const hal::ConfinedJob& job, const hal::ConfinedProgress& progress) {
         return recover(path, job, progress);
+      });
+}
+
+Result<std::unique_ptr<hal::ConfinedPort>> start_rehearsal(const firmware::RigConfig& config) {
+  return hal::linux_os::ConfinedProcess::start(
+      {firmware::rehearsal_bytes(config), 300, std::chrono::seconds(60), 64},
+      [config](const hal::ConfinedJob& job,
+               const hal::ConfinedProgress& progress) -> Result<std::vector<std::uint8_t>> {
+        Confinement rights;
+        rights.calls = Confinement::Calls::kFilesAndMemory;
+        if (const auto confined = hal::linux_os::confine(rights); !confined) return fail(confined.error());
+        return firmware::rehearse(config, job, progress);
       });
 }
 

@@ -110,13 +110,18 @@ void close(firmware::Rig& rig) noexcept {
                                         capture.sets, rig.blender().counts().blended.load()));
 }
 
+struct ConfinedPorts {
+  std::unique_ptr<hal::ConfinedPort> recovery, rehearsal;
+};
+
 /// Runs the rig until a signal arrives.
-void run_rig(BoardPorts& ports, TakesDisk& takes, hal::ConfinedPort* recovery, const Options& options,
+void run_rig(BoardPorts& ports, TakesDisk& takes, const ConfinedPorts& confined, const Options& options,
              const firmware::RigConfig& config, EndDeadline& deadline) {
   firmware::RigPorts rig_ports = ports.ports();
   rig_ports.takes = takes.to_write.get();
   rig_ports.takes_read = takes.to_read.get();
-  rig_ports.recovery = recovery;
+  rig_ports.recovery = confined.recovery.get();
+  rig_ports.rehearsal = confined.rehearsal.get();
   rig_ports.utc = utc_ns;
   firmware::Rig rig(config, rig_ports, kSoftware);
   for (const std::string& address : ports.addresses()) log_line(LogLevel::kInfo, "hosts can connect at " + address);
@@ -156,15 +161,26 @@ int make_lines_safe(const firmware::RigConfig& config) {
   return done.problems.empty() ? kExitFine : kExitCannotStart;
 }
 
+Status start_confined(const firmware::RigConfig& config, const std::filesystem::path& base, ConfinedPorts& into) {
+  auto rehearsal = start_rehearsal(config);
+  if (!rehearsal) return fail(rehearsal.error());
+  into.rehearsal = std::move(*rehearsal);
+  if (config.takes) {
+    auto recovery = start_recovery(base / config.takes->folder);
+    if (!recovery) return fail(recovery.error());
+    into.recovery = std::move(*recovery);
+  }
+  if (const std::string missing = missing_confinement(); !missing.empty()) log_line(LogLevel::kInfo, missing);
+  return {};
+}
+
 int run(const Options& options, const firmware::RigConfig& config, const std::filesystem::path& base,
         EndDeadline& deadline) {
-  // Before devices and sockets are open, so that the process has none of them.
-  std::unique_ptr<hal::ConfinedPort> recovery;
-  if (config.takes && !options.check) {
-    auto started = start_recovery(base / config.takes->folder);
-    if (!started) return give_up(started.error(), kExitCannotStart);
-    recovery = std::move(*started);
-    if (const std::string missing = missing_confinement(); !missing.empty()) log_line(LogLevel::kInfo, missing);
+  ConfinedPorts confined;
+  if (!options.check) {
+    // Before devices and sockets are open, so that the processes have none of them.
+    if (const Status started = start_confined(config, base, confined); !started)
+      return give_up(started.error(), kExitCannotStart);
   }
   auto ports = BoardPorts::make(config, base);
   if (!ports) return give_up(ports.error(), kExitBadInput);
@@ -200,7 +216,7 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
   const sigset_t signals = stop_signals();
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   const EndDeadline::Protection protection = deadline.protect([&ports = **ports] { ports.make_safe(); });
-  run_rig(**ports, takes, recovery.get(), options, config, deadline);
+  run_rig(**ports, takes, confined, options, config, deadline);
   return kExitFine;
 }
 

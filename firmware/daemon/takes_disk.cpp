@@ -1,6 +1,5 @@
 #include "firmware/daemon/takes_disk.h"
 
-#include <sys/stat.h>
 #include <time.h>
 
 #include "hal/linux/disk.h"
@@ -8,18 +7,14 @@
 namespace nodal::daemon {
 
 Result<TakesDisk> open_takes_disk(const std::filesystem::path& folder, bool mounted) {
-  struct stat inside {
-  }, outside{};
-  const bool known = ::stat(folder.c_str(), &inside) == 0 && ::stat((folder / "..").c_str(), &outside) == 0;
-  if (mounted && (!known || inside.st_dev == outside.st_dev)) {
-    return fail(Errc::kNotReady, "[takes] folder '" + folder.string() +
-                                     "': no disk is mounted there; mount the card, or remove mounted = true");
-  }
-  auto to_write = hal::linux_os::LinuxDisk::open(folder.string());
-  if (!to_write) return fail(to_write.error().in("[takes]"));
-  auto to_read = hal::linux_os::LinuxDisk::open(folder.string());
-  if (!to_read) return fail(to_read.error().in("[takes]"));
-  return TakesDisk{std::move(*to_write), std::move(*to_read)};
+  TakesDisk disk{hal::linux_os::LinuxDisk::guest(folder.string(), mounted),
+                 hal::linux_os::LinuxDisk::guest(folder.string(), mounted)};
+  const Status claimed = disk.to_write->claim();
+  disk.to_write->release();
+  if (claimed || claimed.error().code == Errc::kNotReady) return disk;
+  if (claimed.error().code != Errc::kBusy) return fail(claimed.error().in("[takes]"));
+  return fail(Errc::kBusy, "another nodald uses the takes folder '" + folder.string() +
+                               "'; stop it, or give this rig a folder of its own ([takes] folder)");
 }
 
 std::int64_t utc_ns() {

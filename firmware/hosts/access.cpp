@@ -13,6 +13,7 @@ bool changes_rig(const wire::Request& request) {
     case wire::Request::kTakeMark:
     case wire::Request::kTakeDelete:
     case wire::Request::kTakeProtect:
+    case wire::Request::kDiskEject:
     case wire::Request::kTrialEnd: return true;
     case wire::Request::kGenlock: return request.genlock().action() != wire::GenlockRequest::SHOW;
     case wire::Request::kExposure: return request.exposure().ByteSizeLong() > 0;
@@ -50,6 +51,7 @@ std::optional<CommandStage> slow_stage(const wire::Request& request) {
     case wire::Request::kTakeList:
     case wire::Request::kTakeDelete:
     case wire::Request::kTakeProtect:
+    case wire::Request::kDiskEject:
     case wire::Request::kDiskTest: return CommandStage::kTakes;
     default: return std::nullopt;
   }
@@ -82,6 +84,7 @@ Access access_needed(const wire::Request& request) {
     case wire::Request::kTakeDelete:
     case wire::Request::kTakeProtect:
     case wire::Request::kTakeRead:  // the rig sends one file at a time
+    case wire::Request::kDiskEject:
     case wire::Request::kDiskTest:  // keeps the disk busy
     case wire::Request::kHostEnd:
     case wire::Request::kDevices:  // opens devices
@@ -120,6 +123,7 @@ std::string_view request_name(const wire::Request& request) {
     case wire::Request::kTakeProtect: return "take_protect";
     case wire::Request::kTakeRead: return "take_read";
     case wire::Request::kDiskTest: return "disk_test";
+    case wire::Request::kDiskEject: return "disk_eject";
     case wire::Request::WHAT_NOT_SET: break;
   }
   return "unknown request";

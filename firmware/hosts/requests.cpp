@@ -115,6 +115,11 @@ Status Control::command(Client& client, const wire::Request& request, Instant no
     if (changes_rig(request)) operation_.note_refused(requester, request_name(request), wanted.error(), now);
     return fail(wanted.error());
   }
+  if (request.has_take_delete()) {
+    const Status unread = take_sender_.check_unread(clients_, client, request.take_delete().take());
+    if (!unread) operation_.note_refused(requester, request_name(request), unread.error(), now);
+    if (!unread) return unread;
+  }
   const auto ticket = operation_.ask(requester, std::move(*wanted), now);
   if (!ticket) return fail(ticket.error());
   waiting_[*ticket] = Waiting{client.number(), request.id()};

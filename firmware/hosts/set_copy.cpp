@@ -14,7 +14,6 @@ SetCopy SetCopy::places_for(const HeadShapes& heads, std::shared_ptr<std::vector
     const PixelFormat as = heads[i]->format == PixelFormat::kMjpeg ? PixelFormat::kI420 : heads[i]->format;
     SetCopy::Place& place = copy.places[i];
     place.shape = *heads[i];
-    place.offset = total;
     place.room = packed_size(as, heads[i]->width, heads[i]->height);
     copy.wanted |= head_bit(i);
     total += place.room;
@@ -29,13 +28,15 @@ void SetCopy::fill(const FrameSet& from) {
   mid_exposure = from.mid_exposure;
   sync = from.sync;
   heads = 0;
+  std::size_t end = 0;
   for (std::size_t i = 0; i < kMaxHeads; ++i) {
     if (!from.has(i) || (wanted & head_bit(i)) == 0) continue;
     Place& place = places[i];
     const HeadShape& shape = place.shape;
     const ImageView& picture = from.frames[i].image;
     if (picture.format != shape.format || picture.width != shape.width || picture.height != shape.height) continue;
-    std::uint8_t* const to = bytes->data() + place.offset;
+    place.offset = end;
+    std::uint8_t* const to = bytes->data() + end;
     if (shape.format == PixelFormat::kMjpeg) {
       if (picture.bytes > place.room) continue;
       std::memcpy(to, picture.planes[0].data, picture.bytes);
@@ -47,7 +48,9 @@ void SetCopy::fill(const FrameSet& from) {
     place.coding = picture.coding;
     place.in_effect = from.frames[i].in_effect;
     heads |= head_bit(i);
+    end += place.bytes;
   }
+  bytes->resize(end);
 }
 
 }  // namespace nodal::firmware

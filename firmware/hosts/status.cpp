@@ -296,7 +296,7 @@ void fill_takes(const TakeAnswer::Listed& listed, wire::Takes& into) {
     take.set_length_ns(static_cast<std::uint64_t>(entry.length.ns()));
     take.set_is_protected(entry.is_protected);
     take.set_ended(printable(entry.ended, 256));
-    take.set_problem(printable(entry.problem, 160));  // kMostTakes of them fit one reply
+    take.set_problem(printable(entry.problem, 160));  // TakeShelf::kMaxTakes of them fit one reply
     take.set_width(static_cast<std::uint32_t>(entry.raymap_width));
     take.set_height(static_cast<std::uint32_t>(entry.raymap_height));
   }
@@ -331,7 +331,8 @@ void fill_recording(const TakeReport& takes, Instant now, wire::Recording& into)
   into.set_leaves_out_raymaps(takes.leaves_out_raymaps);
   into.set_free_bytes(takes.free_bytes);
   into.set_bytes_a_second(takes.bytes_a_second);
-  into.set_problem(shown(takes.problem.empty() ? takes.refused : takes.problem));
+  const std::string& no_disk = takes.no_disk.empty() ? takes.refused : takes.no_disk;
+  into.set_problem(shown(takes.problem.empty() ? no_disk : takes.problem));
   into.set_loop(takes.loop);
   if (takes.test_percent) into.set_disk_test_percent(*takes.test_percent);
   into.set_deleted_segments(takes.deleted_segments);

@@ -9,6 +9,7 @@
 namespace nodal::firmware {
 
 // A host whose transfer was ended may hold one piece until its connection is closed.
+static_assert(TakesInUse::kMaxReaders >= Admission::in_all(Admission::kMaxClients));
 static_assert(TakeReader::kBuffers >= TakeSender::kAhead + Admission::in_all(Admission::kMaxClients));
 
 Result<StreamId> TakeSender::start(Client& client, const wire::TakeRead& request, Instant now) {
@@ -32,7 +33,44 @@ Result<StreamId> TakeSender::start(Client& client, const wire::TakeRead& request
   begun.next = request.offset();
   begun.moved = now;
   client.take_file = *stream;
+  note_reading(client.number(), request.take(), now);
   return stream;
+}
+
+/// A host reads one take at a time.
+void TakeSender::note_reading(std::uint64_t client, std::uint64_t take, Instant now) {
+  auto place = std::ranges::find(readings_, client, &Reading::client);
+  if (place == readings_.end()) place = std::ranges::find(readings_, 0U, &Reading::client);
+  if (place == readings_.end()) return;  // of hosts that left a moment ago
+  *place = {client, take, now};
+  reader_->in_use().set(static_cast<std::size_t>(place - readings_.begin()), take);
+}
+
+bool TakeSender::forget_readers(const Clients& clients, Instant now) {
+  bool busy = false;
+  for (std::size_t k = 0; k < readings_.size(); ++k) {
+    Reading& reading = readings_[k];
+    if (reading.client == 0) continue;
+    const bool here = std::ranges::any_of(
+        clients, [&](const auto& client) { return client->number() == reading.client && !client->ending(); });
+    if (here && now - reading.newest < kReadFor) continue;
+    reading = {};
+    reader_->in_use().set(k, 0);
+    busy = true;
+  }
+  return busy;
+}
+
+Status TakeSender::check_unread(const Clients& clients, const Client& client, std::uint64_t take) const {
+  for (const Reading& reading : readings_) {
+    if (reading.client == 0 || reading.client == client.number() || reading.take != take) continue;
+    const auto who = std::ranges::find(clients, reading.client, [](const auto& each) { return each->number(); });
+    if (who == clients.end() || (*who)->ending()) continue;
+    return fail(Errc::kBusy, "take " + std::to_string(take) + " is being copied by " + (*who)->name() +
+                                 "; delete it when the copy is done, or close that host: nodal hosts --end " +
+                                 std::to_string(reading.client));
+  }
+  return {};
 }
 
 /// Null when the client has disconnected, has stopped the stream or has received all of it.
@@ -46,7 +84,8 @@ Client* TakeSender::receiver(const Clients& clients) const {
 bool TakeSender::step(const Clients& clients, Instant now) {
   if (!reader_) return false;
   Client* client = transfer_ ? receiver(clients) : nullptr;
-  bool busy = take_answers(client);
+  bool busy = forget_readers(clients, now);
+  busy |= take_answers(client);
   if (!transfer_) return busy;
   client = receiver(clients);  // an answer may have ended the stream
   if (!client) {
@@ -62,6 +101,7 @@ bool TakeSender::step(const Clients& clients, Instant now) {
   // The stream's own bytes: a host may read everything else, and give no credit for this stream.
   const std::uint64_t sent = counts ? counts->bytes : 0;
   if (!waits_for_host || sent > transfer_->sent_bytes) transfer_->moved = now;
+  note_reading(client->number(), transfer_->take, transfer_->moved);
   transfer_->sent_bytes = sent;
   if (waits_for_host && now - transfer_->moved > kGrace) {
     end(*client, {Errc::kTimeout, "this host has read nothing for " + std::to_string(kGrace.ms() / 1000) +

@@ -1,6 +1,7 @@
 // Sends files of finished takes to a host.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -16,6 +17,9 @@ namespace nodal::firmware {
 /// disk. Each piece is one item of a lossless stream. The takes' reader reads the pieces. The host's link may pause for
 /// kGrace at most; then the stream ends, so that a host that does not read blocks others only briefly.
 ///
+/// It notes which takes hosts read, so that nobody deletes them meanwhile: a host copies a take file by file, so a take is read until
+/// kReadFor after its newest byte, or until the host disconnects.
+///
 /// Threading: thread-bound to control.
 /// Ownership: the reader outlives it; sessions hold the pieces that they send.
 /// Errors: start() returns kBusy, kUnsupported, kBadValue; the reader's errors and kTimeout end the stream.
@@ -28,12 +32,23 @@ class TakeSender {
   Result<StreamId> start(Client& client, const wire::TakeRead& request, Instant now);
   /// True when it did something.
   bool step(const Clients& clients, Instant now);
+  /// Errors: kBusy, naming the host, if another one than `client` reads the take.
+  Status check_unread(const Clients& clients, const Client& client, std::uint64_t take) const;
 
   /// Pieces that are ordered or not sent completely.
   static constexpr std::size_t kAhead = TakeReader::kOrders;
   static constexpr Duration kGrace = Duration::seconds(10);
+  /// A host may check what it has before it asks for more.
+  static constexpr Duration kReadFor = Duration::seconds(30);
 
  private:
+  struct Reading {
+    std::uint64_t client = 0;  ///< 0: none
+    std::uint64_t take = 0;
+    Instant newest;  ///< byte, or request
+  };
+  void note_reading(std::uint64_t client, std::uint64_t take, Instant now);
+  bool forget_readers(const Clients& clients, Instant now);
   struct Transfer {
     std::uint64_t number = 0;
     std::uint64_t client = 0;
@@ -51,6 +66,7 @@ class TakeSender {
   void end(Client& client, const Error& why);
 
   TakeReader* const reader_;
+  std::array<Reading, TakesInUse::kMaxReaders> readings_;
   std::optional<Transfer> transfer_;
   std::uint64_t transfers_ = 0;
   std::size_t ordered_ = 0;  ///< unanswered orders, those of ended transfers included

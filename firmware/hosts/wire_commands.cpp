@@ -140,6 +140,7 @@ Result<Command> command_of(const wire::Request& request, const RigConfig& config
     case wire::Request::kTakeProtect:
       return TakeCommand(TakeRequest::Protect{request.take_protect().take(), request.take_protect().on()});
     case wire::Request::kDiskTest: return disk_test_command(request.disk_test());
+    case wire::Request::kDiskEject: return TakeCommand(TakeRequest::Eject{});
     default: return fail(Errc::kUnsupported, "this rig does not support that request; update nodald");
   }
 }

@@ -115,6 +115,7 @@ std::string values_after(const Command& command, const RigConfig& config, const 
       return "take " + std::to_string(kept->take) + (kept->on ? " protected" : " not protected");
     }
     if (std::holds_alternative<TakeRequest::TestDisk>(*take)) return "the disk is tested";
+    if (std::holds_alternative<TakeRequest::Eject>(*take)) return "the disk is ejected";
     return std::holds_alternative<TakeRequest::Start>(*take) ? "a take is recorded" : "no take is recorded";
   }
   if (const auto* calibration = std::get_if<CalibrationCommand>(&command)) {

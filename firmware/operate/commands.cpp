@@ -109,7 +109,8 @@ std::string_view command_name(const Command& command) {
                                  [](const TakeRequest::List&) { return "take_list"; },
                                  [](const TakeRequest::Delete&) { return "take_delete"; },
                                  [](const TakeRequest::Protect&) { return "take_protect"; },
-                                 [](const TakeRequest::TestDisk&) { return "disk_test"; }},
+                                 [](const TakeRequest::TestDisk&) { return "disk_test"; },
+                                 [](const TakeRequest::Eject&) { return "disk_eject"; }},
                       *take);
   }
   return std::visit(Overloaded{[](const KeeperRequest::List&) { return "calibration_list"; },

@@ -66,7 +66,7 @@ std::string too_slow(const HealthInputs& inputs) {
 std::string take_trouble(const RigConfig& config, const HealthInputs& inputs) {
   if (!inputs.takes) return "";
   const TakeReport& takes = *inputs.takes;
-  if (!takes.recording) return takes.problem;
+  if (!takes.recording) return takes.problem.empty() ? takes.no_disk : takes.problem;
   std::string left_out;
   const auto add = [&](const std::string& what) { left_out += (left_out.empty() ? ": " : ", ") + what; };
   if (takes.quality != 0 && takes.quality < config.takes->quality)

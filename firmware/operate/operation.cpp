@@ -193,16 +193,35 @@ void Operation::take_takes_answers(std::vector<Answer>& answers, Instant now) {
   }
 }
 
-/// Logs what happens to takes, and starts the one of [takes] start = "boot" when the rig has a calibration and frames.
+/// Logs what happens to takes and to their disk.
 void Operation::watch_takes(Instant now) {
   if (!takes_) return;
   if (takes_->problem != take_problem_) {
     take_problem_ = takes_->problem;
     if (!take_problem_.empty()) news_.say(NewsKind::kRig, take_problem_);
   }
-  if (!config_.takes->at_start || take_at_start_done_ || !takes_->ready || !keeper_->ready || capture_->full_sets == 0)
+  if (takes_->no_disk != no_disk_) {
+    no_disk_ = takes_->no_disk;
+    news_.say(NewsKind::kRig,
+              no_disk_.empty() ? "the disk of the takes is there" : "the disk of the takes: " + no_disk_);
+  }
+  if (config_.takes->at_start) start_take_at_boot(now);
+}
+
+/// Starts the take of [takes] start = "boot" when the rig has a calibration and frames, and another one after a take that ended for a
+/// reason that has passed: a new disk, room. A take that somebody stopped stays stopped.
+void Operation::start_take_at_boot(Instant now) {
+  TakeAtStart& state = take_at_start_;
+  if (takes_->recording) {
+    state = {true, takes_->disks, now, kFirstTakeWait};
     return;
-  take_at_start_done_ = true;
+  }
+  if (std::exchange(state.disks, takes_->disks) != takes_->disks)
+    state = {state.begun, takes_->disks, now, kFirstTakeWait};
+  const bool wanted = (!state.begun || takes_->interrupted) && takes_->has_room;
+  if (!wanted || now < state.next || !takes_->ready || !keeper_->ready || capture_->full_sets == 0) return;
+  state.next = now + state.wait;
+  state.wait = std::min(state.wait * 2, kLastTakeWait);
   if (const auto asked = ask({Requester::Kind::kConfiguration, 0, "rig.toml"}, TakeCommand(TakeRequest::Start{}), now);
       !asked) {
     news_.say(NewsKind::kRig, "the take of [takes] start = \"boot\": " + asked.error().message);

@@ -102,6 +102,8 @@ class Operation {
   const std::deque<Mark>& marks() const { return marks_; }
 
   static constexpr std::size_t kMarksKept = 32;
+  /// [takes] start = "boot": the wait before a take is tried again, doubled each time.
+  static constexpr Duration kFirstTakeWait = Duration::seconds(2), kLastTakeWait = Duration::seconds(64);
   /// A start counts as good after this time without a hanging stage: twice the time until a hanging stage is detected.
   static constexpr Duration kStableAfter = Supervisor::kStuckAfter * 2;
 
@@ -122,6 +124,7 @@ class Operation {
   void audit(const Open& open, const std::optional<Sha256>& in_force, const Status& done, Instant now);
   void watch_trial(Instant now);
   void watch_takes(Instant now);
+  void start_take_at_boot(Instant now);
   void tell_takes_the_calibration();
   void read_settings();
   void restore_settings(Instant now);
@@ -140,8 +143,16 @@ class Operation {
   const CaptureReport* capture_;  ///< the newest report
   const KeeperReport* keeper_;
   const TakeReport* takes_ = nullptr;
-  bool take_at_start_done_ = false;
+  /// Of [takes] start = "boot".
+  struct TakeAtStart {
+    bool begun = false;       ///< a take has been recorded since nodald started
+    std::uint64_t disks = 0;  ///< TakeReport::disks at the newest try
+    Instant next;             ///< no try before
+    Duration wait = kFirstTakeWait;
+  };
+  TakeAtStart take_at_start_;
   std::string take_problem_;  ///< the newest that was logged
+  std::string no_disk_;       ///< likewise
 
   Ticket next_ticket_ = 1;
   std::map<Ticket, Open> open_;

@@ -7,12 +7,7 @@
 #include <utility>
 
 namespace nodal::firmware {
-namespace {
-
-/// In the root of the takes' disk. No take has such a name.
-const std::string kTestFile = "disk-test";
-
-}  // namespace
+const std::string DiskTest::kFile = "disk-test";
 
 std::uint64_t DiskSpeed::bytes_a_second() const {
   const auto milliseconds = static_cast<std::uint64_t>(std::max<std::int64_t>(1, took.ms()));
@@ -58,7 +53,8 @@ Result<std::unique_ptr<DiskTest>> DiskTest::begin(hal::DiskPort& disk, Duration 
                             *free / 1'000'000, kLeastRoom / 1'000'000));
   }
   std::unique_ptr<DiskTest> made(new DiskTest(disk, length, std::min(kMostBytes, *free / 2), now));
-  const auto file = disk.create(kTestFile);
+  remove_leftover(disk);
+  const auto file = disk.create(kFile);
   if (!file) return fail(file.error());
   made->file_ = *file;
   return made;
@@ -70,7 +66,7 @@ DiskTest::~DiskTest() {
 }
 
 void DiskTest::remove_leftover(hal::DiskPort& disk) {
-  if (disk.size(kTestFile)) (void)disk.remove(kTestFile);
+  if (disk.size(kFile)) (void)disk.remove(kFile);
 }
 
 Result<std::optional<DiskSpeed>> DiskTest::step(Instant now) {

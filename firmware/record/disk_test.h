@@ -53,6 +53,8 @@ class DiskTest {
   std::uint32_t percent(Instant now) const;
 
   static void remove_leftover(hal::DiskPort& disk);
+  /// In the root of the takes' disk. No take has such a name.
+  static const std::string kFile;
 
   static constexpr Duration kShortest = Duration::seconds(1);
   static constexpr Duration kLongest = Duration::seconds(60);

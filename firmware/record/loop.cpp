@@ -70,6 +70,45 @@ Status remove_unlisted(hal::DiskPort& disk, const std::string& folder, const tak
   return {};
 }
 
+/// Of a finished take.
+struct FinishedTake {
+  FrameRate rate;
+  take::Manifest manifest;
+};
+Result<FinishedTake> read_take(hal::DiskPort& disk, const std::string& folder) {
+  const auto about = stored_take_json(disk, folder);
+  if (!about) return fail(about.error());
+  auto manifest = stored_manifest(disk, folder);
+  if (!manifest) return fail(manifest.error());
+  return FinishedTake{about->rate, std::move(*manifest)};
+}
+
+/// The segments that are not near a mark, rising; at most `most` of them.
+Result<std::vector<std::uint32_t>> deletable_segments(hal::DiskPort& disk, const std::string& folder,
+                                                      const FinishedTake& take, std::size_t most = ~std::size_t{0}) {
+  const take::Manifest& manifest = take.manifest;
+  std::vector<std::uint32_t> segments = segments_of(manifest);
+  if (manifest.marks.empty()) {
+    segments.resize(std::min(segments.size(), most));
+    return segments;
+  }
+  std::vector<std::uint32_t> found;
+  for (std::size_t k = 0; k < segments.size() && found.size() < most; ++k) {
+    // A segment ends where the next one begins. If others between them were deleted, it is near a mark anyway.
+    std::uint64_t next = manifest.sets + manifest.deleted_sets;
+    if (k + 1 < segments.size()) {
+      const auto begin = first_set_of(disk, folder + "/" + take::evidence_file(segments[k + 1]));
+      if (!begin) return fail(begin.error());
+      next = *begin;
+    }
+    const auto first = first_set_of(disk, folder + "/" + take::evidence_file(segments[k]));
+    if (!first) return fail(first.error());
+    if (!near_mark(*first, std::max(next, *first + 1) - 1, manifest.marks, fastest_of(manifest, take.rate)))
+      found.push_back(segments[k]);
+  }
+  return found;
+}
+
 }  // namespace
 
 bool near_mark(std::uint64_t first, std::uint64_t last, std::span<const take::Manifest::Mark> marks, FrameRate rate) {
@@ -78,38 +117,37 @@ bool near_mark(std::uint64_t first, std::uint64_t last, std::span<const take::Ma
                              [&](const auto& mark) { return first <= mark.set + margin && last + margin >= mark.set; });
 }
 
-Result<std::optional<Trimmed>> trim_take(hal::DiskPort& disk, const std::string& folder) {
-  const std::string manifest_name = folder + "/" + take::kManifestFile;
-  const auto about = stored_take_json(disk, folder);
-  if (!about) return fail(about.error());
-  auto manifest = stored_manifest(disk, folder);
-  if (!manifest) return fail(manifest.error());
-
-  const std::vector<std::uint32_t> segments = segments_of(*manifest);
-  std::optional<std::uint32_t> chosen;
-  for (std::size_t k = 0; k < segments.size() && !chosen; ++k) {
-    // A segment ends where the next one begins. If others between them were deleted, it is near a mark anyway.
-    std::uint64_t next = manifest->sets + manifest->deleted_sets;
-    if (k + 1 < segments.size()) {
-      const auto begin = first_set_of(disk, folder + "/" + take::evidence_file(segments[k + 1]));
-      if (!begin) return fail(begin.error());
-      next = *begin;
-    }
-    const auto first = first_set_of(disk, folder + "/" + take::evidence_file(segments[k]));
-    if (!first) return fail(first.error());
-    if (!near_mark(*first, std::max(next, *first + 1) - 1, manifest->marks, fastest_of(*manifest, about->rate)))
-      chosen = segments[k];
+Result<RoomInTake> room_in_take(hal::DiskPort& disk, const std::string& folder) {
+  const auto take = read_take(disk, folder);
+  if (!take) return fail(take.error());
+  RoomInTake room;
+  const auto chosen = deletable_segments(disk, folder, *take);
+  if (!chosen) return fail(chosen.error());
+  for (const take::Manifest::File& file : take->manifest.files) {
+    const auto segment = segment_of(file.name);
+    if (segment && std::ranges::find(*chosen, *segment) != chosen->end()) room.bytes += file.bytes;
   }
-  if (!chosen) return std::optional<Trimmed>();
+  room.all = chosen->size() == segments_of(take->manifest).size();
+  return room;
+}
 
-  const std::string evidence_name = folder + "/" + take::evidence_file(*chosen);
+Result<std::optional<Trimmed>> trim_take(hal::DiskPort& disk, const std::string& folder) {
+  auto take = read_take(disk, folder);
+  if (!take) return fail(take.error());
+  const auto deletable = deletable_segments(disk, folder, *take, 1);
+  if (!deletable) return fail(deletable.error());
+  if (deletable->empty()) return std::optional<Trimmed>();
+  const std::uint32_t chosen = deletable->front();
+  take::Manifest* const manifest = &take->manifest;
+
+  const std::string evidence_name = folder + "/" + take::evidence_file(chosen);
   const auto evidence = stored_evidence(disk, evidence_name);
   if (!evidence) return fail(evidence.error());
   const std::uint64_t sets = std::min<std::uint64_t>(evidence->sets.size(), manifest->sets);
   Trimmed done;
   manifest->sets -= sets;
   manifest->deleted_sets += sets;
-  const take::SegmentTally tally = take::tally_of(*evidence, about->rate);
+  const take::SegmentTally tally = take::tally_of(*evidence, take->rate);
   const Duration length = evidence->sets.empty()
                               ? Duration()
                               : Duration::nanoseconds(evidence->sets.back().since_start_ns()) + tally.rate().period();
@@ -118,11 +156,11 @@ Result<std::optional<Trimmed>> trim_take(hal::DiskPort& disk, const std::string&
   for (std::size_t head = 0; head < manifest->heads.size(); ++head)
     take::remove(manifest->heads[head], tally.heads()[head]);
   std::erase_if(manifest->files, [&](const take::Manifest::File& file) {
-    if (segment_of(file.name) != chosen) return false;
+    if (segment_of(file.name) != std::optional(chosen)) return false;
     done.bytes += file.bytes;
     return true;
   });
-  auto written = store_manifest(disk, folder, std::move(*manifest));
+  auto written = store_manifest(disk, folder, std::move(*manifest), Stored::kReplaced);
   if (!written) return fail(written.error());
   if (const Status removed = remove_unlisted(disk, folder, *written); !removed) return fail(removed.error());
   done.manifest = std::move(*written);

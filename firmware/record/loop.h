@@ -19,6 +19,14 @@ inline constexpr Duration kKeptAroundMarks = Duration::seconds(60);
 /// Whether the sets of a segment, [first, last], are within kKeptAroundMarks of a mark at the take's rate.
 bool near_mark(std::uint64_t first, std::uint64_t last, std::span<const take::Manifest::Mark> marks, FrameRate rate);
 
+/// What may be deleted of a finished take.
+struct RoomInTake {
+  std::uint64_t bytes = 0;  ///< of the segments that are not near a mark
+  bool all = false;         ///< these are all segments
+};
+/// Errors: as trim_take().
+Result<RoomInTake> room_in_take(hal::DiskPort& disk, const std::string& folder);
+
 struct Trimmed {
   std::uint64_t bytes = 0;  ///< that the segment had
   take::Manifest manifest;  ///< the take's new one

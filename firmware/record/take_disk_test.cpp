@@ -33,10 +33,12 @@ Status TakeKeeper::begin_test(std::uint64_t ticket, const TakeRequest::TestDisk&
                 "no head has delivered a picture yet, so nothing is known of what they need; `nodal "
                 "heads` says why");
   }
+  auto held = shelf_.hold();
+  if (!held) return fail(held.error());
   auto test = DiskTest::begin(disk_, what.length, now);
   if (!test) return fail(test.error());
   rate_ = what.rate.value_or(config_.rate);
-  test_ = Test{ticket, what.heads, std::move(*test)};
+  test_.emplace(Test{ticket, std::move(*held), what.heads, std::move(*test)});
   return {};
 }
 

@@ -3,9 +3,7 @@
 
 #include <algorithm>
 
-#include "firmware/record/head_coder.h"
 #include "firmware/record/take_keeper.h"
-#include "protocol/base/text.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/limits.h"
 
@@ -26,20 +24,13 @@ Status TakeKeeper::check_pictures(const HeadShapes& heads) const {
   return {};
 }
 
-take::TakeDocument TakeKeeper::document_of(const TakeRequest::Start& start, std::uint64_t number, Instant now) const {
-  take::TakeDocument about;
-  about.number = number;
-  about.rig = printable(config_.name, take::kMaxTakeTextBytes);
+/// What the configuration does not say.
+void TakeKeeper::describe(take::TakeDocument& about, Instant now) const {
   about.software = software_;
   about.started_utc_ns = std::clamp<std::int64_t>(utc_(), 0, take::kMaxUtcNs);
   about.started_ns = now.ns();
   about.rate = rate_;
   about.raymaps_a_set = config_.raymap.raymaps_a_set();
-  about.mode = mode_names(config_.heads);
-  if (start.calibration) about.calibration_id = to_hex(*start.calibration);
-  if (config_.takes->raymap && start.calibration) about.layout = config_.raymap.layout;
-  for (const HeadConfig& head : config_.heads) about.heads.push_back(printable(head.name, take::kMaxTakeTextBytes));
-  return about;
 }
 
 }  // namespace nodal::firmware

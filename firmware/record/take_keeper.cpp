@@ -6,23 +6,48 @@
 #include <utility>
 
 #include "firmware/record/take_writer.h"
-#include "firmware/storage/durable_file.h"
+#include "protocol/base/text.h"
 #include "protocol/take/documents.h"
+#include "protocol/take/limits.h"
 
 namespace nodal::firmware {
 
+namespace {
+
 static_assert(TakeRequest::Mark::kMaxBytes == take::kMaxMarkBytes);
 
-std::string_view take_state_name(TakeState state) {
-  switch (state) {
-    case TakeState::kRecording: return "recording";
-    case TakeState::kComplete: return "complete";
-    case TakeState::kUnfinished: return "unfinished";
-    case TakeState::kDamaged: return "damaged";
-    case TakeState::kSetAside: return "set aside";
+/// Without the number, and without what the rig knows besides its configuration.
+TakeWriter::Documents documents_of(const RigConfig& config, const TakeRequest::Start& start) {
+  TakeWriter::Documents documents;
+  documents.about.rig = printable(config.name, take::kMaxTakeTextBytes);
+  documents.about.mode = mode_names(config.heads);
+  if (start.calibration) documents.about.calibration_id = to_hex(*start.calibration);
+  documents.calibration = start.calibration;
+  for (const HeadConfig& head : config.heads)
+    documents.about.heads.push_back(printable(head.name, take::kMaxTakeTextBytes));
+  documents.calibration_json = start.calibration_json;
+  if (config.text) documents.rig_toml = *config.text;
+  if (config.takes->raymap && start.calibration) {
+    documents.about.layout = config.raymap.layout;
+    documents.raymap_width = config.raymap.width;
+    documents.raymap_height = config.raymap.height;
   }
-  return "";
+  return documents;
 }
+
+/// A name that is taken is passed over: somebody may have made it after the disk was read.
+Result<std::unique_ptr<TakeWriter>> new_take(TakeShelf& shelf, hal::DiskPort& disk, TakeWriter::Documents& documents) {
+  constexpr int kTries = 100;
+  for (int tries = 1;; ++tries) {
+    const auto number = shelf.new_number();
+    if (!number) return fail(number.error());
+    documents.about.number = *number;
+    auto writer = TakeWriter::begin(disk, documents);
+    if (writer || writer.error().code != Errc::kExists || tries == kTries) return writer;
+  }
+}
+
+}  // namespace
 
 TakeKeeper::TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& recorder, std::string software,
                        UtcClock utc, FlightLog* flight, Blender* places_seams, hal::ConfinedPort* confined)
@@ -36,7 +61,7 @@ TakeKeeper::TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& r
       requests_(64),
       calibrations_(2),
       answers_(64 + 4),
-      recovery_(disk, confined),
+      shelf_(disk, config.takes->loop, confined),
       rate_(config.rate) {
   report_.loop = config_.takes->loop;
   if (places_seams_) places_seams_->log_seams();
@@ -45,12 +70,7 @@ TakeKeeper::TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& r
 TakeKeeper::~TakeKeeper() = default;
 
 bool TakeKeeper::step(Instant now) {
-  bool busy = false;
-  if (!loaded_) {
-    loaded_ = true;
-    load();
-    busy = true;
-  }
+  bool busy = watch_disk(now);
   busy |= store_calibration();
   busy |= take_seams();
   busy |= write_rows(now);
@@ -58,65 +78,23 @@ bool TakeKeeper::step(Instant now) {
   sync_if_due(now);
   end_late_still(now);
   busy |= take_request(now);  // also while rows always wait, because the disk is too slow
+  busy |= step_eject();
   if (!busy) busy = step_test(now);
-  busy |= recover_some(!busy && (recovery_.is_beside() || !writing_));
+  busy |= shelf_.recover_some(now, !busy && (shelf_.recovers_beside() || !writing_));
+  if (std::string problem = shelf_.take_problem(); !problem.empty()) report_.problem = std::move(problem);
   if (busy || now >= next_report_) publish(now);
   return busy;
 }
 
-bool TakeKeeper::take_request(Instant now) {
-  const auto request = requests_.pop();
-  if (!request) return false;
-  auto done = run(*request, now);
-  if (!done) answer(request->ticket, fail(done.error()));
-  else if (*done) answer(request->ticket, std::move(**done));
-  return true;
-}
-
-/// Nothing: the answer comes later.
-Result<std::optional<TakeKeeper::Answered>> TakeKeeper::run(const TakeRequest& request, Instant now) {
-  const auto done = [](std::uint64_t take) { return std::optional<Answered>(TakeAnswer::Done{take}); };
-  if (!loaded_status_) return fail(loaded_status_.error());
-  if (const auto* what = std::get_if<TakeRequest::Start>(&request.what)) {
-    const auto take = start(*what, now);
-    report_.refused = take ? "" : "no take began: " + take.error().message;
-    if (!take) return fail(take.error());
-    if (!what->still) return done(*take);
-    stopping_.push_back(request.ticket);
-    return std::optional<Answered>();
+bool TakeKeeper::watch_disk(Instant now) {
+  if (writing_ || test_ || now < next_look_) return false;
+  next_look_ = now + kLookEvery;
+  const bool changed = shelf_.watch();
+  if ((report_.interrupted || !report_.refused.empty()) && shelf_.here()) {
+    const auto free = disk_.free_bytes();
+    report_.has_room = config_.takes->loop || (free && *free >= room_to_start());
   }
-  if (std::holds_alternative<TakeRequest::List>(request.what)) {
-    TakeAnswer::Listed listed;
-    for (const auto& [number, entry] : takes_) listed.takes.push_back(entry);
-    return std::optional<Answered>(std::move(listed));
-  }
-  if (const auto* what = std::get_if<TakeRequest::Delete>(&request.what)) {
-    if (const Status removed = remove(*what); !removed) return fail(removed.error());
-    return done(what->take);
-  }
-  if (const auto* what = std::get_if<TakeRequest::Protect>(&request.what)) {
-    const auto entry = finished(what->take);
-    if (!entry) return fail(entry.error());
-    const std::string folder = take::take_folder(what->take), file = folder + "/" + take::kProtectedFile;
-    Status set = what->on ? write_durably(disk_, folder, file, "") : disk_.remove(file);
-    if (!set && set.error().code == Errc::kNotFound) set = {};
-    if (set && !what->on) set = disk_.sync_folder(folder);
-    if (!set) return fail(set.error());
-    (*entry)->is_protected = what->on;
-    return done(what->take);
-  }
-  if (const auto* what = std::get_if<TakeRequest::TestDisk>(&request.what)) {
-    if (const Status begun = begin_test(request.ticket, *what, now); !begun) return fail(begun.error());
-    return std::optional<Answered>();
-  }
-  if (!writing_ || ending_) return fail(Errc::kWrongState, "no take is being recorded; start one: nodal take start");
-  if (const auto* what = std::get_if<TakeRequest::Mark>(&request.what)) {
-    if (const Status marked = writing_->mark(what->text, now); !marked) return fail(marked.error());
-    return done(writing_->number());
-  }
-  stopping_.push_back(request.ticket);
-  tell_to_end("stopped");
-  return std::optional<Answered>();
+  return changed;
 }
 
 /// The ring has room: a take begins after the one before it has ended, so the recorder has taken that one's begin.
@@ -144,29 +122,31 @@ std::uint64_t TakeKeeper::room_to_start() const {
   return bytes_a_second() * static_cast<std::uint64_t>(least.ns() / 1'000'000'000) + 2 * kReserveBytes;
 }
 
+/// Room for the start of a take, and a place in the list.
 Status TakeKeeper::check_room() {
+  std::uint64_t going = 0;
+  if (shelf_.is_full()) {
+    const auto oldest = shelf_.oldest_to_go();
+    if (!oldest) return fail(oldest.error());
+    going = *oldest;
+  }
   const std::uint64_t needed = room_to_start();
-  if (const Status made = make_room(needed); !made) return made;
-  if (report_.free_bytes >= needed) return {};
-  return fail(Errc::kDiskFull,
-              fmt::format("the disk of the takes has {} MB free, and a take needs at least {} MB to start; "
-                          "delete takes (nodal take delete) or change the card",
-                          report_.free_bytes / 1'000'000, needed / 1'000'000));
+  const auto free = shelf_.make_room(needed, needed, nullptr);
+  if (!free) return fail(free.error());
+  report_.free_bytes = *free;
+  if (*free < needed) {
+    return fail(Errc::kDiskFull,
+                fmt::format("the disk of the takes has {} MB free, and a take needs at least {} MB to start; "
+                            "delete takes (nodal take delete) or change the card",
+                            *free / 1'000'000, needed / 1'000'000));
+  }
+  return shelf_.is_full() ? shelf_.remove(going) : Status();
 }
 
 Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant now) {
   if (writing_) {
     return fail(Errc::kWrongState,
                 fmt::format("take {} is being recorded; stop it first: nodal take stop", writing_->number()));
-  }
-  while (config_.takes->loop && takes_.size() >= kMostTakes) {
-    const auto deleted = delete_oldest();
-    if (!deleted) return fail(deleted.error());
-    if (!*deleted) break;
-  }
-  if (takes_.size() >= kMostTakes) {
-    return fail(Errc::kTooLarge,
-                fmt::format("the disk has {} takes, the most that there may be; delete some", takes_.size()));
   }
   if (const Status good = check_pictures(start.heads); !good) return fail(good.error());
   rate_ = start.rate.value_or(config_.rate);
@@ -176,37 +156,30 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
                                              expected_set_bytes_ >> 20, (expected_set_bytes_ >> 18) + 1));
   }
   if (test_) end_test(fail(Errc::kBusy, "a take began, which has priority; test the disk when none is recorded"));
+  shelf_.use_again();
+  auto held = shelf_.hold();
+  if (!held) return fail(held.error());
   if (const Status room = check_room(); !room) return fail(room.error());
-  const std::uint64_t number = next_take_;
-  if (const Status stored = write_durably(disk_, "", kNextTakeFile, std::to_string(number + 1)); !stored) {
-    return fail(stored.error());
-  }
-  next_take_ = number + 1;
-  TakeWriter::Documents documents;
-  documents.about = document_of(start, number, now);
-  documents.calibration = start.calibration;
-  documents.calibration_json = start.calibration_json;
-  if (config_.text) documents.rig_toml = *config_.text;
-  if (!documents.about.layout.empty()) {
-    documents.raymap_width = config_.raymap.width;
-    documents.raymap_height = config_.raymap.height;
-  }
+  TakeWriter::Documents documents = documents_of(config_, start);
+  describe(documents.about, now);
   const bool raymaps = !documents.about.layout.empty();
+  auto writer = new_take(shelf_, disk_, documents);
+  if (!writer) return fail(writer.error());
+  const std::uint64_t number = documents.about.number;
   TakeEntry entry;
   entry.number = number;
-  entry.state = TakeState::kRecording;
   entry.started_utc_ns = documents.about.started_utc_ns;
   entry.raymap_width = documents.raymap_width;
   entry.raymap_height = documents.raymap_height;
-  auto writer = TakeWriter::begin(disk_, std::move(documents));
-  if (!writer) return fail(writer.error());
-  takes_[number] = entry;
+  shelf_.begin(entry);
+  held_.emplace(std::move(*held));
   writing_ = std::move(*writer);
   if (seams_) writing_->use_seams(*seams_);
   report_.recording = number;
   report_.since = now;
   report_.durable.reset();
   report_.problem.clear();
+  report_.interrupted = false;
   ending_ = broken_ = false;
   cause_.clear();
   lost_by_sync_.clear();
@@ -307,17 +280,27 @@ void TakeKeeper::sync_if_due(Instant now) {
     lost_by_sync_ = fmt::format("take {}: {} sets were lost by an error of the disk, and a new segment begins: {}",
                                 writing_->number(), cut, synced.error().message);
   }
-  const auto ahead = static_cast<std::uint64_t>(kLoopAhead.ns() / 1'000'000'000);
-  const Status room = make_room(2 * kReserveBytes + recorder_.ring().size() + ahead * bytes_a_second());
-  if (!room) return give_up(room.error());
+  if (const Status there = shelf_.check_recording(writing_->number()); !there) return give_up(there.error());
+  if (const Status room = make_room_while_recording(); !room) return give_up(room.error());
   // What the ring holds may still come.
   if (report_.free_bytes < kReserveBytes + recorder_.ring().used() + bytes_a_second()) {
-    give_up({Errc::kDiskFull, config_.takes->loop
-                                  ? "the disk is full, and what is left on it is protected, near a mark, a still or no "
-                                    "take; delete takes (nodal take delete) or change the card"
-                                  : "the disk is full; delete takes (nodal take delete) or change the card"});
+    give_up(
+        {Errc::kDiskFull, config_.takes->loop
+                              ? "the disk is full, and what is left on it is protected, near a mark, being copied, a "
+                                "still or no take; delete takes (nodal take delete) or change the card"
+                              : "the disk is full; delete takes (nodal take delete) or change the card"});
     broken_ = false;  // there is room for the rows that are on the way
   }
+}
+
+/// Nothing is deleted if the take must end all the same.
+Status TakeKeeper::make_room_while_recording() {
+  const auto ahead = static_cast<std::uint64_t>(kLoopAhead.ns() / 1'000'000'000) * bytes_a_second();
+  const std::uint64_t least = kReserveBytes + recorder_.ring().used() + ahead;
+  const auto free = shelf_.make_room(2 * kReserveBytes + recorder_.ring().size() + ahead, least, writing_.get());
+  if (!free) return fail(free.error());
+  report_.free_bytes = *free;
+  return {};
 }
 
 void TakeKeeper::end(Instant now) {
@@ -328,25 +311,20 @@ void TakeKeeper::end(Instant now) {
   writing_.reset();
   ending_ = broken_ = false;
   report_.recording.reset();
-  TakeEntry& entry = takes_.at(number);
-  if (manifest) {
-    entry.complete(*manifest);
-  } else {
-    entry.state = TakeState::kUnfinished;
-    entry.problem = manifest.error().message;
-    if (cause_.empty()) cause_ = manifest.error().message;
-  }
+  shelf_.finish(number, manifest);
+  if (!manifest && cause_.empty()) cause_ = manifest.error().message;
+  report_.interrupted = !cause_.empty() || !ejecting_.empty();
+  report_.has_room = !report_.interrupted;  // until the next look
   if (!cause_.empty()) {
-    report_.problem = fmt::format("take {} ended{}: {}", number,
-                                  manifest ? "" : ", and is finished when nodald starts again", cause_);
+    const bool waits = !manifest && shelf_.takes().contains(number);
+    report_.problem =
+        fmt::format("take {} ended{}: {}", number, waits ? ", and is finished when nodald starts again" : "", cause_);
   }
   const bool empty_still = still_ && manifest && manifest->sets == 0;
-  if (empty_still) (void)remove({number});
-  for (const std::uint64_t ticket : std::exchange(stopping_, {})) {
-    if (empty_still) answer(ticket, fail(Errc::kNotReady, "no set came; `nodal status` says why"));
-    else if (manifest) answer(ticket, TakeAnswer::Done{number});
-    else answer(ticket, fail(manifest.error()));
-  }
+  if (empty_still) (void)shelf_.remove(number);
+  held_.reset();
+  next_look_ = now;
+  answer_end(number, manifest, empty_still);
   publish(now);
 }
 
@@ -358,7 +336,10 @@ void TakeKeeper::answer(std::uint64_t ticket, Result<Answered> result) {
 void TakeKeeper::publish(Instant now) {
   next_report_ = now + kReportEvery;
   const Recorder::Counts& counts = recorder_.counts();
-  report_.ready = loaded_ && loaded_status_ && half_deleted_.empty() && (recovery_.is_beside() || recovery_.idle());
+  report_.ready = shelf_.ready();
+  report_.no_disk = shelf_.problem();
+  report_.disks = shelf_.disks();
+  report_.deleted_segments = shelf_.deleted_segments();
   report_.test_percent.reset();
   if (test_) report_.test_percent = test_->test->percent(now);
   report_.sets = writing_ ? writing_->sets() : 0;
@@ -374,7 +355,7 @@ void TakeKeeper::publish(Instant now) {
 }
 
 void TakeKeeper::close(Instant now) {
-  recovery_.close();
+  shelf_.close();
   if (!writing_) return;
   tell_to_end("nodald ended");
   reason_ = "nodald ended";

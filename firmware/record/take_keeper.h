@@ -1,10 +1,9 @@
-// The stage that writes takes to the disk, recovers them at start, and lists and deletes them.
+// The stage that writes takes to the disk. TakeShelf knows the takes that are there.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
 #include <functional>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -16,18 +15,13 @@
 #include "firmware/picture/blender.h"
 #include "firmware/record/disk_test.h"
 #include "firmware/record/recorder.h"
-#include "firmware/record/take_recovery.h"
+#include "firmware/record/take_shelf.h"
 #include "hal/confined.h"
 #include "hal/disk.h"
 #include "protocol/base/gaps.h"
 #include "protocol/base/result.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/spsc_ring.h"
-
-namespace nodal::take {
-struct Manifest;
-struct TakeDocument;
-}  // namespace nodal::take
 
 namespace nodal::firmware {
 
@@ -61,43 +55,14 @@ struct TakeRequest {
     HeadShapes heads{};  ///< for what the modes need
     std::optional<FrameRate> rate{};
   };
-  using What = std::variant<List, Start, Stop, Mark, Delete, Protect, TestDisk>;
+  /// Ends the take, syncs, and leaves the disk alone, so that it can be removed. Done names the take; 0: none was recorded.
+  struct Eject {};
+  using What = std::variant<List, Start, Stop, Mark, Delete, Protect, TestDisk, Eject>;
 
   std::uint64_t ticket = 0;
   What what;
 };
 using TakeCommand = TakeRequest::What;
-
-enum class TakeState : std::uint8_t {
-  kRecording,
-  kComplete,    ///< it has a manifest
-  kUnfinished,  ///< its recovery is under way
-  kDamaged,     ///< it could not be recovered: TakeEntry::problem
-  kSetAside,    ///< its recovery failed twice; it stays as it is
-};
-std::string_view take_state_name(TakeState state);
-
-struct TakeEntry {
-  std::uint64_t number = 0;
-  TakeState state = TakeState::kComplete;
-  std::int64_t started_utc_ns = 0;
-  std::uint64_t sets = 0;
-  std::uint64_t lost_sets = 0;
-  std::uint64_t deleted_sets = 0;  ///< to make room for newer ones
-  take::Gaps gaps{};
-  std::vector<take::HeadGaps> heads{};    ///< by index
-  std::vector<take::RateChange> rates{};  ///< empty: unknown
-  std::uint64_t bytes = 0;
-  Duration length;
-  bool is_protected = false;
-  std::string ended;
-  std::string problem;
-  int raymap_width = 0;  ///< px; 0 without raymaps
-  int raymap_height = 0;
-  bool all_near_marks = false;  ///< nothing of it may be deleted to make room
-
-  void complete(const take::Manifest& manifest);
-};
 
 struct TakeAnswer {
   struct Listed {
@@ -118,6 +83,11 @@ struct TakeAnswer {
 struct TakeReport {
   /// The takes on the disk have been read, and those that were not ended are finished, or are being finished beside the stage.
   bool ready = false;
+  std::string no_disk;      ///< why nothing can be recorded on the disk now; empty: it is there
+  std::uint64_t disks = 0;  ///< that were noticed: counts up when a disk comes
+  /// The newest take ended, or the newest start was refused, for a reason that may pass: a fault of the disk, no room, an eject.
+  bool interrupted = false;
+  bool has_room = true;  ///< for a take to start, as far as is known without deleting anything
   std::optional<std::uint64_t> recording;
   Instant since;
   std::uint64_t sets = 0;            ///< of the take that is being recorded
@@ -164,9 +134,9 @@ class TakeKeeper {
   SpscRing<TakeCalibration>& calibrations() { return calibrations_; }
   SpscRing<TakeAnswer>& answers() { return answers_; }
   Snapshot<TakeReport>& snapshot() { return snapshot_; }
+  TakesInUse& in_use() { return shelf_.in_use(); }
 
   static constexpr Duration kSyncEvery = Duration::milliseconds(500);
-  static constexpr std::size_t kMostTakes = 1000;
   /// A take starts only if the disk has room for so long, and for kReserveBytes.
   static constexpr Duration kLeastRoom = Duration::seconds(60);
   /// The same in a loop: only a finished segment, of a minute, can be deleted for the one that is being written.
@@ -186,19 +156,13 @@ class TakeKeeper {
   /// Of a flight record: nodald's first hour is written in less than 2 s.
   static constexpr int kFlightRecordsAStep = 32;
   static constexpr Duration kReportEvery = Duration::milliseconds(200);
+  /// Between two looks for a disk that came or went.
+  static constexpr Duration kLookEvery = Duration::seconds(1);
 
  private:
   using Answered = std::variant<TakeAnswer::Listed, TakeAnswer::Done, TakeAnswer::DiskTested>;
 
-  void load();
-  void load(const std::string& folder);
-  bool recover_some(bool begin);
-  bool recover(TakeEntry& entry);
-  bool note(const TakeRecovery::Done& done);
-  bool remove_rest(std::uint64_t take);
-  bool being_deleted(std::uint64_t take);
-  Status make_room(std::uint64_t needed);
-  Result<std::optional<std::uint64_t>> delete_oldest();
+  bool watch_disk(Instant now);
   bool take_request(Instant now);
   Result<std::optional<Answered>> run(const TakeRequest& request, Instant now);
   Result<std::uint64_t> start(const TakeRequest::Start& start, Instant now);
@@ -206,8 +170,9 @@ class TakeKeeper {
   bool step_test(Instant now);
   void end_test(Result<TakeAnswer::DiskTested> result);
   std::uint64_t set_bytes(const HeadShapes& heads, std::optional<TakeMode> mode = std::nullopt) const;
-  Status remove(const TakeRequest::Delete& what);
-  Result<TakeEntry*> finished(std::uint64_t take);
+  bool step_eject();
+  Status make_room_while_recording();
+  void answer_end(std::uint64_t take, const Result<take::Manifest>& manifest, bool empty_still);
   std::uint64_t bytes_a_second() const;
   std::uint64_t room_to_start() const;
   Status check_room();
@@ -222,7 +187,7 @@ class TakeKeeper {
   void give_up(const Error& error);
   void end_late_still(Instant now);
   Status check_pictures(const HeadShapes& heads) const;
-  take::TakeDocument document_of(const TakeRequest::Start& start, std::uint64_t number, Instant now) const;
+  void describe(take::TakeDocument& about, Instant now) const;
   void tell_to_end(const std::string& reason);
   void end(Instant now);
   void answer(std::uint64_t ticket, Result<Answered> result);
@@ -241,26 +206,27 @@ class TakeKeeper {
   Snapshot<TakeReport> snapshot_;
   TakeReport report_;
 
-  bool loaded_ = false;
-  Status loaded_status_;
-  std::map<std::uint64_t, TakeEntry> takes_;
-  std::uint64_t next_take_ = 1;
-  TakeRecovery recovery_;
-  std::vector<std::uint64_t> half_deleted_;
+  TakeShelf shelf_;
+  Instant next_look_;
 
   struct Test {
     std::uint64_t ticket = 0;
+    TakeShelf::Hold held;
     HeadShapes heads;
     std::unique_ptr<DiskTest> test;
   };
   std::optional<Test> test_;
+  std::optional<TakeShelf::Hold> held_;  ///< while a take is recorded
   std::unique_ptr<TakeWriter> writing_;
   std::unique_ptr<TakeRow> row_;     ///< waits for the blend
   std::optional<SeamChange> seams_;  ///< the newest
   std::uint64_t begun_ = 0;          ///< sets, by the blend
   Instant begun_at_;
-  bool closing_ = false;                 ///< the blend does not go on
-  std::vector<std::uint64_t> stopping_;  ///< tickets of Stop
+  bool closing_ = false;  ///< the blend does not go on
+  std::vector<std::uint64_t>
+      stopping_;  ///< tickets that are answered when the take has ended: of Stop, and of a still's Start
+  std::vector<std::uint64_t> ejecting_;  ///< tickets of Eject that wait for the same, and for the end of a read
+  std::uint64_t ejected_take_ = 0;       ///< the take that ended for them
   bool still_ = false;                   ///< the take is a still
   bool ending_ = false;                  ///< the recorder was told to end
   std::string reason_;                   ///< why
@@ -275,8 +241,5 @@ class TakeKeeper {
   Instant next_sync_;
   Instant next_report_;
 };
-
-/// In the root of the takes' disk: the number of the next take, so that numbers are never used again.
-inline const std::string kNextTakeFile = "next-take";
 
 }  // namespace nodal::firmware

@@ -1,16 +1,19 @@
-// The part of TakeKeeper that knows the takes on the disk.
+// The part of TakeShelf that reads which takes are on the disk, and recovers those that were not finished.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <charconv>
 
+#include "firmware/record/disk_test.h"
 #include "firmware/record/stored_documents.h"
-#include "firmware/record/take_keeper.h"
-#include "firmware/storage/durable_file.h"
+#include "firmware/record/take_shelf.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
 
 namespace nodal::firmware {
+
+static_assert(TakeShelf::kMaxTakeNumber == take::kMaxTakeNumber);
+
 namespace {
 
 /// "000042" as a number; nothing for other names.
@@ -18,16 +21,23 @@ std::optional<std::uint64_t> number_of(const std::string& folder) {
   std::uint64_t number = 0;
   const char* const end = folder.data() + folder.size();
   const auto [stop, error] = std::from_chars(folder.data(), end, number);
-  if (error != std::errc() || stop != end || take::take_folder(number) != folder) return std::nullopt;
-  if (number > take::kMaxTakeNumber) return std::nullopt;  // of no rig
+  const bool whole = error == std::errc() && stop == end && take::take_folder(number) == folder;
+  if (!whole || number >= TakeShelf::kMaxTakeNumber) return std::nullopt;
   return number;
 }
 
-std::string_view text_of(const std::vector<std::uint8_t>& bytes) {
-  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
-}
-
 }  // namespace
+
+std::string_view take_state_name(TakeState state) {
+  switch (state) {
+    case TakeState::kRecording: return "recording";
+    case TakeState::kComplete: return "complete";
+    case TakeState::kUnfinished: return "unfinished";
+    case TakeState::kDamaged: return "damaged";
+    case TakeState::kSetAside: return "set aside";
+  }
+  return "";
+}
 
 void TakeEntry::complete(const take::Manifest& manifest) {
   state = TakeState::kComplete;
@@ -43,68 +53,113 @@ void TakeEntry::complete(const take::Manifest& manifest) {
   problem.clear();
 }
 
-/// Reads which takes there are. Errors are in loaded_status_: then nothing can be recorded.
-void TakeKeeper::load() {
-  DiskTest::remove_leftover(disk_);
-  const auto names = disk_.list("");
-  if (!names) {
-    loaded_status_ = fail(names.error());
-    report_.problem = names.error().message;
-    return;
+/// Makes the list that of these entries of the disk's root. `fresh`: of a disk that was not there before.
+void TakeShelf::follow(const std::vector<hal::FolderEntry>& entries, bool fresh) {
+  std::map<std::uint64_t, const hal::FolderEntry*> found;
+  for (const hal::FolderEntry& entry : entries) {
+    if (const auto number = number_of(entry.name)) found[*number] = &entry;
   }
-  for (const std::string& name : *names) {
-    if (number_of(name) && takes_.size() < kMostTakes) load(name);
+  leftover_ |= fresh && std::ranges::count(entries, DiskTest::kFile, &hal::FolderEntry::name) > 0;
+  highest_ = found.empty() ? 0 : found.rbegin()->first;
+  std::erase_if(takes_, [&](const auto& each) {
+    const bool gone = !found.contains(each.first) && !recovery_.is_running(each.first);
+    if (gone) recovery_.forget(each.first);
+    return gone;
+  });
+  std::erase_if(half_deleted_, [&](std::uint64_t take) { return !takes_.contains(take); });
+  for (const auto& [number, entry] : found) {
+    const auto known = takes_.find(number);
+    if (known == takes_.end() && is_full()) continue;
+    const bool recording =
+        recovery_.is_running(number) || (known != takes_.end() && known->second.state == TakeState::kRecording);
+    const bool same = known != takes_.end() && known->second.version == entry->version;
+    if (!recording && !same) load(number, *entry, fresh);
   }
-  if (const auto text = disk_.read(kNextTakeFile, 64)) {
-    std::uint64_t next = 0;
-    std::from_chars(text_of(*text).data(), text_of(*text).data() + text->size(), next);
-    next_take_ = std::max(next_take_, std::min<std::uint64_t>(next, std::uint64_t{1} << 40));
-  }
-  if (!takes_.empty()) next_take_ = std::max(next_take_, takes_.rbegin()->first + 1);
+  if (!has_work()) contested_.clear();
 }
 
-void TakeKeeper::load(const std::string& folder) {
-  TakeEntry& entry = takes_[*number_of(folder)];
-  entry.number = *number_of(folder);
-  entry.is_protected = disk_.size(folder + "/" + take::kProtectedFile).has_value();
-  if (const auto about = stored_take_json(disk_, folder)) {
+void TakeShelf::set_damaged(TakeEntry& entry, const Error& why) {
+  entry.state = TakeState::kDamaged;
+  entry.problem = why.message;
+}
+
+void TakeShelf::load(std::uint64_t number, const hal::FolderEntry& folder, bool fresh) {
+  std::optional<TakeEntry> before;
+  if (const auto known = takes_.find(number); known != takes_.end()) before = known->second;
+  TakeEntry& entry = takes_[number];
+  entry = {};
+  entry.number = number;
+  entry.version = folder.version;
+  if (folder.kind != hal::EntryKind::kFolder) {
+    return set_damaged(entry, {Errc::kIo, folder.name + " is not a folder, so it is left alone; remove it by hand"});
+  }
+  entry.is_protected = disk_.size(folder.name + "/" + take::kProtectedFile).has_value();
+  if (const auto about = stored_take_json(disk_, folder.name)) {
     entry.started_utc_ns = about->started_utc_ns;
     entry.raymap_width = about->raymap_width;
     entry.raymap_height = about->raymap_height;
     entry.rates = {{0, about->rate}};
   }
-  if (being_deleted(entry.number)) {
-    entry.state = TakeState::kUnfinished;
-    half_deleted_.push_back(entry.number);
-    return;
+  const bool half_deleted = being_deleted(number);
+  const auto manifest = stored_manifest(disk_, folder.name);
+  if (half_deleted || (!manifest && manifest.error().code == Errc::kNotFound)) {
+    return load_unfinished(entry, before, half_deleted, fresh);
   }
-  const auto manifest = stored_manifest(disk_, folder);
-  if (manifest) {
-    entry.complete(*manifest);
-  } else if (manifest.error().code != Errc::kNotFound) {
-    entry.state = TakeState::kDamaged;
-    entry.problem = manifest.error().message;
-  } else if (const auto reason = set_aside_reason(disk_, entry.number)) {
-    (void)note({entry.number, TakeRecovery::Outcome::kSetAside, *reason});
+  recovery_.forget(number);
+  if (manifest) entry.complete(*manifest);
+  else set_damaged(entry, manifest.error());
+}
+
+/// One that comes to a disk that nodald uses already may still be copied there by somebody, or recorded by another nodald.
+void TakeShelf::load_unfinished(TakeEntry& entry, const std::optional<TakeEntry>& before, bool half_deleted,
+                                bool fresh) {
+  entry.state = TakeState::kUnfinished;
+  if (fresh && half_deleted) {
+    half_deleted_.push_back(entry.number);
+  } else if (fresh) {
+    if (const auto reason = set_aside_reason(disk_, entry.number)) {
+      (void)note({entry.number, TakeRecovery::Outcome::kSetAside, *reason});
+    } else {
+      recovery_.add(entry.number);
+    }
+  } else if (before && before->state != TakeState::kComplete) {
+    entry.state = before->state;
+    entry.problem = before->problem;
   } else {
-    entry.state = TakeState::kUnfinished;
-    recovery_.add(entry.number);
+    entry.problem =
+        "it came to the disk while nodald runs, or is being copied there; if it stays unfinished, start nodald again, "
+        "which then recovers it";
   }
 }
 
-/// `begin`: there is nothing else to do.
-bool TakeKeeper::recover_some(bool begin) {
-  if (begin && !half_deleted_.empty()) {
-    (void)remove_rest(half_deleted_.back());
-    return true;
+bool TakeShelf::recover_some(Instant now, bool begin) {
+  if (!recovering_) {
+    if (!has_work() || !begin || now < try_again_at_) return false;
+    auto held = hold();
+    if (!held) {
+      if (held.error().code == Errc::kBusy) contested_ = held.error().message;
+      try_again_at_ = now + kTryAgainAfter;
+      return false;
+    }
+    contested_.clear();
+    recovering_.emplace(std::move(*held));
   }
-  const auto done = recovery_.step(begin);
-  if (done) (void)note(*done);
-  return done.has_value();
+  bool did = begin;
+  if (begin && std::exchange(leftover_, false)) {
+    DiskTest::remove_leftover(disk_);
+  } else if (begin && !half_deleted_.empty()) {
+    (void)remove_rest(half_deleted_.back());
+  } else {
+    const auto done = recovery_.step(begin);
+    if (done) (void)note(*done);
+    did = done.has_value();
+  }
+  if (!has_work()) recovering_.reset();
+  return did;
 }
 
 /// True if the take is complete now.
-bool TakeKeeper::note(const TakeRecovery::Done& done) {
+bool TakeShelf::note(const TakeRecovery::Done& done) {
   TakeEntry& entry = takes_.at(done.take);
   entry.state = TakeState::kDamaged;
   entry.problem = done.problem;
@@ -112,13 +167,12 @@ bool TakeKeeper::note(const TakeRecovery::Done& done) {
     case TakeRecovery::Outcome::kFailed: break;
     case TakeRecovery::Outcome::kNothing:
       entry.problem = "the power failed when it began; it holds nothing";  // if it cannot be removed
-      (void)remove({done.take});
+      (void)remove(done.take);
       break;
     case TakeRecovery::Outcome::kSetAside:
       entry.state = TakeState::kSetAside;
-      report_.problem =
-          fmt::format("take {} is set aside, because its recovery failed twice: {}; the rig runs without it", done.take,
-                      done.problem);
+      set_aside_ = fmt::format("take {} is set aside, because its recovery failed twice: {}; the rig runs without it",
+                               done.take, done.problem);
       break;
     case TakeRecovery::Outcome::kRecovered: {
       const auto manifest = stored_manifest(disk_, take::take_folder(done.take));
@@ -130,77 +184,34 @@ bool TakeKeeper::note(const TakeRecovery::Done& done) {
   return false;
 }
 
-bool TakeKeeper::being_deleted(std::uint64_t take) {
+bool TakeShelf::being_deleted(std::uint64_t take) {
   return disk_.size(take::take_folder(take) + "/" + take::kDeletedFile).has_value();
 }
 
 /// Deletes what is left of a take that was being deleted.
-bool TakeKeeper::remove_rest(std::uint64_t take) {
+bool TakeShelf::remove_rest(std::uint64_t take) {
   std::erase(half_deleted_, take);
   TakeEntry& entry = takes_.at(take);
   entry.state = TakeState::kDamaged;  // if it cannot be removed
   entry.problem = "the power failed while it was deleted; delete it again";
-  return remove({take}).has_value();
+  return remove(take).has_value();
 }
 
-/// True if the take is complete now. Where takes are recovered beside this stage, it may be later.
-bool TakeKeeper::recover(TakeEntry& entry) {
-  if (being_deleted(entry.number)) {
-    (void)remove_rest(entry.number);
+/// True if the take is complete now. Where takes are recovered beside the stage, it may be later.
+bool TakeShelf::recover(TakeEntry& entry) {
+  const std::uint64_t take = entry.number;  // its entry may go
+  if (std::ranges::find(half_deleted_, take) != half_deleted_.end()) {
+    (void)remove_rest(take);
     return false;
   }
-  const auto done = recovery_.recover(entry.number);
+  const auto done = recovery_.recover(take);
+  if (recovery_.is_running(take) && !recovering_) recovering_.emplace(*this);
   return done && note(*done);
 }
 
-Result<TakeEntry*> TakeKeeper::finished(std::uint64_t take) {
-  const auto found = takes_.find(take);
-  if (found == takes_.end())
-    return fail(Errc::kNotFound, fmt::format("there is no take {}; `nodal take list` lists them", take));
-  if (found->second.state == TakeState::kRecording) {
-    return fail(Errc::kWrongState, fmt::format("take {} is being recorded; stop it first: nodal take stop", take));
-  }
-  if (recovery_.is_running(take))
-    return fail(Errc::kBusy, fmt::format("take {} is being recovered; try again in a moment", take));
-  return &found->second;
-}
-
-Status TakeKeeper::remove(const TakeRequest::Delete& what) {
-  const std::uint64_t take = what.take;
-  const auto entry = finished(take);
-  if (!entry) return fail(entry.error());
-  if ((*entry)->is_protected) {
-    return fail(Errc::kWrongState, fmt::format("take {0} is protected; first: nodal take protect {0} --off", take));
-  }
-  const std::string folder = take::take_folder(take);
-  if (what.manifest) {
-    const auto id = stored_manifest_id(disk_, folder);
-    if (!id) return fail(id.error());
-    if (*id != *what.manifest) {
-      return fail(Errc::kWrongState,
-                  fmt::format("take {} has another manifest than the one named: it is not deleted; list takes again: "
-                              "nodal take list",
-                              take));
-    }
-  }
-  const auto names = disk_.list(folder);
-  if (!names) return fail(names.error());
-  // While this file is there, the next start goes on. On a disk without room for it, the take is deleted as well.
-  const std::string mark = folder + "/" + take::kDeletedFile;
-  const Status marked = write_durably(disk_, folder, mark, "");
-  if (!marked && marked.error().code != Errc::kDiskFull) return marked;
-  for (const std::string& name : *names) {
-    if (name == take::kDeletedFile) continue;
-    if (const Status removed = disk_.remove(folder + "/" + name); !removed) return removed;
-  }
-  if (marked) {
-    if (const Status synced = disk_.sync_folder(folder); !synced) return synced;
-    if (const Status removed = disk_.remove(mark); !removed) return removed;
-  }
-  if (const Status removed = disk_.remove(folder); !removed) return removed;
-  takes_.erase(take);
-  recovery_.forget(take);
-  return disk_.sync_folder("");
+void TakeShelf::close() {
+  recovery_.close();
+  recovering_.reset();
 }
 
 }  // namespace nodal::firmware

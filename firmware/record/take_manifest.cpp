@@ -53,14 +53,17 @@ Result<take::Manifest> write_manifest(hal::DiskPort& disk, const std::string& fo
   }
   std::ranges::sort(manifest.files, {}, &take::Manifest::File::name);
   if (const Status synced = disk.sync_all(); !synced) return fail(synced.error());
-  return store_manifest(disk, folder, std::move(manifest));
+  return store_manifest(disk, folder, std::move(manifest), Stored::kNew);
 }
 
-Result<take::Manifest> store_manifest(hal::DiskPort& disk, const std::string& folder, take::Manifest manifest) {
+Result<take::Manifest> store_manifest(hal::DiskPort& disk, const std::string& folder, take::Manifest manifest,
+                                      Stored how) {
   const std::string name = folder + "/" + take::kManifestFile;
   const std::string text = take::manifest_json(take::within_limits(std::move(manifest)));
   if (const auto parsed = take::parse_manifest(text, name); !parsed) return fail(parsed.error().in("to be written"));
-  if (const Status written = write_durably(disk, folder, name, text); !written) return fail(written.error());
+  const Status written =
+      how == Stored::kNew ? create_durably(disk, folder, name, text) : write_durably(disk, folder, name, text);
+  if (!written) return fail(written.error());
   return stored_manifest(disk, folder);
 }
 

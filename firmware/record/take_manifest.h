@@ -49,8 +49,14 @@ inline constexpr std::uint64_t kMostDocumentBytes = std::uint64_t{1} << 20;
 /// Adds the take's documents to a manifest whose segments are finished, and stores it.
 Result<take::Manifest> write_manifest(hal::DiskPort& disk, const std::string& folder, take::Manifest manifest);
 
-/// Writes a manifest durably. It is parsed before it replaces the one that is there, and read back afterwards: a manifest that no
+enum class Stored : std::uint8_t {
+  kNew,       ///< there is none yet; kExists otherwise
+  kReplaced,  ///< in the place of the one that is there
+};
+
+/// Writes a manifest durably. It is parsed before it is stored, and read back afterwards: a manifest that no
 /// reader accepts does not count. Returns what was read. Errors: the disk's; those of take::parse_manifest().
-Result<take::Manifest> store_manifest(hal::DiskPort& disk, const std::string& folder, take::Manifest manifest);
+Result<take::Manifest> store_manifest(hal::DiskPort& disk, const std::string& folder, take::Manifest manifest,
+                                      Stored how);
 
 }  // namespace nodal::firmware

@@ -25,6 +25,15 @@ bool TakeReader::step() {
 }
 
 Result<PieceOfTake> TakeReader::read(const ReadOrder& order, Loan<std::vector<std::uint8_t>> into) {
+  if (!in_use_.begin_read()) {
+    return fail(Errc::kNotReady, "the disk of the takes was ejected; mount it, or another one, and try again");
+  }
+  auto piece = read_there(order, std::move(into));
+  in_use_.end_read();
+  return piece;
+}
+
+Result<PieceOfTake> TakeReader::read_there(const ReadOrder& order, Loan<std::vector<std::uint8_t>> into) {
   if (!take::is_take_file(order.file)) {
     return fail(Errc::kBadValue, fmt::format("'{}' is no file of a take", printable(order.file, 64)));
   }

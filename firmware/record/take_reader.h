@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "firmware/record/recorder.h"
+#include "firmware/record/takes_in_use.h"
 #include "hal/disk.h"
 #include "protocol/base/loan.h"
 #include "protocol/base/result.h"
@@ -38,20 +39,22 @@ struct ReadAnswer {
 ///
 /// Threading: step() is thread-bound to a thread of its own, which blocks on the disk. orders() and answers() are SPSC rings with
 ///   control.
-/// Ownership: disk and recorder outlive it, and it outlives the pieces. No file stays open between steps. Pieces are read into memory
+/// Ownership: disk, recorder and `in_use` outlive it, and it outlives the pieces. No file stays open between steps. Pieces are read into memory
 ///   that is used again.
 /// Errors: in the answers: kBadValue for a name that no file of a take has, kNotFound, kWrongState for a take without a
 ///   manifest, those of the disk.
 class TakeReader {
  public:
-  TakeReader(hal::DiskPort& disk, Recorder& recorder)
-      : disk_(disk), recorder_(recorder), orders_(kOrders), answers_(kOrders) {}
+  TakeReader(hal::DiskPort& disk, Recorder& recorder, TakesInUse& in_use)
+      : disk_(disk), recorder_(recorder), in_use_(in_use), orders_(kOrders), answers_(kOrders) {}
 
   /// True when it did something.
   bool step();
 
   SpscRing<ReadOrder>& orders() { return orders_; }
   SpscRing<ReadAnswer>& answers() { return answers_; }
+  /// For control, which notes there what is read.
+  TakesInUse& in_use() { return in_use_; }
 
   static constexpr std::size_t kPiece = std::size_t{1} << 20;
   /// Orders that are not answered yet; control sends no more.
@@ -63,9 +66,11 @@ class TakeReader {
 
  private:
   Result<PieceOfTake> read(const ReadOrder& order, Loan<std::vector<std::uint8_t>> into);
+  Result<PieceOfTake> read_there(const ReadOrder& order, Loan<std::vector<std::uint8_t>> into);
 
   hal::DiskPort& disk_;
   Recorder& recorder_;
+  TakesInUse& in_use_;
   LoanPool<std::vector<std::uint8_t>> buffers_{kBuffers};
   SpscRing<ReadOrder> orders_;
   SpscRing<ReadAnswer> answers_;

@@ -1,6 +1,7 @@
 // Which takes are recovered, one after the other, and what becomes of one that cannot be.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -43,8 +44,11 @@ class TakeRecovery {
   /// No take waits or is being recovered.
   bool idle() const { return waiting_.empty() && !running_; }
   bool is_running(std::uint64_t take) const { return running_ && running_->take == take; }
+  bool waits(std::uint64_t take) const { return std::ranges::find(waiting_, take) != waiting_.end(); }
   /// The take is deleted, or is recovered already. Not for the one that runs.
   void forget(std::uint64_t take) { std::erase(waiting_, take); }
+  /// Likewise all that wait: their disk is no longer there.
+  void forget_all() { waiting_.clear(); }
 
   /// Ends the running recovery when it is done; else begins the next one, if `begin`.
   std::optional<Done> step(bool begin);

@@ -10,6 +10,15 @@
 #include "stitch/media/thumbnail.h"
 
 namespace nodal::firmware {
+namespace {
+
+std::uint64_t bytes_of(const FinishedSegment& segment) {
+  std::uint64_t bytes = 0;
+  for (const take::Manifest::File& file : segment.files) bytes += file.bytes;
+  return bytes;
+}
+
+}  // namespace
 
 Result<std::unique_ptr<TakeWriter>> TakeWriter::begin(hal::DiskPort& disk, Documents documents) {
   std::unique_ptr<TakeWriter> made(new TakeWriter);
@@ -33,16 +42,21 @@ Result<std::unique_ptr<TakeWriter>> TakeWriter::begin(hal::DiskPort& disk, Docum
   if (const auto parsed = take::parse_take_json(about, place.folder + "/" + take::kTakeFile); !parsed)
     return fail(parsed.error().in("to be written"));
   Status good = disk.make_folder(place.folder);
-  if (good) good = disk.sync_folder("");
+  if (!good) return fail(good.error());
+  good = disk.sync_folder("");
   // take.json last: a folder without it has no set.
   const auto put = [&](const std::string& name, const std::string& text) {
-    if (good && !text.empty()) good = write_durably(disk, place.folder, place.folder + "/" + name, text);
+    if (good && !text.empty()) good = create_durably(disk, place.folder, place.folder + "/" + name, text);
   };
   put(take::kCalibrationFile, place.calibration_json);
   put(take::kRigFile, documents.rig_toml);
   put(take::kTakeFile, about);
-  if (!good) return fail(good.error());
-  return made;
+  if (good) return made;
+  for (const std::string& name : {take::kTakeFile, take::kRigFile, take::kCalibrationFile}) {
+    (void)disk.remove(place.folder + "/" + name);
+  }
+  (void)disk.remove(place.folder);
+  return fail(good.error());
 }
 
 Status TakeWriter::write(const TakeRow& row) {
@@ -181,14 +195,23 @@ FrameRate TakeWriter::fastest() const {
   return fastest;
 }
 
+bool TakeWriter::may_be_deleted(const FinishedSegment& segment, const std::vector<take::Manifest::Mark>& marks) const {
+  return !near_mark(segment.first_set, segment.first_set + segment.sets - 1, marks, fastest());
+}
+
+std::uint64_t TakeWriter::deletable_bytes() const {
+  const std::vector<take::Manifest::Mark> all = marks();
+  std::uint64_t bytes = 0;
+  for (const FinishedSegment& segment : finished_) bytes += may_be_deleted(segment, all) ? bytes_of(segment) : 0;
+  return bytes;
+}
+
 Result<std::optional<std::uint64_t>> TakeWriter::delete_oldest() {
   const std::vector<take::Manifest::Mark> all = marks();
-  const auto oldest = std::ranges::find_if(finished_, [&](const FinishedSegment& segment) {
-    return !near_mark(segment.first_set, segment.first_set + segment.sets - 1, all, fastest());
-  });
+  const auto oldest =
+      std::ranges::find_if(finished_, [&](const FinishedSegment& segment) { return may_be_deleted(segment, all); });
   if (oldest == finished_.end()) return std::optional<std::uint64_t>();
-  std::uint64_t bytes = 0;
-  for (const take::Manifest::File& file : oldest->files) bytes += file.bytes;
+  const std::uint64_t bytes = bytes_of(*oldest);
   const std::uint32_t number = oldest->number;
   finished_.erase(oldest);  // first: if not all of its files can be removed, the take goes on without them
   if (const Status removed = remove_segment(*place_.disk, place_.folder, number); !removed)
@@ -235,7 +258,7 @@ Status TakeWriter::use_calibration(const TakeCalibration& calibration) {
   std::string name;  // empty: not stored
   if (place_.calibrations.size() < take::kMostCalibrations) {
     name = take::calibration_file(place_.calibrations.size() + 1);
-    const Status stored = write_durably(*place_.disk, place_.folder, place_.folder + "/" + name, calibration.json);
+    const Status stored = create_durably(*place_.disk, place_.folder, place_.folder + "/" + name, calibration.json);
     if (!stored) return stored;
   }
   place_.calibration_id = id;

@@ -45,7 +45,8 @@ class TakeWriter {
     int raymap_height = 0;
   };
 
-  /// Makes the folder and writes its documents, durably.
+  /// Makes the folder and writes its documents, durably. Errors: kExists if there is anything of that name, which then stays as it
+  /// is; after another error nothing of the folder is left, if the disk still allows it.
   static Result<std::unique_ptr<TakeWriter>> begin(hal::DiskPort& disk, Documents documents);
 
   Status write(const TakeRow& row);
@@ -67,6 +68,8 @@ class TakeWriter {
   Result<std::optional<std::uint64_t>> delete_oldest();
 
   std::uint64_t number() const { return place_.number; }
+  /// Of the segments that delete_oldest() would delete one after the other.
+  std::uint64_t deletable_bytes() const;
   /// Recorded, those that were deleted included.
   std::uint64_t sets() const { return finished_sets_ + (segment_ ? segment_->sets() : 0); }
   bool synced() const { return !unsynced_; }
@@ -88,6 +91,7 @@ class TakeWriter {
   void close_flight();
   Result<std::optional<take::Manifest::File>> finish_flight();
   void add(FinishedSegment done);
+  bool may_be_deleted(const FinishedSegment& segment, const std::vector<take::Manifest::Mark>& marks) const;
   std::vector<take::Manifest::Mark> marks() const;
 
   TakePlace place_;

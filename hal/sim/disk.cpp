@@ -9,22 +9,8 @@
 
 namespace nodal::hal::sim {
 
-namespace {
-
-bool inside(const std::string& name, const std::string& folder) {
-  return name.size() > folder.size() && name.compare(0, folder.size(), folder) == 0 && name[folder.size()] == '/';
-}
-
-Error bad_name(const std::string& name) {
-  return {Errc::kBadValue, "file '" + name + "': a name is parts with '/' between, never '..', '.' or empty ones"};
-}
-Error not_there(const std::string& name) { return {Errc::kNotFound, "file '" + name + "': is not there"}; }
-Error disk_gone(const std::string& name) { return {Errc::kDeviceGone, "file '" + name + "': the disk is gone"}; }
-Error no_power(const std::string& name) { return {Errc::kIo, "file '" + name + "': the disk lost its power"}; }
-
-}  // namespace
-
-SimDisk::SimDisk(std::uint64_t seed, std::uint64_t capacity_bytes) : random_(seed, "disk"), capacity_(capacity_bytes) {}
+SimDisk::SimDisk(std::uint64_t seed, std::uint64_t capacity_bytes)
+    : random_(seed, "disk"), identity_(Random(seed, "identity").next()), capacity_(capacity_bytes) {}
 SimDisk::~SimDisk() = default;
 
 /// Counts an operation that changes the disk, and applies the fault that a test has planned for it.
@@ -52,8 +38,21 @@ Status SimDisk::begin_read(const std::string& name, std::uint64_t end) {
   return fail(Errc::kIo, "file '" + name + "': reading it failed: the disk reports an error");
 }
 
+/// No part of the name may be a symbolic link.
+Status SimDisk::check_no_link(const std::string& name) const {
+  for (std::size_t end = name.find('/');; end = name.find('/', end + 1)) {
+    const auto found = tree_.find(name.substr(0, end));
+    if (found != tree_.end() && found->second->link) {
+      return fail(Errc::kBadValue,
+                  "file '" + name + "': is a symbolic link, or leads through one, which is not followed");
+    }
+    if (end == std::string::npos) return {};
+  }
+}
+
 Status SimDisk::check_parent(const std::string& name) const {
   if (!is_file_name(name)) return fail(bad_name(name));
+  if (Status good = check_no_link(parent_of(name)); !good) return good;
   const std::string parent = parent_of(name);
   if (parent.empty()) return {};
   const auto found = tree_.find(parent);
@@ -67,7 +66,10 @@ Status SimDisk::check_parent(const std::string& name) const {
 void SimDisk::commit(Change change) {
   if (dying_ && random_.below(2) == 0) return;
   for (const auto& [name, inode] : change.entries) {
+    const auto parent = tree_.find(parent_of(name));
+    if (parent != tree_.end()) parent->second->version = ++changes_;
     if (inode) {
+      inode->version = ++changes_;
       tree_[name] = inode;
     } else {
       tree_.erase(name);
@@ -112,10 +114,7 @@ Result<SimDisk::Handle*> SimDisk::handle_of(FileHandle file, bool to_read) {
 Result<FileHandle> SimDisk::create(const std::string& name) {
   if (auto begun = begin("creating it", name); !begun) return fail(begun.error());
   if (auto placed = check_parent(name); !placed) return fail(placed.error());
-  const auto found = tree_.find(name);
-  if (found != tree_.end() && found->second->folder) {
-    return fail(Errc::kExists, "file '" + name + "': is a folder");
-  }
+  if (tree_.contains(name)) return fail(name_taken(name));
   auto inode = std::make_shared<Inode>();
   commit({{{name, inode}}});
   if (dying_) return fail(no_power(name));
@@ -125,9 +124,14 @@ Result<FileHandle> SimDisk::create(const std::string& name) {
 Result<FileHandle> SimDisk::open_append(const std::string& name) {
   if (auto begun = begin("opening it", name); !begun) return fail(begun.error());
   if (!is_file_name(name)) return fail(bad_name(name));
+  if (Status good = check_no_link(name); !good) return fail(good.error());
   const auto found = tree_.find(name);
   if (found == tree_.end()) return fail(not_there(name));
   if (found->second->folder) return fail(Errc::kIo, "file '" + name + "': is a folder");
+  const auto same = [&](const auto& entry) { return entry.second == found->second; };
+  if (std::count_if(tree_.begin(), tree_.end(), same) > 1) {
+    return fail(Errc::kBadValue, "file '" + name + "': has other names, too (hard links), whose bytes would change");
+  }
   if (dying_) return fail(no_power(name));
   return hand_out(found->second, name);
 }
@@ -276,108 +280,11 @@ Result<std::uint64_t> SimDisk::size(const std::string& name) {
   if (dead_) return fail(no_power(name));
   if (gone_) return fail(disk_gone(name));
   if (!is_file_name(name)) return fail(bad_name(name));
+  if (Status good = check_no_link(name); !good) return fail(good.error());
   const auto found = tree_.find(name);
   if (found == tree_.end()) return fail(not_there(name));
   if (found->second->folder) return fail(Errc::kIo, "file '" + name + "': is a folder");
   return found->second->bytes.size();
-}
-
-Status SimDisk::rename(const std::string& from, const std::string& to) {
-  if (auto begun = begin("renaming it", from); !begun) return begun;
-  if (!is_file_name(from)) return fail(bad_name(from));
-  if (auto placed = check_parent(to); !placed) return placed;
-  const auto found = tree_.find(from);
-  if (found == tree_.end()) return fail(not_there(from));
-  const auto target = tree_.find(to);
-  if (found->second->folder || (target != tree_.end() && target->second->folder)) {
-    return fail(Errc::kUnsupported, "file '" + from + "': folders are not renamed or replaced");
-  }
-  if (from != to) commit({{{to, found->second}, {from, nullptr}}});
-  if (dying_) return fail(no_power(from));
-  return {};
-}
-
-Status SimDisk::remove(const std::string& name) {
-  if (auto begun = begin("removing it", name); !begun) return begun;
-  if (!is_file_name(name)) return fail(bad_name(name));
-  const auto found = tree_.find(name);
-  if (found == tree_.end()) return fail(not_there(name));
-  if (found->second->folder) {
-    const auto next = std::next(found);
-    // A folder's entries sort directly after it, except for names that continue with a character below '/'.
-    const bool full = std::any_of(next, tree_.end(), [&](const auto& entry) { return inside(entry.first, name); });
-    if (full) return fail(Errc::kExists, "file '" + name + "': is a folder with files in it");
-  }
-  commit({{{name, nullptr}}});
-  if (dying_) return fail(no_power(name));
-  return {};
-}
-
-Status SimDisk::make_folder(const std::string& name) {
-  if (auto begun = begin("making it", name); !begun) return begun;
-  if (auto placed = check_parent(name); !placed) return placed;
-  const auto found = tree_.find(name);
-  if (found != tree_.end()) {
-    if (found->second->folder) return {};
-    return fail(Errc::kExists, "file '" + name + "': is there and not a folder");
-  }
-  auto inode = std::make_shared<Inode>();
-  inode->folder = true;
-  commit({{{name, std::move(inode)}}});
-  if (dying_) return fail(no_power(name));
-  return {};
-}
-
-Status SimDisk::sync_folder(const std::string& name) {
-  if (auto begun = begin("syncing it", name); !begun) return begun;
-  if (!name.empty()) {
-    if (!is_file_name(name)) return fail(bad_name(name));
-    const auto found = tree_.find(name);
-    if (found == tree_.end()) return fail(not_there(name));
-    if (!found->second->folder) return fail(Errc::kIo, "file '" + name + "': is not a folder");
-  }
-  for (std::size_t k = 0; k < unsynced_.size();) {
-    const auto& entries = unsynced_[k].entries;
-    const bool here =
-        std::any_of(entries.begin(), entries.end(), [&](const auto& entry) { return parent_of(entry.first) == name; });
-    if (here && (!dying_ || random_.below(2) == 1)) {
-      make_last(k);
-    } else {
-      ++k;
-    }
-  }
-  if (dying_) return fail(no_power(name));
-  return {};
-}
-
-Result<std::vector<std::string>> SimDisk::list(const std::string& folder) {
-  if (dead_) return fail(no_power(folder));
-  if (gone_) return fail(disk_gone(folder));
-  if (!folder.empty()) {
-    if (!is_file_name(folder)) return fail(bad_name(folder));
-    const auto found = tree_.find(folder);
-    if (found == tree_.end()) return fail(not_there(folder));
-    if (!found->second->folder) return fail(Errc::kIo, "file '" + folder + "': is not a folder");
-  }
-  std::vector<std::string> names;
-  for (const auto& [name, inode] : tree_) {
-    if (parent_of(name) == folder) names.push_back(name.substr(folder.empty() ? 0 : folder.size() + 1));
-  }
-  std::sort(names.begin(), names.end());
-  return names;
-}
-
-Result<std::uint64_t> SimDisk::free_bytes() {
-  if (dead_) return fail(no_power(""));
-  if (gone_) return fail(disk_gone(""));
-  const std::uint64_t in_use = used();
-  return capacity_ > in_use ? capacity_ - in_use : 0;
-}
-
-Result<std::uint64_t> SimDisk::total_bytes() {
-  if (dead_) return fail(no_power(""));
-  if (gone_) return fail(disk_gone(""));
-  return capacity_;
 }
 
 std::size_t SimDisk::memory() const {

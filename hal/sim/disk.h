@@ -24,6 +24,9 @@ class SimDisk final : public DiskPort {
   ~SimDisk() override;
 
   // What the daemon uses.
+  Status claim() override { return claim_for(this); }
+  void release() override { release_for(this); }
+  Result<std::uint64_t> identity() override;
   Result<FileHandle> create(const std::string& name) override;
   Result<FileHandle> open_append(const std::string& name) override;
   Result<FileHandle> open_read(const std::string& name) override;
@@ -40,14 +43,26 @@ class SimDisk final : public DiskPort {
   Result<std::vector<std::uint8_t>> read(const std::string& name, std::uint64_t limit_bytes) override;
   Result<std::uint64_t> size(const std::string& name) override;
   Status rename(const std::string& from, const std::string& to) override;
+  Status rename_new(const std::string& from, const std::string& to) override;
   Status remove(const std::string& name) override;
   Status make_folder(const std::string& name) override;
   Status sync_folder(const std::string& name) override;
   Result<std::vector<std::string>> list(const std::string& folder) override;
+  Result<std::vector<FolderEntry>> entries(const std::string& folder) override;
   Result<std::uint64_t> free_bytes() override;
   Result<std::uint64_t> total_bytes() override;
 
   // What the test uses.
+  /// The same for one of several ports on this disk, such as those of a SimCardSlot.
+  Status claim_for(const void* port);
+  void release_for(const void* port);
+  bool claimed() const { return claimed_by_ != nullptr; }
+  /// Puts a durable file there, also in the place of another one.
+  void put(const std::string& name, std::span<const std::uint8_t> bytes);
+  /// A symbolic link. Where it leads to is not kept, because nothing follows it.
+  void put_link(const std::string& name);
+  /// A second name for the same file: a hard link.
+  void put_second_name(const std::string& file, const std::string& name);
   /// Number of operations that change the disk: every call of create, open_append, write, overwrite, truncate, sync, sync_all,
   /// rename, remove, make_folder and sync_folder.
   std::uint64_t operations() const { return operations_; }
@@ -112,12 +127,17 @@ class SimDisk final : public DiskPort {
   Status check_parent(const std::string& name) const;
   Result<FileHandle> hand_out(InodePtr inode, const std::string& name, bool to_read = false);
   Result<Handle*> handle_of(FileHandle file, bool to_read);
+  Status check_no_link(const std::string& name) const;
+  Status rename_as(const std::string& from, const std::string& to, bool replaces);
   void commit(Change change);
   void make_last(std::size_t change);
   std::uint64_t used() const;
   static InodePtr survivor(const Inode& inode, Random& random);
 
   Random random_;
+  const std::uint64_t identity_;
+  const void* claimed_by_ = nullptr;
+  std::uint64_t changes_ = 0;
   std::uint64_t capacity_;
   Tree tree_;                     ///< as seen by the program
   Tree lasting_;                  ///< as far as it is durable

@@ -11,6 +11,7 @@ namespace nodal::hal::sim {
 SimDisk::InodePtr SimDisk::survivor(const Inode& inode, Random& random) {
   auto left = std::make_shared<Inode>();
   left->folder = inode.folder;
+  left->link = inode.link;
   if (inode.before_cut && random.below(2) == 0) {
     left->bytes = *inode.before_cut;
     left->synced = left->bytes.size();

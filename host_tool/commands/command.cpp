@@ -169,7 +169,7 @@ ExitCode CommandLine::run(int argc, const char* const* argv) {
 
 ExitCode CommandLine::with_lost_output(ExitCode code) {
   const int lost = console_.end_output();
-  const bool failed = code != ExitCode::kOk && code != ExitCode::kJudged;  // then the first error's code is kept
+  const bool failed = !answered(code);  // then the first error's code is kept
   if (lost == 0) return code;
   if (lost == EPIPE) return failed ? code : ExitCode::kReaderGone;
   const std::string why = lost == EBADF ? "it is closed" : std::strerror(lost);

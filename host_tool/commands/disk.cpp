@@ -1,4 +1,4 @@
-// `nodal disk test`: what the disk of the rig's takes sustains.
+// `nodal disk`: what the disk of the rig's takes sustains, and its end.
 #include <fmt/format.h>
 
 #include <memory>
@@ -48,6 +48,19 @@ Status run_disk_test(Context& context, const std::string& length) {
   return {};
 }
 
+Status run_disk_eject(Context& context) {
+  wire::Request request;
+  request.mutable_disk_eject();
+  const Result<wire::Reply> reply = context.ask(request);
+  if (!reply) return fail(reply.error());
+  const std::uint64_t take = reply->take().take();
+  context.console().document({{"take", take == 0 ? Json() : Json(take)}, {"ejected", true}});
+  const std::string ended = take == 0 ? "" : fmt::format("take {} is finished; ", take);
+  context.console().line(
+      ended + "everything is on the disk, and the rig has nothing open there: unmount it, and it can be removed");
+  return {};
+}
+
 }  // namespace
 
 void add_disk(CLI::App& app, CommandLine& line) {
@@ -60,6 +73,13 @@ void add_disk(CLI::App& app, CommandLine& line) {
                   "  nodal disk test --for 30s --json\n"
                   "Writes to the takes' folder for a while, and removes what it wrote. Exits with 8 if no\n"
                   "mode is sustained.\n");
+  CLI::App* eject =
+      add_command(*disk, "eject", "Ends the take, writes everything to the disk, and lets go of it",
+                  "  nodal disk eject\n"
+                  "When it returns, the disk can be unmounted and removed. The rig uses the disk that is\n"
+                  "mounted there next; with start = \"boot\" it goes on recording on that one. `nodal take\n"
+                  "start` uses the ejected one again.\n");
+  line.on(eject, run_disk_eject);
   test->add_option("--for", *length, "How long, 1s to 60s")
       ->type_name("DURATION")
       ->capture_default_str()

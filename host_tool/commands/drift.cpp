@@ -46,6 +46,12 @@ Result<DriftInput> input_from_files(const DriftArgs& args) {
   return DriftInput{std::move(read->calibration), std::move(read->pictures)};
 }
 
+/// The word of the JSON document.
+std::string verdict_word(const DriftReport& report) {
+  if (report.any(Standing::kMoved)) return "moved";
+  return report.any(Standing::kUnknown) ? "cannot-tell" : "stands";
+}
+
 Json finite_json(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 Json drift_json(const DriftReport& report, double tolerance_px) {
@@ -62,7 +68,8 @@ Json drift_json(const DriftReport& report, double tolerance_px) {
                      {"right_deg", head.right_deg},
                      {"roll_deg", head.roll_deg}});
   }
-  return {{"moved", report.any(Standing::kMoved)},
+  return {{"verdict", verdict_word(report)},
+          {"moved", report.any(Standing::kMoved)},
           {"tolerance_px", tolerance_px},
           {"heads", heads},
           {"objective_before", report.objective_before},
@@ -91,6 +98,22 @@ void tell(Console& console, const DriftReport& report) {
   console.line(
       fmt::format("where they overlap the heads differ by {:.2f} levels; with the rotations found now, by {:.2f}",
                   std::sqrt(report.objective_before), std::sqrt(report.objective_after)));
+}
+
+/// A sentence that names the heads for which the pictures do not determine it; empty if there are none.
+std::string uncertainty(const DriftReport& report) {
+  std::string unknown;
+  std::size_t count = 0;
+  for (const HeadDrift& head : report.heads) {
+    if (head.standing != Standing::kUnknown) continue;
+    unknown += fmt::format("{}'{}'", count++ == 0 ? "" : ", ", head.name);
+  }
+  if (count == 0) return "";
+  const std::string who = count == report.heads.size() && count > 2 ? std::string("the heads") : unknown;
+  return fmt::format(
+      "cannot tell whether {} {} as calibrated; take more frame sets (--sets), or a scene with detail "
+      "all around",
+      who, count == 1 ? "stands" : "stand");
 }
 
 /// A sentence that names the heads that moved; empty if none moved.
@@ -134,6 +157,9 @@ Status run_drift(Context& context, const DriftArgs& args) {
   if (const std::string moved = verdict(*report, live); !moved.empty()) {
     context.console().warning(moved);
     context.answer = ExitCode::kJudged;
+  } else if (const std::string unknown = uncertainty(*report); !unknown.empty()) {
+    context.console().warning(unknown);
+    context.answer = ExitCode::kCannotTell;
   }
   return {};
 }
@@ -146,8 +172,9 @@ void add_drift(CLI::App& app, CommandLine& line) {
       "  nodal drift                            the running rig against its calibration in force\n"
       "  nodal drift --json | jq -r '.heads[] | select(.standing == \"moved\") | .name'\n"
       "  nodal drift rig.json cam*.png          the same from files; needs no rig\n"
-      "Exit code 8: a head has moved. Which one is told by what most heads agree on; of two that moved apart each is\n"
-      "given half.\n");
+      "  nodal drift; [ $? = 8 ] && nodal register --trial      registers again only if a head has moved\n"
+      "Exit code 0: all heads stand as calibrated; 8: a head has moved; 10: the pictures do not show whether one has.\n"
+      "What most heads agree on decides which one has moved; of two that moved apart each is given half.\n");
   auto args = std::make_shared<DriftArgs>();
   command->add_option("INPUT", args->inputs, "A calibration and pictures taken since, instead of the running rig")
       ->type_name("");

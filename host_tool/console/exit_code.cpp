@@ -4,6 +4,10 @@
 
 namespace nodal::host {
 
+bool answered(ExitCode code) {
+  return code == ExitCode::kOk || code == ExitCode::kJudged || code == ExitCode::kCannotTell;
+}
+
 ExitCode exit_code_of(Errc code) {
   if (code == Errc::kBusy) return ExitCode::kNotNow;  // the link works, but another client has it
   switch (static_cast<int>(code) / 100) {
@@ -19,8 +23,8 @@ ExitCode exit_code_of(Errc code) {
 
 ExitCode exit_code_of_signal(int signal) { return signal == SIGTERM ? ExitCode::kTerminated : ExitCode::kInterrupted; }
 
-const std::array<ExitCodeHelp, 13>& exit_code_help() {
-  static const std::array<ExitCodeHelp, 13> help{{
+const std::array<ExitCodeHelp, 14>& exit_code_help() {
+  static const std::array<ExitCodeHelp, 14> help{{
       {ExitCode::kOk, "done"},
       {ExitCode::kFailed, "an internal error of Nodal (9xx)"},
       {ExitCode::kUsage, "the command line cannot be understood"},
@@ -31,6 +35,7 @@ const std::array<ExitCodeHelp, 13>& exit_code_help() {
       {ExitCode::kNotNow, "the right request at the wrong moment (6xx, busy)"},
       {ExitCode::kJudged, "the result of a check is negative: heads have moved, or a trial was no better"},
       {ExitCode::kOutputLost, "standard output could not be written: full, or closed"},
+      {ExitCode::kCannotTell, "a check could not tell: what it was given does not determine the result"},
       {ExitCode::kInterrupted, "Ctrl-C came before the work was done"},
       {ExitCode::kReaderGone, "the reader of standard output went away, as | head does"},
       {ExitCode::kTerminated, "SIGTERM came before the work was done"},

@@ -19,12 +19,15 @@ enum class ExitCode : int {
   kNotNow = 7,       ///< the right request at the wrong moment (6xx)
   kJudged = 8,       ///< the command judges something, and the result is negative: drifted, not better
   kOutputLost = 9,   ///< standard output could not be written
+  kCannotTell = 10,  ///< the command judges something, and what it was given does not determine the result
   // 128 + the signal's number, as shells report a program that a signal ended.
   kInterrupted = 130,  ///< Ctrl-C (SIGINT) before the work was done
   kReaderGone = 141,   ///< the reader of standard output closed the pipe (SIGPIPE), as `| head` does
   kTerminated = 143,   ///< SIGTERM before the work was done
 };
 
+/// Whether the command did what it was asked to, whatever it found.
+bool answered(ExitCode code);
 /// By the hundreds of the error number.
 ExitCode exit_code_of(Errc code);
 /// For a command that SIGINT or SIGTERM stopped.
@@ -35,6 +38,6 @@ struct ExitCodeHelp {
   std::string_view meaning;
 };
 /// All codes, each with one line for --help and the manual page.
-const std::array<ExitCodeHelp, 13>& exit_code_help();
+const std::array<ExitCodeHelp, 14>& exit_code_help();
 
 }  // namespace nodal::host

@@ -20,7 +20,7 @@ constexpr std::uint64_t kMaxSetBytes = 1ULL << 30;
 // The rig copies one set at a time, also for other hosts; a set that has just arrived may still be open there.
 constexpr Duration kBusyRest = Duration::milliseconds(2);
 constexpr int kBusyTries = 1000;
-constexpr int kTries = 4;  // to get a set with all heads
+constexpr int kTries = 20;  // to get a set with all heads: 5 s
 
 struct ReceivedSet {
   wire::FrameSetHeader header;
@@ -137,14 +137,56 @@ Result<DecodedImage> picture_of(const ReceivedSet& set, const wire::HeadPicture&
   return picture;
 }
 
-/// The pictures in the calibration's order; a missing head is an error.
+/// Null if the head has no picture in the set.
+const wire::HeadPicture* picture_named(const wire::FrameSetHeader& set, const std::string& head) {
+  const auto found = std::ranges::find(set.heads(), head, &wire::HeadPicture::name);
+  return found == set.heads().end() ? nullptr : &*found;
+}
+
+/// Frame sets in a row that lack heads, and which heads these are.
+class Missed {
+ public:
+  explicit Missed(const Calibration& calibration) {
+    for (const HeadCalibration& head : calibration.heads) heads_.push_back({head.name, 0});
+  }
+  int sets() const { return sets_; }
+  /// Whether the set lacks a head; then it is counted.
+  bool counts(const wire::FrameSetHeader& set) {
+    bool any = false;
+    for (auto& [head, missed] : heads_) {
+      if (picture_named(set, head) != nullptr) continue;
+      ++missed;
+      any = true;
+    }
+    sets_ += any ? 1 : 0;
+    return any;
+  }
+  /// Why no whole set was received: a head that is in none, or too many lost frames.
+  Error error() const {
+    const auto worst = std::ranges::max_element(heads_, {}, &Head::missed);
+    if (worst->missed == sets_) {
+      return {Errc::kDeviceGone, fmt::format("head '{}' delivers no pictures; `nodal heads` says why", worst->name)};
+    }
+    return {Errc::kOverload, fmt::format("{} frame sets in a row lack a head (most often '{}': {} times): frames are "
+                                         "lost; `nodal status` shows where",
+                                         sets_, worst->name, worst->missed)};
+  }
+
+ private:
+  struct Head {
+    std::string name;
+    int missed = 0;
+  };
+  std::vector<Head> heads_;
+  int sets_ = 0;
+};
+
+/// The pictures in the calibration's order; the set has all heads.
 Result<std::vector<DecodedImage>> pictures_of(const ReceivedSet& set, const Calibration& calibration) {
   std::vector<DecodedImage> pictures;
   for (const HeadCalibration& head : calibration.heads) {
-    const auto found = std::ranges::find(set.header.heads(), head.name, &wire::HeadPicture::name);
-    if (found == set.header.heads().end()) {
-      return fail(Errc::kDeviceGone, "head '" + head.name + "' delivers no pictures; `nodal heads` says why");
-    }
+    const wire::HeadPicture* const found = picture_named(set.header, head.name);
+    NODAL_ASSERT(found != nullptr);
     Result<DecodedImage> picture = picture_of(set, *found);
     if (!picture) return fail(picture.error());
     pictures.push_back(std::move(*picture));
@@ -200,8 +242,9 @@ Result<PictureSets> pull_frame_sets(RigConnection& rig, const Calibration& calib
   const Sha256 id = calibration_id(calibration);
   const std::string wanted(id.begin(), id.end());
   PictureSets pictures;
-  for (int left = sets, tries = kTries; left > 0;) {
-    if (tries < kTries || left < sets) {
+  Missed missed(calibration);
+  while (pictures.sets.size() < static_cast<std::size_t>(sets)) {
+    if (missed.sets() > 0 || !pictures.sets.empty()) {
       if (const Status rested = rig.rest(kBetweenSets); !rested) return fail(rested.error());
     }
     Result<ReceivedSet> set = receive_set(rig);
@@ -209,13 +252,15 @@ Result<PictureSets> pull_frame_sets(RigConnection& rig, const Calibration& calib
     if (set->header.calibration_id() != wanted) {
       return fail(Errc::kWrongState, "another calibration came into force meanwhile; begin again");
     }
+    if (missed.counts(set->header)) {
+      if (missed.sets() < kTries) continue;
+      return fail(missed.error());
+    }
     Result<std::vector<DecodedImage>> all = pictures_of(*set, calibration);
-    if (!all && --tries > 0) continue;  // a head may miss a set occasionally
     if (!all) return fail(all.error());
     pictures.sets.push_back(std::move(*all));
     console.progress(fmt::format("frame set {} of {}", pictures.sets.size(), sets));
-    --left;
-    tries = kTries;
+    missed = Missed(calibration);
   }
   console.finish_progress();
   return pictures;

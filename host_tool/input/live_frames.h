@@ -21,8 +21,9 @@ Result<Calibration> calibration_in_force(RigConnection& rig);
 
 /// Pulls `sets` frame sets, one after another, each with a picture of every head of the calibration and blended with
 /// it. The rig continues to film; each set costs it one copy.
-/// Errors: kDeviceGone for a head that delivers no pictures; kWrongState if another calibration came into force;
-/// kOverload if the rig has no time; those of the connection.
+/// Sets that lack a head are passed over.
+/// Errors: kDeviceGone for a head that delivers no pictures; kOverload if no set has all heads, or if the rig has no time;
+/// kWrongState if another calibration came into force; those of the connection.
 Result<PictureSets> pull_frame_sets(RigConnection& rig, const Calibration& calibration, int sets, Console& console);
 
 /// One frame of a head.

@@ -51,6 +51,31 @@ Calibration with_aspect(Calibration rig, double by) {
   return rig;
 }
 
+/// The direction that is up for people who look at a picture with this Exif orientation, in the file's pixels.
+Eigen::Vector2d up_of(int orientation) {
+  switch (orientation) {
+    case 3:
+    case 4: return {0, 1};
+    case 5:
+    case 6: return {-1, 0};
+    case 7:
+    case 8: return {1, 0};
+    default: return {0, -1};
+  }
+}
+
+/// What decided which way is up, if it is not what the pictures show.
+std::string up_note(autocalibration::UpBasis basis) {
+  const std::string seen = "vertical edges or a horizon are not seen all around";
+  switch (basis) {
+    case autocalibration::UpBasis::kEdges: return "";
+    case autocalibration::UpBasis::kRing: return "up is the axis of the ring that the heads form: " + seen;
+    case autocalibration::UpBasis::kHeld: return "up is how the pictures are held: " + seen;
+    case autocalibration::UpBasis::kLight: return "which way is up is a guess, by where the light comes from: " + seen;
+  }
+  return "";
+}
+
 bool all_placed(const registration::Report& report) {
   return std::ranges::all_of(report.heads, [](const registration::HeadReport& head) { return head.placed; });
 }
@@ -109,6 +134,7 @@ Result<FirstCalibration> first_calibration(const std::vector<std::string>& files
       focal_px = *exif.focal_35mm / media::kFilmDiagonalMm * std::hypot(images[n].width, images[n].height);
     }
     options.focal_px.push_back(focal_px);
+    options.up.push_back(up_of(exif.orientation));
     if (exif.orientation != 1) turned.push_back(files[n]);
   }
   options.progress = [&](double done) { progress(0.3 + 0.7 * done, "matching the pictures"); };
@@ -139,9 +165,7 @@ Result<FirstCalibration> first_calibration(const std::vector<std::string>& files
                     "place",
                     first.placed[a], first.placed[b]));
   }
-  if (!found->upright) {
-    first.notes.push_back("which way is up is a guess: vertical edges or a horizon are not seen all around");
-  }
+  if (const std::string note = up_note(found->up); !note.empty()) first.notes.push_back(note);
   first.confidence = fmt::format(
       "{} of {} pictures placed by {} points that two of them show; the points agree within "
       "{:.1f} px (median)",

@@ -2,11 +2,13 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <utility>
 
@@ -41,6 +43,9 @@ Result<LocalFile> LocalFile::open(const std::filesystem::path& path, int flags) 
   struct stat about {};
   if (::fstat(fd, &about) != 0) return refuse(path, "cannot be read", errno);
   if (!S_ISREG(about.st_mode)) return fail(Errc::kIo, path.string() + ": is not a regular file");
+  if ((flags & O_CREAT) != 0 && about.st_nlink > 1) {
+    return fail(Errc::kIo, path.string() + ": has other names, too (hard links), whose bytes would change; remove it");
+  }
   return file;
 }
 
@@ -104,9 +109,32 @@ Status sync_folder(const std::filesystem::path& folder) {
   return {};
 }
 
-Status rename_file(const std::filesystem::path& from, const std::filesystem::path& to) {
-  if (::rename(from.c_str(), to.c_str()) != 0) return refuse(to, "cannot be written", errno);
+Status rename_new(const std::filesystem::path& from, const std::filesystem::path& to) {
+  if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return {};
+  // A file system without RENAME_NOREPLACE. FolderLock keeps other copies away.
+  struct stat about {};
+  int error = errno;
+  if (error == EINVAL) error = ::lstat(to.c_str(), &about) == 0 ? EEXIST : 0;
+  if (error == 0) error = ::rename(from.c_str(), to.c_str()) == 0 ? 0 : errno;
+  if (error == EEXIST)
+    return fail(Errc::kExists, to.string() + ": is there already, and is never written over; move it away");
+  if (error != 0) return refuse(to, "cannot be written", error);
   return {};
+}
+
+Result<FolderLock> FolderLock::take(const std::filesystem::path& folder) {
+  const int fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+  if (fd < 0) return refuse(folder, "cannot be opened", errno);
+  FolderLock lock(fd);
+  if (::flock(fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+    return fail(Errc::kBusy, folder.string() + ": another nodal copies to it; wait for it, or use another folder");
+  }
+  return lock;
+}
+
+FolderLock::FolderLock(FolderLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+FolderLock::~FolderLock() {
+  if (fd_ >= 0) ::close(fd_);
 }
 
 Result<std::uint64_t> free_bytes(const std::filesystem::path& folder) {

@@ -15,7 +15,8 @@ namespace nodal::host {
 /// Errors: kDiskFull, kIo, kNotFound; each names the file.
 class LocalFile {
  public:
-  /// Opens or creates it, to read and write. Symbolic links and devices are refused, because the folder may come from anywhere.
+  /// Opens or creates it, to read and write. Symbolic links, devices and files with other names, too (hard links), are refused,
+  /// because the folder may come from anywhere.
   static Result<LocalFile> open_to_write(const std::filesystem::path& path);
   /// The same for reading a file that is there.
   static Result<LocalFile> open_to_read(const std::filesystem::path& path);
@@ -42,10 +43,26 @@ class LocalFile {
   std::uint64_t let_go_ = 0;  ///< bytes before it are not kept in memory
 };
 
+/// A folder that one program at a time writes to.
+///
+/// Ownership: gives the folder up when it is destroyed.
+/// Errors: kBusy if another program has it; kIo. A file system that knows no locks is used without.
+class FolderLock {
+ public:
+  static Result<FolderLock> take(const std::filesystem::path& folder);
+  FolderLock(FolderLock&& other) noexcept;
+  FolderLock& operator=(FolderLock&&) = delete;
+  ~FolderLock();
+
+ private:
+  explicit FolderLock(int fd) : fd_(fd) {}
+  int fd_;
+};
+
 /// Makes renames and new files in the folder durable.
 Status sync_folder(const std::filesystem::path& folder);
-/// Replaces `to` atomically.
-Status rename_file(const std::filesystem::path& from, const std::filesystem::path& to);
+/// Gives a file its name. Errors: kExists if there is anything of that name, which then stays.
+Status rename_new(const std::filesystem::path& from, const std::filesystem::path& to);
 /// Bytes that this user may still write there.
 Result<std::uint64_t> free_bytes(const std::filesystem::path& folder);
 /// The length of a regular file; nothing if there is none of that name, or if it is something else.

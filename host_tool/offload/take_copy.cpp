@@ -46,6 +46,17 @@ Error damaged(const std::string& file, std::uint64_t offset) {
                   file, offset, TakeCopy::kTries)};
 }
 
+/// A file that is not there yet. What an interrupted call left of it is written again.
+Status store(const fs::path& path, std::span<const std::uint8_t> bytes) {
+  const fs::path part = path.string() + kPart;
+  auto file = LocalFile::open_to_write(part);
+  if (!file) return fail(file.error());
+  Status done = file->truncate(0);
+  if (done) done = file->write(0, bytes);
+  if (done) done = file->sync();
+  return done ? rename_new(part, path) : done;
+}
+
 std::string_view text_of(std::span<const std::uint8_t> bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
@@ -61,12 +72,15 @@ Result<TakeCopy> TakeCopy::begin(RigConnection& rig, std::uint64_t take, const f
     return fail(Errc::kProtocol,
                 fmt::format("the rig sent the manifest of take {} for take {}", manifest->number, take));
   }
-  TakeCopy copy(rig, to / take::take_folder(take));
+  const fs::path folder = to / take::take_folder(take);
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) return fail(Errc::kIo, folder.string() + ": cannot be made: " + error.message());
+  auto lock = FolderLock::take(folder);
+  if (!lock) return fail(lock.error());
+  TakeCopy copy(rig, folder, std::move(*lock));
   copy.id_ = sha256(*bytes);
   copy.manifest_ = std::move(*manifest);
-  std::error_code error;
-  fs::create_directories(copy.folder_, error);
-  if (error) return fail(Errc::kIo, copy.folder_.string() + ": cannot be made: " + error.message());
   if (const Status mine = copy.claim_folder(*bytes); !mine) return fail(mine.error());
   return copy;
 }
@@ -87,7 +101,29 @@ Status TakeCopy::claim_folder(std::span<const std::uint8_t> manifest) {
     return fail(Errc::kWrongState,
                 fmt::format("{}: holds another take with this number; use another folder", folder_.string()));
   }
+  // A folder without a manifest is somebody else's, so that not even a part of a file in it may be continued.
+  if (!length_of_file(folder_ / (take::kManifestFile + kPart))) {
+    if (const Status free = check_names(true); !free) return free;
+  }
   return write_file((folder_ / (take::kManifestFile + kPart)).string(), text_of(manifest));
+}
+
+/// Nothing has the name of a file of the take but that file. `and_parts`: nor of a part of one.
+Status TakeCopy::check_names(bool and_parts) const {
+  for (const take::Manifest::File& file : manifest_.files) {
+    for (const std::string& name : {file.name, file.name + kPart}) {
+      if (name != file.name && !and_parts) continue;
+      std::error_code unknown;
+      if (!fs::exists(fs::symlink_status(folder_ / name, unknown))) continue;
+      if (!and_parts && there(file)) continue;
+      return fail(
+          Errc::kWrongState,
+          fmt::format("{}: is there already, is not what the take has, and is never written over; move it away, or use "
+                      "another folder",
+                      (folder_ / name).string()));
+    }
+  }
+  return {};
 }
 
 /// A file has its own name only after it was verified and synced.
@@ -122,6 +158,7 @@ Status TakeCopy::check_room(bool without_heads) const {
 }
 
 Status TakeCopy::run(bool without_heads, const OnProgress& progress) {
+  if (const Status free = check_names(false); !free) return free;
   if (const Status room = check_room(without_heads); !room) return room;
   done_ = 0;
   without_heads_ = without_heads;
@@ -140,13 +177,14 @@ Status TakeCopy::run(bool without_heads, const OnProgress& progress) {
   if (without_heads) return sync_folder(folder_);
   if (length_of_file(folder_ / take::kManifestFile)) return sync_folder(folder_);
   Status done = sync_folder(folder_);
-  if (done) done = rename_file(folder_ / (take::kManifestFile + kPart), folder_ / take::kManifestFile);
+  if (done) done = rename_new(folder_ / (take::kManifestFile + kPart), folder_ / take::kManifestFile);
   if (done) done = sync_folder(folder_);
   if (done) done = sync_folder(folder_ / "..");
   return done;
 }
 
-/// Documents and evidence: compared with the manifest as a whole. Evidence that is there is only read for its hashes.
+/// Documents and evidence: compared with the manifest as a whole. Evidence that is there is only read for its hashes; if it was
+/// changed, it stays as it is, and the copy ends.
 Status TakeCopy::copy_document(const take::Manifest::File& file, const OnProgress& progress) {
   const fs::path path = folder_ / file.name;
   const auto good = [&](std::span<const std::uint8_t> bytes) {
@@ -161,6 +199,12 @@ Status TakeCopy::copy_document(const take::Manifest::File& file, const OnProgres
     if (!text) return fail(text.error());
     bytes.assign(text->begin(), text->end());
     whole = good(bytes);
+    if (!whole) {
+      return fail(Errc::kWrongState,
+                  fmt::format("{}: is not what the take has, and is never written over; move it away, and the "
+                              "same command fetches it again",
+                              path.string()));
+    }
   }
   for (int k = 0; k < kTries && !whole; ++k) {
     auto fetched = fetch_small_file(*rig_, manifest_.number, file.name, take::kMaxEvidenceBytes);
@@ -169,7 +213,7 @@ Status TakeCopy::copy_document(const take::Manifest::File& file, const OnProgres
     fetched_ += bytes.size();
     whole = good(bytes);
     if (!whole) continue;
-    if (const Status written = write_file(path.string(), bytes); !written) return written;
+    if (const Status written = store(path, bytes); !written) return written;
   }
   if (!whole) return fail(damaged(file.name, 0));
   done_ += file.bytes;
@@ -241,7 +285,7 @@ Status TakeCopy::copy_video(const take::Manifest::File& file, const OnProgress& 
     if (at < file.bytes && --tries == 0) return fail(damaged(file.name, at));
   }
   if (const Status synced = part->sync(); !synced) return synced;
-  return rename_file(folder_ / (file.name + kPart), folder_ / file.name);
+  return rename_new(folder_ / (file.name + kPart), folder_ / file.name);
 }
 
 }  // namespace nodal::host

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "host_tool/offload/local_file.h"
 #include "host_tool/rig/rig_connection.h"
 #include "protocol/base/result.h"
 #include "protocol/base/sha256.h"
@@ -17,9 +18,12 @@
 namespace nodal::host {
 
 /// Threading: thread-bound.
-/// Ownership: the connection outlives it.
+/// Ownership: has the folder for itself. The connection outlives it.
+/// What exists is never written over: neither files of another take, nor one of this take that was changed.
+///
 /// Errors: those of fetch_file(); kDiskFull, kIo, kNotFound of the host's disk; kWrongState if the folder holds another take of
-///   this number; kChecksum if bytes differ from those that were recorded, kTries times.
+///   this number, or other files with its names; kBusy while another program copies to it; kChecksum if bytes differ
+///   from those that were recorded, kTries times.
 class TakeCopy {
  public:
   /// Bytes of the take that are there and verified, and the file that is being copied.
@@ -47,8 +51,10 @@ class TakeCopy {
   static constexpr int kTries = 3;
 
  private:
-  TakeCopy(RigConnection& rig, std::filesystem::path folder) : rig_(&rig), folder_(std::move(folder)) {}
+  TakeCopy(RigConnection& rig, std::filesystem::path folder, FolderLock lock)
+      : rig_(&rig), folder_(std::move(folder)), lock_(std::move(lock)) {}
   Status claim_folder(std::span<const std::uint8_t> manifest);
+  Status check_names(bool and_parts) const;
   bool there(const take::Manifest::File& file) const;
   Status check_room(bool without_heads) const;
   Status copy_document(const take::Manifest::File& file, const OnProgress& progress);
@@ -57,6 +63,7 @@ class TakeCopy {
 
   RigConnection* rig_;
   std::filesystem::path folder_;
+  FolderLock lock_;
   take::Manifest manifest_;
   Sha256 id_{};
   bool without_heads_ = false;

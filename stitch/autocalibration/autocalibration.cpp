@@ -119,13 +119,17 @@ HeadCalibration head_of(const Shape& shape, const SharedLens& lens, const Eigen:
 }
 
 /// Turns the whole rig so that up is up.
-Status turn_upright(const std::vector<Picture>& small, Found& found) {
+Status turn_upright(const std::vector<Picture>& small, const std::vector<Eigen::Vector2d>& up, Found& found) {
   Result<std::vector<geometry::Head>> heads = geometry::make_heads(found.calibration);
   if (!heads) return fail(heads.error());
   std::vector<Picture> pictures;
-  for (const std::size_t h : found.placed) pictures.push_back(small[h]);
-  const Upright upright = find_upright(*heads, pictures);
-  found.upright = upright.sure;
+  std::vector<Eigen::Vector2d> held;
+  for (const std::size_t h : found.placed) {
+    pictures.push_back(small[h]);
+    held.push_back(h < up.size() ? up[h] : Eigen::Vector2d(0, -1));
+  }
+  const Upright upright = find_upright(*heads, pictures, held);
+  found.up = upright.basis;
   const Eigen::Matrix3d R_new_rig = upright_rotation(upright.up, heads->front().axis().direction());
   for (HeadCalibration& head : found.calibration.heads) {
     const Eigen::Matrix3d turned = geometry::matrix_of(head.R_head_rig) * R_new_rig.transpose();
@@ -207,7 +211,7 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
   found.matches = static_cast<int>(arrangement->used.size());
   found.error_px = arrangement->error * shapes.front().unit();
   if (const Status good = check_calibration(found.calibration); !good) return fail(good.error());
-  if (const Status turned = turn_upright(small, found); !turned) return fail(turned.error());
+  if (const Status turned = turn_upright(small, options.up, found); !turned) return fail(turned.error());
   tell(1);
   return found;
 }

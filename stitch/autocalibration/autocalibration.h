@@ -3,6 +3,7 @@
 // there.
 #pragma once
 
+#include <Eigen/Core>
 #include <functional>
 #include <optional>
 #include <string>
@@ -14,12 +15,16 @@
 #include "protocol/base/units.h"
 #include "protocol/calibration.h"
 #include "protocol/calibration_limits.h"
+#include "stitch/autocalibration/stance.h"
 
 namespace nodal::autocalibration {
 
 struct Options {
   /// Of each picture, or empty: the focal length that the camera states, px. Only a first guess.
   std::vector<std::optional<double>> focal_px = {};
+  /// Of each picture, or empty: the direction in it, x right and y down, that is up for people who look at it. (0, -1) unless
+  /// its Exif orientation says otherwise.
+  std::vector<Eigen::Vector2d> up = {};
   int threads = 0;                            ///< 0: one per core. The result does not depend on it.
   std::function<void(double done)> progress;  ///< 0..1, on the caller's thread
 };
@@ -31,7 +36,7 @@ struct Found {
   double error_px = 0;              ///< the median distance of such a point's two images, original pixels
   /// Pictures (indices into `placed`) that overlap and do not show the same there.
   std::vector<std::pair<std::size_t, std::size_t>> doubtful;
-  bool upright = false;  ///< edges of the scene agree on what is up
+  UpBasis up = UpBasis::kLight;  ///< what decided which way is up
 };
 
 /// `pictures`: taken at one place by equal lenses, grey (kGrey8), at least two. `names`: of the heads.

@@ -1,6 +1,5 @@
 #include "stitch/autocalibration/upright.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -8,6 +7,7 @@
 #include <optional>
 
 #include "protocol/base/angles.h"
+#include "stitch/autocalibration/stance.h"
 
 namespace nodal::autocalibration {
 namespace {
@@ -26,7 +26,6 @@ constexpr double kRim = 0.06;                                  // of an image ci
 constexpr std::size_t kSectors = 12;
 constexpr double kHorizonWeight = 3;  // a horizon all around is rarely seen by chance, straight things more often
 constexpr double kStep = 1 * kRadiansPerDegree;
-constexpr double kLeastHeld = 0.5;      // of the mean of the heads' upward axes, for heads that are held alike
 constexpr double kSure = 150;           // standard deviations; textures and patterns reach 130
 constexpr double kAllAround = 2.0 / 3;  // of the sectors that are seen; lines on the ground fill up to half, see below
 constexpr double kOften = 3;            // times as many edges as by chance,
@@ -143,24 +142,6 @@ Vector3d light_of(std::vector<Lit> lit) {
   return light;
 }
 
-// The axis that the heads of a ring have in common, in the rig, if there is one.
-std::optional<Vector3d> ring_axis(const std::vector<geometry::Head>& heads) {
-  std::optional<Vector3d> axis;
-  double most = 0.97;
-  for (int k = 0; k < 2; ++k) {
-    Matrix3d sum = Matrix3d::Zero();
-    for (const geometry::Head& head : heads) {
-      const Vector3d side = head.R_head_rig().row(k).transpose();
-      sum += side * side.transpose() / static_cast<double>(heads.size());
-    }
-    const Eigen::SelfAdjointEigenSolver<Matrix3d> solver(sum);
-    if (heads.size() < 3 || solver.eigenvalues()[2] < most) continue;
-    most = solver.eigenvalues()[2];
-    axis = solver.eigenvectors().col(2);
-  }
-  return axis;
-}
-
 // How many edges are vertical or lie on the horizon, in standard deviations above what chance gives. A horizon is
 // seen in many directions: a single straight edge is none.
 double agreement(const std::vector<Edge>& edges, const Vector3d& up, double tolerance) {
@@ -230,46 +211,69 @@ void search_around(const std::vector<Edge>& edges, const Vector3d& start, double
   }
 }
 
-}  // namespace
+// A regular subset: the same one in every run.
+void thin_out(std::vector<Edge>& edges) {
+  if (edges.size() <= kMostEdges) return;
+  const std::size_t step = edges.size() / kMostEdges + 1;
+  for (std::size_t i = 0; i * step < edges.size(); ++i) edges[i] = edges[i * step];
+  edges.resize((edges.size() + step - 1) / step);
+}
 
-Upright find_upright(const std::vector<geometry::Head>& heads, const std::vector<Picture>& pictures) {
-  Seen seen;
-  for (std::size_t h = 0; h < heads.size(); ++h) add_picture(heads[h], pictures[h], seen);
-  if (seen.edges.size() > kMostEdges) {
-    // A regular subset: the same one in every run.
-    const std::size_t step = seen.edges.size() / kMostEdges + 1;
-    for (std::size_t i = 0; i * step < seen.edges.size(); ++i) seen.edges[i] = seen.edges[i * step];
-    seen.edges.resize((seen.edges.size() + step - 1) / step);
-  }
-  Upright found;
-  if (const Vector3d light = light_of(std::move(seen.lit)); light.norm() > 1e-9) found.up = light.normalized();
-  const Vector3d light = found.up;
-  Vector3d held = Vector3d::Zero();
-  for (const geometry::Head& head : heads)
-    held -= head.R_head_rig().row(1).transpose() / static_cast<double>(heads.size());
-  double best = 0;
-  if (const auto axis = ring_axis(heads); axis && std::abs(axis->dot(light)) > 0.3) {
-    search_around(seen.edges, axis->dot(light) > 0 ? *axis : Vector3d(-*axis), kRingWindow, found, best);
-  } else {
-    search_around(seen.edges, light, kWindow, found, best);
-    if (held.norm() > kLeastHeld) search_around(seen.edges, held.normalized(), kWindow, found, best);
-  }
-  found.sure = best > kSure;
+void refine(const std::vector<Edge>& edges, Upright& found) {
   const Vector3d side = found.up.unitOrthogonal(), other = found.up.cross(side);
-  for (double step = kStep / 2; best > 0 && step > kStep / 16; step /= 2) {
+  for (double step = kStep / 2; step > kStep / 16; step /= 2) {
     const Vector3d middle = found.up;
-    best = 0;
+    double best = 0;
     for (int i = -2; i <= 2; ++i) {
       for (int j = -2; j <= 2; ++j) {
         const Vector3d up = (middle + i * step * side + j * step * other).normalized();
-        const double score = agreement(seen.edges, up, std::max(kFinest, step));
+        const double score = agreement(edges, up, std::max(kFinest, step));
         if (score <= best) continue;
         best = score;
         found.up = up;
       }
     }
   }
-  found.sure = found.sure && all_around(seen.edges, heads, found.up);
+}
+
+std::vector<HeldHead> stance_of(const std::vector<geometry::Head>& heads, const std::vector<Eigen::Vector2d>& held) {
+  std::vector<HeldHead> all;
+  for (std::size_t h = 0; h < heads.size(); ++h) {
+    const Eigen::Vector2d up = h < held.size() ? held[h] : Eigen::Vector2d(0, -1);
+    const Matrix3d R = heads[h].R_head_rig();
+    all.push_back({R.row(2).transpose(), (up.x() * R.row(0) + up.y() * R.row(1)).transpose()});
+  }
+  return all;
+}
+
+}  // namespace
+
+Upright find_upright(const std::vector<geometry::Head>& heads, const std::vector<Picture>& pictures,
+                     const std::vector<Eigen::Vector2d>& held) {
+  Seen seen;
+  for (std::size_t h = 0; h < heads.size(); ++h) add_picture(heads[h], pictures[h], seen);
+  thin_out(seen.edges);
+  Upright found;
+  if (const Vector3d light = light_of(std::move(seen.lit)); light.norm() > 1e-9) found.up = light.normalized();
+  const Vector3d light = found.up;
+  const std::vector<HeldHead> stance = stance_of(heads, held);
+  const std::optional<Vector3d> ring = ring_up(stance, light), upright = held_up(stance);
+  double best = 0;
+  if (ring) {
+    search_around(seen.edges, *ring, kRingWindow, found, best);
+  } else {
+    search_around(seen.edges, light, kWindow, found, best);
+    if (upright) search_around(seen.edges, *upright, kWindow, found, best);
+  }
+  const bool many = best > kSure;
+  if (best > 0) refine(seen.edges, found);
+  if (many && all_around(seen.edges, heads, found.up)) {
+    found.basis = UpBasis::kEdges;
+  } else if (ring) {
+    found = {*ring, UpBasis::kRing};
+  } else if (upright) {
+    found = {*upright, UpBasis::kHeld};
+  }
   return found;
 }
 

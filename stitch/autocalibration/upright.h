@@ -1,25 +1,27 @@
-// Which way is up: from the light, from vertical edges and from the horizon.
+// Which way is up: from vertical edges and the horizon, or else from how the heads stand and are held, or from the light.
 #pragma once
 
 #include <Eigen/Core>
 #include <vector>
 
 #include "stitch/autocalibration/picture.h"
+#include "stitch/autocalibration/stance.h"
 #include "stitch/geometry/head.h"
 
 namespace nodal::autocalibration {
 
 struct Upright {
   Eigen::Vector3d up{0, -1, 0};  ///< in the rig's frame, length 1
-  /// Edges all around agree on it. Otherwise it is where the light comes from, or a pattern such as lines on the ground may
-  /// have led astray.
-  bool sure = false;
+  UpBasis basis = UpBasis::kLight;
 };
 
-/// `pictures`: one a head, of the size of the head's picture divided by the same whole number for both sides.
+/// `pictures`: one a head, of the size of the head's picture divided by the same whole number for both sides. `held`: by
+/// head, the direction in the picture, x right and y down, that is up for people who look at it; empty: its rows go down.
 /// The light of the scene comes mostly from above; near that direction, or near the axis that all heads of a ring have in
-/// common, the direction is chosen which most vertical edges and the horizon agree on.
-Upright find_upright(const std::vector<geometry::Head>& heads, const std::vector<Picture>& pictures);
+/// common, vertical edges and the horizon are looked for. If they are not seen all around, they are often chance; then the
+/// axis of the ring decides, or else how the pictures are held.
+Upright find_upright(const std::vector<geometry::Head>& heads, const std::vector<Picture>& pictures,
+                     const std::vector<Eigen::Vector2d>& held = {});
 
 /// The rotation R_new_rig that turns `up` upwards and the first head's axis to yaw 0. If that axis is vertical, the rig is
 /// turned as little as possible.

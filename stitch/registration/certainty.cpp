@@ -55,12 +55,15 @@ class Model {
     return total_.cost > 0 ? -step.dot(parameters_.gradient(total_)) / total_.cost : 0;
   }
 
-  /// Certainty::by_parts.
-  double share_removed_by_parts() const {
-    if (total_.cost <= 0) return 0;
+  /// Certainty::by_parts, and the size of these turns, rad.
+  struct ByParts {
+    double share = 0, turn_rad = 0;
+  };
+  ByParts by_parts() const {
+    if (total_.cost <= 0) return {};
     const std::vector<Eigen::Index> turns = rotation_columns();
     const auto n = static_cast<Eigen::Index>(turns.size());
-    double removed = 0;
+    double removed = 0, curvatures = 0;
     int determined = 0;
     for (std::size_t p = 0; p < own_.size() && n > 0; ++p) {
       if (own_[p].size() == 0) continue;
@@ -70,10 +73,13 @@ class Model {
         const double along = curvature.eigenvalues()[k];
         if (!(along > kDetermined * curvature.eigenvalues()[n - 1])) continue;
         removed += pulls[k] * pulls[k] / along;
+        curvatures += along;
         ++determined;
       }
     }
-    return (removed - kChanceShare * noise_ * determined) / total_.cost;
+    // A turn by t removes curvature x t squared of the cost.
+    removed -= kChanceShare * noise_ * determined;
+    return {removed / total_.cost, curvatures > 0 ? std::sqrt(std::max(0.0, removed) / curvatures) : 0};
   }
 
   /// Covariances of the free parameters if `sought` is estimated.
@@ -167,7 +173,9 @@ Result<Certainty> certainty_of(Objective& objective, const std::vector<HeadState
   certainty.by_focals = model.share_removed_by(to_focals);
   certainty.by_lenses = model.share_removed_by(to_lenses);
   certainty.by_distance = model.share_removed_by(to_distance);
-  certainty.by_parts = model.share_removed_by_parts();
+  const Model::ByParts parts_alone = model.by_parts();
+  certainty.by_parts = parts_alone.share;
+  certainty.parts_px = parts_alone.turn_rad * pixels_per_radian(heads);
   if (near.nearness) certainty.distance_nearness = parameters.moved(heads, to_distance).front().nearness;
 
   Matrix to_all = parameters.basis();  // from the free parameters to all, relative to the gauge

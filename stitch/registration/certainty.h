@@ -30,6 +30,9 @@ struct Certainty {
   /// what noise alone explains. Close to 0 where one rotation per head fits everywhere; large if lenses are wrong, or if
   /// things are near, because then displacements depend on what a part shows.
   double by_parts = 0;
+  /// The size of what by_parts counts: by how much the heads' pictures are displaced against each other after the rotations,
+  /// rms where they show detail, without what noise alone explains, px of the pictures.
+  double parts_px = 0;
 };
 
 /// `mean_of`: relative to the mean of these heads; empty: to the head that is held.

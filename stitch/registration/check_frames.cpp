@@ -13,6 +13,17 @@ constexpr double kLeastAgreement = 0.4;
 
 std::string quoted(const std::string& name) { return "'" + name + "'"; }
 
+std::string number(const char* form, double value) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), form, value);
+  return std::string(text.data());
+}
+
+std::string displaced(double size_px) {
+  return "where heads overlap, their pictures are displaced against each other by about " + number("%.1f", size_px) +
+         " px (rms), and no rotation removes that";
+}
+
 }  // namespace
 
 Status check_frames(const Calibration& prior, const std::vector<FrameSet>& frame_sets) {
@@ -100,33 +111,33 @@ Status check_agreement(const Calibration& prior, const std::vector<std::size_t>&
                   "of its own head and all were taken at the same moment, or start from point pairs");
 }
 
-std::string lens_misfit(bool focals, double promised) {
+std::string lens_misfit(bool focals, double promised, double size_px) {
   const int percent = static_cast<int>(std::lround(100 * promised));
-  return "the lenses do not fit the pictures (other lenses would remove " + std::to_string(percent) +
-         " % of the remaining differences), which falsifies the rotations; " +
+  return "the lenses may not fit the pictures: " + displaced(size_px) + ", and other lenses would remove " +
+         std::to_string(percent) + " % of the remaining differences; this falsifies the rotations; " +
          (focals ? "estimate the focal lengths, too" : "estimate the whole lenses, too, or calibrate them");
 }
 
-std::string near_things(double nearness, const Calibration& prior) {
+std::string near_things(double nearness, double size_px, const Calibration& prior) {
   if (nearness <= 0) {
-    return std::string(
-               "heads see near things in different directions, because they do not stand at one point, and no "
-               "rotation makes up for that; film a scene that is farther away, or ") +
+    return displaced(size_px) +
+           "; heads may see near things from different positions, or things may have moved between the pictures: film "
+           "a "
+           "still scene that is farther away, or " +
            (farthest_position(prior) > 0 ? "run again with --free distance"
                                          : "add `position` to the heads (CALIBRATION.md) and run again with --free "
                                            "distance");
   }
-  char text[160];
-  std::snprintf(text, sizeof text, "the pictures agree better if they meet at about %.1f m than at %s; ", 1 / nearness,
-                prior.distance > 0 ? "the calibration's distance" : "infinity");
-  return text + std::string("near things double at the seams: run again with --free distance");
+  return displaced(size_px) + ", and the pictures agree better if they meet at about " + number("%.1f", 1 / nearness) +
+         " m than at " + (prior.distance > 0 ? "the calibration's distance" : "infinity") +
+         "; near things double at the seams: run again with --free distance";
 }
 
 std::string fewer_lens_parameters(Free asked, Free estimated, const std::string& error) {
   const std::string did = estimated == Free::kFocals
                               ? "of the lenses only the focal lengths are estimated"
                               : "the lenses are the calibration's, and only rotations are estimated";
-  const std::string could_not = error.empty() ? "near things would bend the lenses"
+  const std::string could_not = error.empty() ? "near things may bend the lenses"
                                               : std::string("there is no result with ") +
                                                     (asked == Free::kLens ? "whole lenses" : "focal lengths") +
                                                     " estimated (" + error + ")";
@@ -159,11 +170,6 @@ std::string wrong_lenses(bool focals) {
 }
 
 std::string wrong_focals(double rms_percent, double mean_percent, double held, double sought) {
-  const auto number = [](const char* form, double value) {
-    std::array<char, 32> text{};
-    std::snprintf(text.data(), text.size(), form, value);
-    return std::string(text.data());
-  };
   const bool one_way = std::abs(mean_percent) > 0.7 * rms_percent;
   return "the calibration's focal lengths are about " + number("%.1f", rms_percent) + " % " +
          (one_way ? mean_percent > 0 ? "too short" : "too long" : "off") +
@@ -182,8 +188,8 @@ std::string doubtful_seams(const Calibration& prior, const std::vector<PairRepor
   if (pairs.size() > kMostNamed) names += " and " + std::to_string(pairs.size() - kMostNamed) + " more pairs";
   return "heads " + names + " do not line up in fine detail; look at their " + (pairs.size() == 1 ? "seam" : "seams") +
          (explained ? ""
-                    : ": objects are close to the rig, or a repeating pattern is matched one period off (start from "
-                      "point pairs)");
+                    : ": objects may be close to the rig, or a repeating pattern may be matched one period off (start "
+                      "from point pairs)");
 }
 
 std::string nothing_shared(const Calibration& prior) {

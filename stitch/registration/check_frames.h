@@ -26,11 +26,11 @@ std::vector<std::size_t> disagreeing(const Detail& detail, const std::vector<std
 Status check_agreement(const Calibration& prior, const std::vector<std::size_t>& wrong, std::size_t placed);
 
 /// Messages for lenses that do not fit the pictures. `focals`: only their focal lengths are wrong. `promised`: the
-/// share of the differences that other lenses would remove.
-std::string lens_misfit(bool focals, double promised);
+/// share of the differences that other lenses would remove. `size_px`: Certainty::parts_px.
+std::string lens_misfit(bool focals, double promised, double size_px);
 std::string wrong_lenses(bool focals);
-/// `nearness`: 1 / the distance at which the pictures agree best, 1/m; 0: unknown.
-std::string near_things(double nearness, const Calibration& prior);
+/// `nearness`: 1 / the distance at which the pictures agree best, 1/m; 0: unknown. `size_px`: Certainty::parts_px.
+std::string near_things(double nearness, double size_px, const Calibration& prior);
 /// Why fewer parameters of lenses are estimated than was asked for. `error`: that of what was asked for; empty if it has a
 /// result, but near things affect it.
 std::string fewer_lens_parameters(Free asked, Free estimated, const std::string& error);

@@ -103,8 +103,7 @@ class LevelProblem {
 
   bool accepts(const Trial& trial) {
     if (!refused_) promised_ = trial.promised;
-    if (!trial.there) return false;
-    const double here = cost(trial.here), there = cost(trial.there);
+    const double here = cost(trial.here), there = cost(trial.there);  // infinite without a value: never accepted
     if (there < here) return true;
     if (options_.curvature != Curvature::kCommon || !(there < here * kSameObjective)) return false;
     // The derivative treats the weights as constant, the objective does not, so near the end the zero of the derivative

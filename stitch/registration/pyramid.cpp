@@ -35,7 +35,7 @@ class RowReader {
     const PlaneView& plane = image_.planes[0];  // the first component has a sample for every pixel
     const std::uint8_t* from = plane.data + j * plane.row_stride;
     if (is_rgb()) {
-      for (int i = 0; i < image_.width; ++i, from += 3) {
+      for (int i = 0; i < image_.width; ++i, from += plane.pixel_stride) {  // less than 0 in a turned picture
         into[i] = 0.299F * static_cast<float>(from[0]) + 0.587F * static_cast<float>(from[1]) +
                   0.114F * static_cast<float>(from[2]);
       }

@@ -10,8 +10,10 @@ namespace {
 // Certainty::by_parts from which on heads contradict each other; noise and blur stay below 0.045.
 constexpr double kContradiction = 0.05;
 constexpr double kStillContradictory = 0.03;  // the same with lenses estimated: then wrong ones leave less than 0.01
-constexpr double kMostlyExplained = 0.5;      // of the contradictions
-constexpr double kMostlyFocals = 0.7;         // of what lenses explain
+// px of the pictures; a smaller displacement is not visible in a blend, and it is too little to tell its cause.
+constexpr double kVisiblePx = 0.5;
+constexpr double kMostlyExplained = 0.5;  // of the contradictions
+constexpr double kMostlyFocals = 0.7;     // of what lenses explain
 
 }  // namespace
 
@@ -84,12 +86,15 @@ Run::Explanation Run::explained(const Certainty& certainty) {
 
 Result<Run::Explanation> Run::check_cause(const Certainty& certainty) {
   Explanation found = explained(certainty);
+  if (certainty.parts_px < kVisiblePx) found.cause = Cause::kNone;
   cause_ = found.cause;
   if (cause_ == Cause::kNone) return found;
   if (cause_ == Cause::kNearThings) {
-    report_.warnings.push_back(near_things(found.nearness, prior_));
+    report_.warnings.push_back(near_things(found.nearness, certainty.parts_px, prior_));
     for (std::size_t h = 0; h < heads_.size(); ++h) {
-      if (loose_[h]) why_not_[h] = "it sees near things from its own position, so that no rotation fits everywhere";
+      if (loose_[h])
+        why_not_[h] =
+            "no rotation makes it agree with its neighbours everywhere; it may see near things from its own position";
     }
     return found;
   }
@@ -97,7 +102,7 @@ Result<Run::Explanation> Run::check_cause(const Certainty& certainty) {
   if (2 * std::ranges::count(loose_, true) > std::ssize(heads_)) {
     return fail(Errc::kHeadMismatch, wrong_lenses(focals));
   }
-  report_.warnings.push_back(lens_misfit(focals, certainty.by_lenses));
+  report_.warnings.push_back(lens_misfit(focals, certainty.by_lenses, certainty.parts_px));
   return found;
 }
 

@@ -203,7 +203,7 @@ void weigh_reasons(const DrawnRig& rig, const std::vector<std::string>& texts, V
       {{detail, detail && std::ranges::max(effect.head_px) > kUndeterminedPx,
         says(texts, {"no detail", "less detail", "the detail it shares"})},
        {near, effect.parallax > kAboveNoise, says(texts, {"near things"})},
-       {lens, effect.lens > kAboveNoise, says(texts, {"lenses do not fit", "focal lengths are about"})}}};
+       {lens, effect.lens > kAboveNoise, says(texts, {"lenses may not fit", "focal lengths are about"})}}};
 }
 
 }  // namespace

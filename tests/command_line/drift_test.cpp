@@ -73,6 +73,11 @@ TEST_F(BumpedRig, Drift_NamesTheHeadThatMovedAndNoOtherAndReregistrationOnTrialP
   EXPECT_EQ(in_force(), found);
   EXPECT_FALSE(on_trial());
   EXPECT_FALSE(drift()["moved"].get<bool>());
+  EXPECT_EQ(nodal({"drift", "--tolerance", "0.2"}).code, 0);
+  // No frame determines a thousandth of a pixel.
+  const Finished unsure = nodal({"drift", "--tolerance", "0.001"});
+  EXPECT_EQ(unsure.code, 10) << unsure.err;
+  EXPECT_NE(unsure.err.find("cannot tell whether the heads stand as calibrated"), std::string::npos) << unsure.err;
   start_nodald();  // again, on the same store
   EXPECT_TRUE(wait_until([&] { return in_force() == found; }));
 }

@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "protocol/base/image.h"
+#include "protocol/upload.h"
 #include "rig_process.h"
 
 namespace nodal::command_line {
@@ -34,10 +35,10 @@ class ScriptedRig final : public LyingRig {
 
 constexpr StreamId kStream = 2;  // the first stream that a rig opens
 
-void start_pull(ScriptedRig& rig, const wire::Request& request) {
+void start_pull(ScriptedRig& rig, const wire::Request& request, StreamId stream = kStream) {
   wire::Reply started;
-  started.mutable_pull()->set_stream(kStream);
-  rig.open_stream(kStream, StreamPolicy::kLossless);
+  started.mutable_pull()->set_stream(stream);
+  rig.open_stream(stream, StreamPolicy::kLossless);
   rig.reply(request, started);
 }
 
@@ -119,7 +120,7 @@ TEST_F(LyingRigs, RaymapOfACodingNobodyAskedFor_IsRefused) {
   EXPECT_NE(run.err.find("which was not asked for"), std::string::npos) << run.err;
 }
 
-std::string frame_set_meta(std::uint32_t side) {
+wire::FrameSetHeader frame_set_header(std::uint32_t side) {
   wire::FrameSetHeader header;
   for (int i = 0; i < 6; ++i) {
     wire::HeadPicture& head = *header.add_heads();
@@ -127,8 +128,9 @@ std::string frame_set_meta(std::uint32_t side) {
     head.set_format("RGB24");
     head.set_width(side);
     head.set_height(side);
+    head.set_offset(std::uint64_t{3} * side * side * static_cast<std::uint64_t>(i));
   }
-  return header.SerializeAsString();
+  return header;
 }
 
 void answer_calibration(ScriptedRig& rig, const wire::Request& request) {
@@ -143,7 +145,7 @@ TEST_F(LyingRigs, FrameSetAnnouncedAndNotSent_TakesNoMemory) {
     if (request.has_calibration_get()) answer_calibration(rig, request);
     if (!request.has_frame_set()) return;
     start_pull(rig, request);
-    rig.first_piece(kStream, 0, frame_set_meta(8000), 1'000'000'000, std::string(1000, 'x'));
+    rig.first_piece(kStream, 0, frame_set_header(8000).SerializeAsString(), 1'000'000'000, std::string(1000, 'x'));
   };
   const Finished run = against(respond, "drift", "500ms");
   EXPECT_EQ(run.code, 3) << run.err;
@@ -157,12 +159,32 @@ TEST_F(LyingRigs, SecondFrameSetOnItsStream_IsRefused) {
     if (!request.has_frame_set()) return;
     start_pull(rig, request);
     for (std::uint64_t item = 0; item < 2; ++item) {
-      rig.first_piece(kStream, item, frame_set_meta(10), 1800, std::string(1800, 'x'));
+      rig.first_piece(kStream, item, frame_set_header(10).SerializeAsString(), 1800, std::string(1800, 'x'));
     }
   };
   const Finished run = against(respond, "drift");
   EXPECT_EQ(run.code, 3) << run.err;
   EXPECT_NE(run.err.find("second frame set"), std::string::npos) << run.err;
+}
+
+TEST_F(LyingRigs, FrameSetThatLacksAHead_IsPassedOver) {
+  rig_.hello.add_features("frame-sets");
+  int sets = 0;
+  const auto respond = [&](ScriptedRig& rig, const wire::Request& request) {
+    if (request.has_calibration_get()) answer_calibration(rig, request);
+    if (!request.has_frame_set()) return;
+    const auto stream = static_cast<StreamId>(kStream + 2 * sets);
+    wire::FrameSetHeader header = frame_set_header(10);
+    header.set_calibration_id(sha256_to_wire(calibration_id(six_heads("six"))));
+    if (sets++ == 0) header.mutable_heads()->DeleteSubrange(5, 1);
+    const std::string pictures(static_cast<std::size_t>(300 * header.heads_size()), 'x');
+    start_pull(rig, request, stream);
+    rig.first_piece(stream, 0, header.SerializeAsString(), pictures.size(), pictures);
+    rig.frame(FrameType::kStreamClose, stream, wire::StreamClose().SerializeAsString());
+  };
+  const Finished run = against(respond, "drift --sets 1");
+  EXPECT_EQ(run.code, 4) << run.err;
+  EXPECT_NE(run.err.find("the picture is 10x10"), std::string::npos) << "the second set is used: " << run.err;
 }
 
 // --- lists -----------------------------------------------------------------------------------------------

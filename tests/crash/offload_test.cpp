@@ -1,5 +1,8 @@
 // `nodal offload` from the real nodald: killed, unplugged and disturbed at many places, then run again.
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <csignal>
@@ -234,6 +237,59 @@ TEST_F(Offload, TheFolderHasAnotherTakeOfThisNumber_IsLeftAsItIs) {
   EXPECT_EQ(done.code, 7) << done.err;
   EXPECT_NE(done.err.find("holds another take with this number"), std::string::npos) << done.err;
   EXPECT_EQ(test::read_bytes(to_ / "000001/manifest"), std::vector<std::uint8_t>{'x'});
+}
+
+TEST_F(Offload, WhatExistsInTheFolder_IsNeverWrittenOver) {
+  const std::vector<std::uint8_t> mine{'m', 'i', 'n', 'e'};
+  for (const std::string name : {"cam0-0000.mkv", "take.json", "evidence-0000", "cam1-0000.mkv.part"}) {
+    SCOPED_TRACE(name);
+    const fs::path to = to_ / ("with " + name), folder = to / "000001";
+    fs::create_directories(folder);
+    test::write_bytes(folder / name, mine);
+    test::write_bytes(folder / "notes.txt", mine);
+    const Finished refused = offload({"1", "--to", to.string()});
+    EXPECT_EQ(refused.code, 7) << refused.err;
+    EXPECT_NE(refused.err.find(name + ": is there already"), std::string::npos) << refused.err;
+    EXPECT_EQ(test::read_bytes(folder / name), mine);
+    EXPECT_FALSE(fs::exists(folder / take::kManifestFile));
+    fs::rename(folder / name, folder / "moved away");
+    EXPECT_EQ(offload({"1", "--to", to.string()}).code, 0);
+    EXPECT_EQ(test::read_bytes(folder / "moved away"), mine);
+  }
+}
+
+TEST_F(Offload, AFileOfACopyWasChanged_ItStaysAsItIsAndIsNamed) {
+  ASSERT_EQ(offload({"1", "--to", to_.path().string()}).code, 0);
+  const fs::path folder = to_ / "000001";
+  fs::rename(folder / take::kManifestFile, folder / (take::kManifestFile + ".part"));
+  for (const std::string name : {"evidence-0000", "cam3-0000.mkv"}) {
+    SCOPED_TRACE(name);
+    const auto good = test::read_bytes(folder / name);
+    auto changed = good;
+    changed[changed.size() / 2] ^= 1;
+    if (name.starts_with("cam")) changed.pop_back();
+    test::write_bytes(folder / name, changed);
+    const Finished refused = offload({"1", "--to", to_.path().string()});
+    EXPECT_EQ(refused.code, 7) << refused.err;
+    EXPECT_NE(refused.err.find(name + ": is "), std::string::npos) << refused.err;
+    EXPECT_EQ(test::read_bytes(folder / name), changed);
+    test::write_bytes(folder / name, good);
+  }
+  EXPECT_EQ(offload({"1", "--to", to_.path().string()}).code, 0);
+  expect_equal(folder);
+}
+
+TEST_F(Offload, AnotherCopiesToTheFolder_IsRefusedAndNothingIsWritten) {
+  const fs::path folder = to_ / "000001";
+  fs::create_directories(folder);
+  const int other = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  ASSERT_EQ(::flock(other, LOCK_EX | LOCK_NB), 0);
+  const Finished refused = offload({"1", "--to", to_.path().string()});
+  EXPECT_NE(refused.code, 0);
+  EXPECT_NE(refused.err.find("another nodal copies to it"), std::string::npos) << refused.err;
+  EXPECT_TRUE(fs::is_empty(folder));
+  ::close(other);
+  EXPECT_EQ(offload({"1", "--to", to_.path().string()}).code, 0);
 }
 
 TEST_F(Offload, TheRigDeletedASegmentToMakeRoom_CopiesFromBeforeStayGood) {

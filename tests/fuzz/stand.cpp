@@ -34,11 +34,7 @@ const swarm::Nature& nature() {
 }  // namespace
 
 void write_file(hal::sim::SimDisk& disk, const std::string& name, std::span<const std::uint8_t> bytes) {
-  const auto handle = disk.create(name);
-  if (!handle) return;
-  (void)disk.write(*handle, bytes);
-  (void)disk.sync(*handle);
-  disk.close(*handle);
+  disk.put(name, bytes);
 }
 
 const firmware::RigConfig& Stand::config() {

@@ -61,7 +61,9 @@ class Source:
             if self.is_checked_or_constant(index):
                 index = self.end_of_statement(index)
                 continue
-            if token.text == "if" and token.kind == "word":
+            if token.text == "<" and token.partner is not None:
+                index = token.partner  # arguments of a template are constants
+            elif token.text == "if" and token.kind == "word":
                 self.condition_of_if(index)
             elif token.text == "while" and self.tokens[index + 1].text == "(":
                 self.negation("the loop's condition is negated", index + 2, self.tokens[index + 1].partner, index)

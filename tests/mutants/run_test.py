@@ -79,7 +79,8 @@ class Changes(unittest.TestCase):
     def test_what_looks_like_an_operator__is_left_alone(self):
         for body in ("std::vector<int> a;", "const Foo& b = *c;", "auto&& d = -e;", "f(&g, *h);", 'x = "a" + y;',
                      "static_assert(a < b);", "constexpr int i = 2 * 3;", "NODAL_ASSERT(a < b);", "// a < b",
-                     "std::map<int, std::vector<int>> j;", "if constexpr (kLarge) g();", 'g("a < b");', "case A + 1: g();"):
+                     "std::map<int, std::vector<int>> j;", "if constexpr (kLarge) g();", 'g("a < b");', "case A + 1: g();",
+                     "Staged<a == b ? 1 : 0> c;"):
             self.assertEqual(named(body), [], body)
 
     def test_operands__end_where_precedence_says(self):

@@ -93,6 +93,7 @@ TEST(FrameSets, AHeadIsAway_TheOthersComeAndItIsNotAmongThem) {
   const ReceivedSet set = received(host, reply.pull().stream());
   ASSERT_EQ(set.header.heads_size(), kHeads - 1);
   for (const wire::HeadPicture& head : set.header.heads()) EXPECT_NE(head.name(), "cam2");
+  EXPECT_EQ(set.body.size(), (kHeads - 1) * kPictureBytes) << "as many bytes as the listed heads have";
 }
 
 TEST(FrameSets, NoFramesCome_TheStreamEndsWithTheReasonAndTheNextOneWorksAgain) {

@@ -36,10 +36,7 @@ std::unique_ptr<hal::sim::SimDisk> set_and_lose_power(const StandOptions& option
 }
 
 void write_settings(hal::sim::SimDisk& disk, const std::vector<std::uint8_t>& bytes) {
-  const auto handle = disk.create(firmware::kSettingsFile).value();
-  ASSERT_TRUE(disk.write(handle, bytes));
-  ASSERT_TRUE(disk.sync(handle));
-  disk.close(handle);
+  disk.put(firmware::kSettingsFile, bytes);
 }
 
 TEST(Settings, AfterPowerLossWithoutAHost_AreAsHostsLeftThem) {

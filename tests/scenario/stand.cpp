@@ -146,7 +146,9 @@ Stand::Stand(StandOptions wanted, std::unique_ptr<hal::sim::SimDisk> its_disk,
                                                            nullptr,
                                                            options.scan,
                                                            takes.get(),
-                                                           takes.get()},
+                                                           takes.get(),
+                                                           nullptr,
+                                                           options.rehearsal},
                                         "a rig");
 }
 

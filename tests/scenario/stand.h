@@ -78,6 +78,7 @@ struct StandOptions {
   Calibration truth = small_calibration();
   hal::sim::SimRigOptions world;
   firmware::DeviceScan* scan = nullptr;
+  hal::ConfinedPort* rehearsal = nullptr;  ///< of uploaded calibrations
 };
 
 class Stand {

@@ -134,5 +134,82 @@ TEST(TakeDisk, StartAtBootWithoutRoom_IsSaidInTheLogOnceAndInTheStatus) {
       << host.status().recording().problem();
 }
 
+TEST(TakeDisk, StartAtBootAndTheDiskFailsForAWhile_RecordingGoesOnByItself) {
+  Stand stand(rig_with_disk(true));
+  TestHost& host = stand.connect();
+  ASSERT_TRUE(stand.run_until([&] { return host.status().recording().has_take(); }));
+  stand.run(Duration::seconds(2));
+  stand.takes->unplug();
+  ASSERT_TRUE(stand.run_until([&] { return !host.status().recording().has_take(); }));
+  stand.run(Duration::seconds(5));
+  stand.takes->unplug(false);
+  ASSERT_TRUE(stand.run_until([&] { return host.status().recording().has_take(); })) << host.status().problem();
+  EXPECT_EQ(host.status().recording().take(), 2U);
+  EXPECT_EQ(takes_of(host).takes(0).ended(), "recovered");
+}
+
+TEST(TakeDisk, StartAtBootAndTheDiskIsFullForAWhile_RecordingGoesOnWhenThereIsRoom) {
+  Stand stand(rig_with_disk(true));
+  TestHost& host = stand.connect();
+  ASSERT_TRUE(stand.run_until([&] { return host.status().recording().has_take(); }));
+  stand.run(Duration::seconds(2));
+  const std::uint64_t all = stand.takes->total_bytes().value();
+  stand.takes->set_capacity(all - stand.takes->free_bytes().value() + firmware::TakeKeeper::kReserveBytes);
+  ASSERT_TRUE(stand.run_until([&] { return !host.status().recording().has_take(); }));
+  stand.rig->control().take_news();
+  stand.run(Duration::seconds(20));
+  EXPECT_FALSE(host.status().recording().has_take());
+  EXPECT_TRUE(take_news(stand).empty()) << "it is not tried in vain";
+  stand.takes->set_capacity(all);
+  ASSERT_TRUE(stand.run_until([&] { return host.status().recording().has_take(); })) << host.status().problem();
+  EXPECT_EQ(host.status().recording().take(), 2U);
+}
+
+TEST(TakeDisk, StartAtBootAndEjected_NothingIsRecordedOnTheDiskUntilItComesAgain) {
+  Stand stand(rig_with_disk(true));
+  TestHost& host = stand.connect();
+  ASSERT_TRUE(stand.run_until([&] { return host.status().recording().has_take(); }));
+  stand.run(Duration::seconds(2));
+  wire::Request eject;
+  eject.mutable_disk_eject();
+  const wire::Reply ejected = host.ask(eject);
+  ASSERT_TRUE(ejected.has_take()) << ejected.error().message();
+  EXPECT_EQ(ejected.take().take(), 1U);
+  stand.run(Duration::seconds(20));
+  EXPECT_FALSE(host.status().recording().has_take());
+  EXPECT_FALSE(stand.takes->claimed());
+  stand.takes->unplug();
+  stand.run(Duration::seconds(3));
+  stand.takes->unplug(false);
+  ASSERT_TRUE(stand.run_until([&] { return host.status().recording().has_take(); })) << host.status().problem();
+  EXPECT_EQ(host.status().recording().take(), 2U);
+  EXPECT_EQ(takes_of(host).takes(0).ended(), "ejected");
+}
+
+TEST(TakeDisk, AHostCopiesATake_AnotherMayDeleteItOnlyWhenTheCopyIsDone) {
+  Stand stand(rig_with_disk());
+  TestHost& host = stand.bring_up();
+  ASSERT_TRUE(start_take(host).has_take());
+  stand.run(Duration::seconds(2));
+  wire::Request stop;
+  stop.mutable_take_stop();
+  ASSERT_TRUE(host.ask(stop).has_take());
+  TestHost& copies = stand.connect();
+  wire::Request read;
+  read.mutable_take_read()->set_take(1);
+  read.mutable_take_read()->set_file("cam0-0000.mkv");
+  ASSERT_TRUE(copies.ask(read).has_pull());
+  wire::Request remove;
+  remove.mutable_take_delete()->set_take(1);
+  const wire::Reply refused = host.ask(remove);
+  ASSERT_TRUE(refused.has_error());
+  EXPECT_EQ(refused.error().code(), static_cast<std::uint32_t>(Errc::kBusy));
+  EXPECT_NE(refused.error().message().find("take 1 is being copied by host"), std::string::npos)
+      << refused.error().message();
+  stand.run(Duration::seconds(5));
+  EXPECT_TRUE(host.ask(remove).has_error()) << "a host copies a take file by file";
+  EXPECT_TRUE(copies.ask(remove).has_take()) << "it may delete what it has copied";
+}
+
 }  // namespace
 }  // namespace nodal::scenario

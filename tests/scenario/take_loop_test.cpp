@@ -8,6 +8,7 @@
 
 #include "firmware/record/take_keeper.h"
 #include "tests/scenario/stand.h"
+#include "tests/support/take_account.h"
 #include "tests/support/take_stage.h"
 
 namespace nodal::scenario {

@@ -92,3 +92,31 @@ canary(lossless_pull_holds_the_rig firmware/hosts/publisher.cpp
 canary(lossless_pull_has_gaps firmware/hosts/publisher.cpp "if (!client.session().offer(stream, item(raymap, pull.coding))) return false\;"
   "if (raymap.info.set % 64 == 0 || !client.session().offer(stream, item(raymap, pull.coding))) return false\;" HOSTILE)
 canary(log_without_limit firmware/operate/news.cpp "if (bucket.bytes <= 0)" "if (bucket.left_out > 0)" HOSTILE)
+
+# The same for the swarm of takes: bugs that it must find within 200 seeds.
+function(take_canary name)
+  set(copies)
+  set(i 1)
+  while(i LESS ARGC)
+    math(EXPR at_from "${i} + 1")
+    math(EXPR at_to "${i} + 2")
+    set(file ${ARGV${i}})
+    set(from "${ARGV${at_from}}")
+    set(to "${ARGV${at_to}}")
+    mutated_copy(${name} ${file} "${from}" "${to}" mutated)
+    list(APPEND copies ${mutated})
+    math(EXPR i "${i} + 3")
+  endwhile()
+  nodal_module(take_swarm_canary_${name} EXECUTABLE SOURCES take_main.cpp ${copies}
+    SEES sim_takes ${take_swarm_modules} test_support PACKAGES protobuf SEPARATE)
+  add_test(NAME sim/canary_${name} COMMAND take_swarm_canary_${name} --canary --seeds 200)
+  set_tests_properties(sim/canary_${name} PROPERTIES LABELS sim TIMEOUT 600)
+endfunction()
+
+take_canary(take_overwritten
+  firmware/record/take_shelf.cpp "std::max(next_take_, highest_ + 1)" "next_take_"
+  firmware/record/take_writer.cpp "Status good = disk.make_folder(place.folder)\;"
+  "Status good = disk.make_folder(place.folder)\; if (!good && good.error().code == Errc::kExists) { for (const std::string& name : disk.list(place.folder).value_or(std::vector<std::string>())) (void)disk.remove(place.folder + \"/\" + name)\; good = {}\; }")
+take_canary(two_owners firmware/record/take_shelf.cpp
+  "if (const Status claimed = disk_.claim()\; !claimed) return fail(explained(claimed.error()))\;"
+  "if (const Status claimed = disk_.claim()\; !claimed && claimed.error().code != Errc::kBusy) return fail(explained(claimed.error()))\;")

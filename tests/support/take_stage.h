@@ -1,8 +1,6 @@
 // The recorder and the disk's stage on any disk, in virtual time: sets come at their times, also while the disk is busy.
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <array>
 #include <cstdint>
 #include <optional>
@@ -14,7 +12,6 @@
 #include "firmware/record/take_keeper.h"
 #include "hal/disk.h"
 #include "hal/sim/clock.h"
-#include "protocol/take/evidence.h"
 
 namespace nodal::firmware {
 
@@ -53,18 +50,20 @@ class TakeStage {
     settle(clock_.now());
   }
 
-  void request(TakeCommand what) { EXPECT_TRUE(keeper_.requests().push({++ticket_, std::move(what)})); }
+  void request(const TakeCommand& what) {
+    const bool pushed = keeper_.requests().push({++ticket_, what});
+    NODAL_ASSERT(pushed);
+  }
   /// What the stage answers next. Sets go on coming.
   TakeAnswer next_answer() {
     for (int k = 0; k < 10'000; ++k) {
       if (auto answer = keeper_.answers().pop()) return std::move(*answer);
       run(options_.rate.period());
     }
-    ADD_FAILURE() << "no answer";
     return {0, fail(Errc::kTimeout, "no answer")};
   }
-  TakeAnswer ask(TakeCommand what) {
-    request(std::move(what));
+  TakeAnswer ask(const TakeCommand& what) {
+    request(what);
     return next_answer();
   }
   TakeAnswer start(bool still = false) {
@@ -95,6 +94,7 @@ class TakeStage {
   const std::vector<std::string>& problems() const { return problems_; }
   std::uint64_t offered() const { return next_; }
   Recorder& recorder() { return recorder_; }
+  TakesInUse& in_use() { return keeper_.in_use(); }
 
   static constexpr std::int64_t kUtcNs = 1'700'000'000'000'000'000;
 
@@ -116,7 +116,7 @@ class TakeStage {
   void offer_due() {
     for (; next_set_at_ <= clock_.now(); next_set_at_ = next_set_at_ + options_.rate.period()) {
       SetLoan loan = pool_.take();
-      ASSERT_TRUE(loan);
+      NODAL_ASSERT(loan);
       FrameSet& set = loan.edit();
       set = {};
       set.number = next_++;
@@ -161,45 +161,5 @@ class TakeStage {
   std::uint64_t ticket_ = 0;
   std::vector<std::string> problems_;
 };
-
-/// What the evidence of a take says, read whole: an index for every set, and a gap for every set that is not there.
-struct TakeAccount {
-  std::uint64_t sets = 0;
-  std::uint64_t missed = 0;  ///< between the first and the last, said by the sets
-  std::uint64_t end = 0;     ///< index behind the last set
-  std::uint64_t cut = 0;     ///< between segments, after a failed sync
-  std::vector<std::pair<std::uint64_t, std::uint64_t>> segments{};  ///< first set, and behind the last
-};
-/// `most`: segments that are read.
-inline TakeAccount account_of(hal::DiskPort& disk, std::uint64_t take, std::size_t most = ~std::size_t{0}) {
-  TakeAccount account;
-  const std::string folder = take::take_folder(take);
-  std::optional<std::uint64_t> next;
-  for (const std::string& name : disk.list(folder).value_or(std::vector<std::string>())) {
-    if (!name.starts_with("evidence-") || account.segments.size() == most) continue;
-    const auto bytes = disk.read(folder + "/" + name, take::kMaxEvidenceBytes);
-    const auto segment = take::read_evidence(bytes.value_or(std::vector<std::uint8_t>()), name);
-    EXPECT_TRUE(segment) << segment.error().text();
-    if (!segment) continue;
-    EXPECT_TRUE(segment->end.has_value()) << name;
-    EXPECT_EQ(segment->good_bytes, bytes->size()) << name;
-    EXPECT_GE(segment->begin.first_set(), account.end) << name;
-    const std::uint64_t deleted = segment->begin.first_set() - account.end;
-    for (const take::wire::Set& set : segment->sets) {
-      const bool begins = set.index() == segment->begin.first_set();
-      const std::uint64_t expected = next ? *next + set.missed() + (begins ? deleted : 0) : set.number();
-      EXPECT_GE(set.number(), expected) << name;
-      const bool may_be_cut = begins && deleted == 0;
-      EXPECT_TRUE(may_be_cut || set.number() == expected) << name << " set " << set.index();
-      account.cut += set.number() - expected;
-      next = set.number() + 1;
-      account.missed += set.missed();
-    }
-    account.sets += segment->sets.size();
-    account.end = segment->next_set();
-    account.segments.emplace_back(segment->begin.first_set(), segment->next_set());
-  }
-  return account;
-}
 
 }  // namespace nodal::firmware

@@ -27,7 +27,7 @@ std::vector<wire::Request> harmless() {
 }
 
 std::vector<wire::Request> forbidden() {
-  std::vector<wire::Request> all(22);
+  std::vector<wire::Request> all(23);
   all[0].mutable_head_set();
   all[1].mutable_genlock()->set_action(wire::GenlockRequest::START);
   all[2].mutable_genlock()->set_action(wire::GenlockRequest::STOP);
@@ -50,6 +50,7 @@ std::vector<wire::Request> forbidden() {
   all[19].mutable_take_protect();
   all[20].mutable_take_read();
   all[21].mutable_disk_test();
+  all[22].mutable_disk_eject();
   return all;
 }
 

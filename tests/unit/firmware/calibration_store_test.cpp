@@ -36,9 +36,7 @@ void damage(SimDisk& disk, const CalibrationStore::Entry& entry) {
   auto bytes = disk.read(entry.file, kMaxCalibrationBytes);
   ASSERT_TRUE(bytes);
   bytes->at(bytes->size() / 2) ^= 1;
-  const auto file = disk.create(entry.file);
-  ASSERT_TRUE(file && disk.write(*file, *bytes));
-  disk.close(*file);
+  disk.put(entry.file, *bytes);
 }
 
 TEST(CalibrationStore, AnEmptyDisk_HasNothingInForce) {

@@ -10,6 +10,7 @@
 
 #include "hal/sim/clock.h"
 #include "hal/sim/disk.h"
+#include "tests/support/take_account.h"
 #include "tests/support/take_stage.h"
 
 namespace nodal::firmware {

@@ -74,6 +74,26 @@ TEST(SetCopy, AHeadIsAwayOrDeliversSomethingElse_ItIsLeftOut) {
   SetCopy taken = places_of({PixelFormat::kGrey8, PixelFormat::kGrey8, PixelFormat::kGrey8});
   taken.fill(set);
   EXPECT_EQ(taken.heads, head_bit(1));
+  EXPECT_EQ(taken.places[1].offset, 0u) << "no gap is left for the head before it";
+  EXPECT_EQ(taken.bytes->size(), packed_size(PixelFormat::kGrey8, kCopiedWidth, kCopiedHeight));
+}
+
+TEST(SetCopy, TheMemoryIsUsedAgainAfterASetThatLackedAHead_AllHeadsFitAgain) {
+  Padded grey(PixelFormat::kGrey8), rgb(PixelFormat::kRgb24);
+  FrameSet set;
+  set.frames[0].image = grey.view;
+  set.frames[1].image = rgb.view;
+  set.mask = head_bit(1);
+  const auto memory = std::make_shared<std::vector<std::uint8_t>>();
+  const HeadShapes heads{HeadShape{PixelFormat::kGrey8, kCopiedWidth, kCopiedHeight},
+                         HeadShape{PixelFormat::kRgb24, kCopiedWidth, kCopiedHeight}};
+  SetCopy::places_for(heads, memory).fill(set);
+  const std::size_t without = memory->size();
+  set.mask |= head_bit(0);
+  SetCopy all = SetCopy::places_for(heads, memory);
+  all.fill(set);
+  EXPECT_EQ(all.heads, set.mask);
+  EXPECT_EQ(memory->size(), without + packed_size(PixelFormat::kGrey8, kCopiedWidth, kCopiedHeight));
 }
 
 TEST(SetCopy, Jpegs_AreCopiedWholeWithTheirLengthUnlessTheyAreLargerThanThePicture) {
@@ -90,6 +110,7 @@ TEST(SetCopy, Jpegs_AreCopiedWholeWithTheirLengthUnlessTheyAreLargerThanThePictu
     EXPECT_EQ(taken.heads, length > room ? 0 : head_bit(1));
     if (length > room) continue;
     EXPECT_EQ(taken.places[1].bytes, length);
+    EXPECT_EQ(taken.bytes->size(), length) << "not the room of the largest JPEG";
     const auto begin = taken.bytes->begin() + static_cast<std::ptrdiff_t>(taken.places[1].offset);
     EXPECT_EQ(std::vector<std::uint8_t>(begin, begin + static_cast<std::ptrdiff_t>(length)), jpeg);
   }

@@ -263,8 +263,7 @@ TEST(TakeReel, AChangedByte_IsAFrameThatCannotBeReadAndTheOthersAreGood) {
   const std::string name = "000042/cam0-0000.mkv";
   Bytes bytes = disk->read(name, 1 << 24).value();
   bytes[bytes.size() / 2] ^= 1;
-  const auto file = disk->create(name);
-  ASSERT_TRUE(file && disk->write(*file, bytes));
+  disk->put(name, bytes);
   const auto reel = open_take_reel(std::move(disk), "000042", "take", "a");
   ASSERT_TRUE(reel) << reel.error().text();
   for (std::size_t i = 0; i < 40; ++i) {

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <linux/magic.h>
 #include <sys/mman.h>
+#include <sys/mount.h>
 #include <sys/stat.h>
 #include <sys/vfs.h>
 #include <unistd.h>
@@ -20,15 +21,27 @@ namespace {
 
 const std::vector<std::uint8_t> kBytes{'x', 'y'};
 
-// /dev/full is a file to which every write fails with ENOSPC.
 TEST(LinuxDisk, NoRoom_IsDiskFullAndNamesTheFile) {
+  const test::TemporaryFolder folder;
+  if (::mount("small", folder.path().c_str(), "tmpfs", 0, "size=64k") != 0) GTEST_SKIP() << "mounting needs root";
+  {
+    auto disk = LinuxDisk::open(folder.path().string()).value();
+    const auto file = disk->create("film");
+    EXPECT_TRUE(file);
+    const Status status = file ? disk->write(*file, std::vector<std::uint8_t>(1 << 20)) : Status();
+    EXPECT_FALSE(status);
+    if (!status) {
+      EXPECT_EQ(status.error().code, Errc::kDiskFull);
+      EXPECT_NE(status.error().message.find("/film"), std::string::npos);
+    }
+  }
+  EXPECT_EQ(::umount(folder.path().c_str()), 0);
+}
+
+TEST(LinuxDisk, ADevice_IsNoFile) {
   auto disk = LinuxDisk::open("/dev").value();
-  const auto file = disk->open_append("full");
-  if (!file) GTEST_SKIP() << "no /dev/full";
-  const Status status = disk->write(*file, kBytes);
-  ASSERT_FALSE(status);
-  EXPECT_EQ(status.error().code, Errc::kDiskFull);
-  EXPECT_NE(status.error().message.find("/dev/full"), std::string::npos);
+  EXPECT_EQ(disk->open_append("null").error().code, Errc::kIo);
+  EXPECT_EQ(disk->open_read("null").error().code, Errc::kIo);
 }
 
 TEST(LinuxDisk, RoomBehindTheEnd_IsTakenAndGivenBackByTruncate) {
@@ -98,7 +111,7 @@ TEST(LinuxDisk, SymbolicLinkOutOfTheFolder_IsNotFollowed) {
   for (const std::string name : {"absolute/secret", "relative/secret", "file"}) {
     EXPECT_EQ(disk->read(name, 100).error().code, Errc::kBadValue) << name;
     EXPECT_EQ(disk->open_append(name).error().code, Errc::kBadValue) << name;
-    EXPECT_EQ(disk->create(name).error().code, Errc::kBadValue) << name;
+    EXPECT_FALSE(disk->create(name)) << name;
     EXPECT_EQ(disk->size(name).error().code, Errc::kBadValue) << name;
   }
   EXPECT_EQ(disk->remove("absolute/secret").error().code, Errc::kBadValue);
@@ -107,12 +120,61 @@ TEST(LinuxDisk, SymbolicLinkOutOfTheFolder_IsNotFollowed) {
   EXPECT_EQ(test::read_bytes(folder / "outside/secret"), kBytes);
 }
 
-TEST(LinuxDisk, SymbolicLinkWithinTheFolder_IsFollowed) {
+/// Descriptors of this process that lead into the folder.
+int open_in(const std::filesystem::path& folder) {
+  int count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
+    std::error_code gone;
+    const std::string to = std::filesystem::read_symlink(entry.path(), gone).string();
+    count += !gone && to.starts_with(folder.string()) ? 1 : 0;
+  }
+  return count;
+}
+
+TEST(LinuxDisk, OfAGuest_NothingIsOpenButDuringAClaim) {
   const test::TemporaryFolder folder;
-  test::write_bytes(folder / "a", kBytes);
-  std::filesystem::create_symlink("a", folder / "b");
-  auto disk = LinuxDisk::open(folder.path().string()).value();
-  EXPECT_EQ(disk->read("b", 100).value(), kBytes);
+  const auto disk = LinuxDisk::guest(folder.path().string(), false);
+  const auto file = disk->create("film");
+  ASSERT_TRUE(file);
+  ASSERT_TRUE(disk->write(*file, kBytes));
+  disk->close(*file);
+  ASSERT_TRUE(disk->read("film", 100) && disk->list("") && disk->free_bytes() && disk->identity() && disk->sync_all());
+  EXPECT_EQ(open_in(folder.path()), 0);
+  ASSERT_TRUE(disk->claim());
+  EXPECT_GT(open_in(folder.path()), 0);
+  disk->release();
+  EXPECT_EQ(open_in(folder.path()), 0);
+}
+
+TEST(LinuxDisk, MountedIsDemandedAndNothingIs_EveryCallSaysSoAndMakesNothing) {
+  const test::TemporaryFolder folder;
+  for (const std::string name : {"", "/not/made"}) {
+    const auto disk = LinuxDisk::guest(folder.path().string() + name, true);
+    for (const Errc code : {disk->claim().error().code, disk->identity().error().code, disk->create("a").error().code,
+                            disk->list("").error().code, disk->free_bytes().error().code}) {
+      EXPECT_EQ(code, Errc::kNotReady);
+    }
+    EXPECT_NE(disk->claim().error().message.find("no disk is mounted there"), std::string::npos);
+  }
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+}
+
+TEST(LinuxDisk, TheLockFileIsALink_IsNotFollowed) {
+  const test::TemporaryFolder folder;
+  std::filesystem::create_symlink("/tmp/nobody-made-this", folder / LinuxDisk::kLockFile);
+  const auto disk = LinuxDisk::guest(folder.path().string(), false);
+  EXPECT_EQ(disk->claim().error().code, Errc::kBadValue);
+  EXPECT_FALSE(std::filesystem::exists("/tmp/nobody-made-this"));
+}
+
+TEST(LinuxDisk, TheLockFile_CanBeOpenedByItsOwnerOnly) {
+  const test::TemporaryFolder folder;
+  const auto disk = LinuxDisk::guest(folder.path().string(), false);
+  ASSERT_TRUE(disk->claim());
+  const auto mode = std::filesystem::status(folder / LinuxDisk::kLockFile).permissions();
+  EXPECT_EQ(mode & std::filesystem::perms::mask,
+            std::filesystem::perms::owner_read | std::filesystem::perms::owner_write)
+      << "who can open a file can lock it";
 }
 
 // A reader during a rename sees one of the two files, complete.

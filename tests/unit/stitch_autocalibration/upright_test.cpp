@@ -80,7 +80,7 @@ TEST(Upright, HorizonAndPosts_ToADegreeAtAnyTilt) {
     const Scene scene = seen_by(rig, R, {});
     const Upright found = find_upright(scene.heads, scene.pictures);
     EXPECT_LT(error_deg(found, R), 1) << yaw << " " << pitch << " " << roll;
-    EXPECT_TRUE(found.sure);
+    EXPECT_EQ(found.basis, UpBasis::kEdges);
   }
 }
 
@@ -111,7 +111,7 @@ TEST(Upright, NothingToGoBy_IsNotSure) {
   Scene scene = seen_by(rig, Eigen::Matrix3d::Identity(), {});
   for (Picture& picture : scene.pictures) std::ranges::fill(picture.values, 90.0F);
   const Upright found = find_upright(scene.heads, scene.pictures);
-  EXPECT_FALSE(found.sure);
+  EXPECT_NE(found.basis, UpBasis::kEdges);
   EXPECT_NEAR(found.up.norm(), 1, 1e-9);
   for (Picture& picture : scene.pictures) std::ranges::fill(picture.values, 0.0F);
   EXPECT_EQ(find_upright(scene.heads, scene.pictures).up, Eigen::Vector3d(0, -1, 0));
@@ -125,7 +125,7 @@ TEST(Upright, LinesOnTheGround_AreNoReasonToBeSure) {
       const Eigen::Matrix3d R = geometry::to_R_head_rig({yaw, pitch, roll});
       const Scene scene = seen_by(rig, R, {false, false, ground});
       const Upright found = find_upright(scene.heads, scene.pictures);
-      EXPECT_TRUE(!found.sure || error_deg(found, R) < 3)
+      EXPECT_TRUE(found.basis != UpBasis::kEdges || error_deg(found, R) < 3)
           << yaw << " " << pitch << " " << roll << ": off by " << error_deg(found, R) << " degrees";
     }
   }
@@ -138,7 +138,48 @@ TEST(Upright, PostsAndAHorizonAbovePatternedGround_AreAReasonToBeSure) {
     const Scene scene = seen_by(rig, R, {true, true, ground});
     const Upright found = find_upright(scene.heads, scene.pictures);
     EXPECT_LT(error_deg(found, R), 1);
-    EXPECT_TRUE(found.sure);
+    EXPECT_EQ(found.basis, UpBasis::kEdges);
+  }
+}
+
+/// Blobs without straight edges, brighter on the right: the light comes from the side.
+float blobs(const Eigen::Vector3d& ray) {
+  double level = 90 + 50 * ray.x();
+  for (int k = 0; k < 60; ++k) {
+    const double y = 1 - (2 * k + 1.0) / 60, turn = 2.399963 * k, r = std::sqrt(1 - y * y);
+    const double c = ray.dot(Eigen::Vector3d(r * std::cos(turn), y, r * std::sin(turn)));
+    level += (k % 2 == 0 ? 45 : -45) * std::exp((c - 1) / 0.002);
+  }
+  return static_cast<float>(level);
+}
+
+void show_blobs(Scene& scene) {
+  for (std::size_t h = 0; h < scene.heads.size(); ++h) {
+    for (int y = 0; y < scene.heads[h].height(); ++y) {
+      for (int x = 0; x < scene.heads[h].width(); ++x) {
+        const auto ray = scene.heads[h].unproject({x + 0.5, y + 0.5});
+        scene.pictures[h].values[static_cast<std::size_t>(y * scene.heads[h].width() + x)] =
+            ray ? blobs(ray->direction()) : 0;
+      }
+    }
+  }
+}
+
+TEST(Upright, LightFromTheSideAndNoEdges_UpIsTheRingsAxisOrHowThePicturesAreHeld) {
+  Calibration ring = test::ring(4, 240, 240), pair = test::six_fisheyes(240, 200);
+  pair.heads = {pair.heads[0], pair.heads[2]};  // forward and back
+  for (const auto& [rig, basis] : {std::pair(ring, UpBasis::kRing), std::pair(pair, UpBasis::kHeld)}) {
+    Scene scene = seen_by(rig, Eigen::Matrix3d::Identity(), {});
+    show_blobs(scene);
+    const Upright found = find_upright(scene.heads, scene.pictures);
+    EXPECT_LT(error_deg(found, Eigen::Matrix3d::Identity()), 0.1);
+    EXPECT_EQ(found.basis, basis);
+    // The same files from a camera that lay on its side, and says so.
+    const std::vector<Eigen::Vector2d> left(rig.heads.size(), Eigen::Vector2d(-1, 0));
+    if (basis == UpBasis::kHeld) {
+      const Upright turned = find_upright({scene.heads[0]}, {scene.pictures[0]}, left);
+      EXPECT_GT(turned.up.dot(-scene.heads[0].R_head_rig().row(0).transpose()), 0.99);
+    }
   }
 }
 

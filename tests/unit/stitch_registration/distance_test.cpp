@@ -88,6 +88,22 @@ TEST(RegisterDistance, NotAskedForInARoom_IsRecommendedWithTheDistanceAndLensesA
   EXPECT_FALSE(says(*good, "--free distance")) << ::testing::PrintToString(good->warnings);
 }
 
+TEST(RegisterDistance, HeadsAtOnePointWithLensesAThirdOfAPixelOff_NoCauseIsStated) {
+  const Calibration truth = test::six_fisheyes(200);
+  const test::RenderedRig rig =
+      test::render_rig(truth, hal::sim::town_square_scene(3), {PixelFormat::kGrey8, 0.3, 5, 3});
+  for (const double off_px : {0.1, 0.2, 0.3}) {
+    Calibration prior = truth;
+    for (HeadCalibration& head : prior.heads) {
+      const double focal = std::get<EquidistantLens>(head.lens).coefficients[0];
+      head.lens = EquidistantLens{{focal + off_px, 0, -off_px}};  // right at the axis and at 57 degrees from it
+    }
+    const Result<Report> found = register_heads(prior, {rig.frames()}, {});
+    ASSERT_TRUE(found) << found.error().text();
+    EXPECT_TRUE(found->warnings.empty()) << off_px << " px: " << ::testing::PrintToString(found->warnings);
+  }
+}
+
 TEST(RegisterDistance, InABox_IsThatOfItsWallsInTheOverlaps) {
   const test::RenderedRig rig = in_a_room({test::Room::Shape::kBox, 1});
   const Result<Report> found = register_heads(spread(), {rig.frames()}, with_distance());

@@ -109,5 +109,19 @@ TEST(LightOf, RgbAndGammaCurve_GiveLinearLuminance) {
   EXPECT_NEAR(light[1], 255, 1e-3);
 }
 
+TEST(LightOf, RgbPictureTurnedUpsideDown_IsReadBackwardsAndNotBeyondItsEnd) {
+  HeadCalibration head = test::plain_head("cam0", 2, 1);
+  head.response.curve = Response::Curve::kLinear;
+  const std::vector<std::uint8_t> bytes{10, 10, 10, 200, 200, 200};
+  ImageView view = packed_image(PixelFormat::kRgb24, 2, 1, bytes.data());
+  for (PlaneView& plane : view.planes) {  // as when registration tries whether a head hangs upside down
+    plane.data += plane.pixel_stride;
+    plane.pixel_stride = -plane.pixel_stride;
+  }
+  const std::vector<float> light = light_of(view, head, 1).front().values;
+  EXPECT_NEAR(light[0], 200, 1e-3);
+  EXPECT_NEAR(light[1], 10, 1e-3);
+}
+
 }  // namespace
 }  // namespace nodal::registration

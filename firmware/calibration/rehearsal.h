@@ -1,0 +1,30 @@
+// A calibration of a stranger is installed only after a process of its own has parsed and compiled it.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "firmware/config/config.h"
+#include "firmware/frame/frame_set.h"
+#include "hal/confined.h"
+#include "protocol/base/result.h"
+
+namespace nodal::firmware {
+
+/// The document and what the heads deliver.
+hal::ConfinedJob rehearsal_job(std::string json, const HeadShapes& heads);
+
+/// Everything that installing this document does before the disk changes: parses it, fits it to the rig, compiles and validates
+/// its tables, and forgets them. Compiling has no other input, so what comes through here comes through in nodald.
+/// Errors: those of the calibration, of TableJob and of the meter's table.
+Result<std::vector<std::uint8_t>> rehearse(const RigConfig& config, const hal::ConfinedJob& job,
+                                           const hal::ConfinedProgress& progress);
+
+/// Addresses that a rehearsal may need beside those of the program: a table has 4 to 40 bytes a pixel, and is joined from two halves.
+std::uint64_t rehearsal_bytes(const RigConfig& config);
+inline constexpr std::uint64_t kMaxRehearsalBytesAPixel = 256;
+/// What a document and the sampling of the heads need, whatever the raymap's size.
+inline constexpr std::uint64_t kMaxRehearsalBytes = std::uint64_t{256} << 20;
+
+}  // namespace nodal::firmware

@@ -1,0 +1,90 @@
+// The part of TakeKeeper that answers requests.
+#include <utility>
+
+#include "firmware/record/take_keeper.h"
+#include "firmware/record/take_writer.h"
+#include "protocol/take/documents.h"
+
+namespace nodal::firmware {
+
+bool TakeKeeper::take_request(Instant now) {
+  const auto request = requests_.pop();
+  if (!request) return false;
+  auto done = run(*request, now);
+  if (!done) answer(request->ticket, fail(done.error()));
+  else if (*done) answer(request->ticket, std::move(**done));
+  return true;
+}
+
+/// Nothing: the answer comes later.
+Result<std::optional<TakeKeeper::Answered>> TakeKeeper::run(const TakeRequest& request, Instant now) {
+  const auto done = [](std::uint64_t take) { return std::optional<Answered>(TakeAnswer::Done{take}); };
+  if (const auto* what = std::get_if<TakeRequest::Start>(&request.what)) {
+    const auto take = start(*what, now);
+    report_.refused = take ? "" : "no take began: " + take.error().message;
+    report_.has_room = take.has_value();  // until the next look
+    if (!take) return fail(take.error());
+    if (!what->still) return done(*take);
+    stopping_.push_back(request.ticket);
+    return std::optional<Answered>();
+  }
+  if (std::holds_alternative<TakeRequest::List>(request.what)) {
+    if (const Status read = shelf_.refresh(); !read) return fail(read.error());
+    TakeAnswer::Listed listed;
+    for (const auto& [number, entry] : shelf_.takes()) listed.takes.push_back(entry);
+    return std::optional<Answered>(std::move(listed));
+  }
+  if (const auto* what = std::get_if<TakeRequest::Delete>(&request.what)) {
+    if (const Status removed = shelf_.remove(what->take, what->manifest); !removed) return fail(removed.error());
+    return done(what->take);
+  }
+  if (const auto* what = std::get_if<TakeRequest::Protect>(&request.what)) {
+    if (const Status set = shelf_.protect(what->take, what->on); !set) return fail(set.error());
+    return done(what->take);
+  }
+  if (std::holds_alternative<TakeRequest::Eject>(request.what)) {
+    if (test_) end_test(fail(Errc::kCancelled, "the disk was ejected"));
+    ejected_take_ = 0;
+    ejecting_.push_back(request.ticket);
+    if (writing_) tell_to_end("ejected");
+    return std::optional<Answered>();
+  }
+  if (const auto* what = std::get_if<TakeRequest::TestDisk>(&request.what)) {
+    if (const Status begun = begin_test(request.ticket, *what, now); !begun) return fail(begun.error());
+    return std::optional<Answered>();
+  }
+  if (!writing_ || ending_) return fail(Errc::kWrongState, "no take is being recorded; start one: nodal take start");
+  if (const auto* what = std::get_if<TakeRequest::Mark>(&request.what)) {
+    if (const Status marked = writing_->mark(what->text, now); !marked) return fail(marked.error());
+    return done(writing_->number());
+  }
+  stopping_.push_back(request.ticket);
+  tell_to_end("stopped");
+  return std::optional<Answered>();
+}
+
+void TakeKeeper::answer_end(std::uint64_t take, const Result<take::Manifest>& manifest, bool empty_still) {
+  for (const std::uint64_t ticket : std::exchange(stopping_, {})) {
+    if (empty_still) answer(ticket, fail(Errc::kNotReady, "no set came; `nodal status` says why"));
+    else if (manifest) answer(ticket, TakeAnswer::Done{take});
+    else answer(ticket, fail(manifest.error()));
+  }
+  if (manifest) ejected_take_ = take;
+  else
+    for (const std::uint64_t ticket : std::exchange(ejecting_, {})) answer(ticket, fail(manifest.error()));
+}
+
+/// Answers requests to eject when no take is recorded any more. While a file is being read, the next step tries again.
+bool TakeKeeper::step_eject() {
+  if (ejecting_.empty() || writing_) return false;
+  const Status done = shelf_.ejected() ? Status() : shelf_.eject();
+  if (!done && done.error().code == Errc::kBusy) return false;
+  const std::uint64_t take = std::exchange(ejected_take_, 0);
+  for (const std::uint64_t ticket : std::exchange(ejecting_, {})) {
+    if (done) answer(ticket, TakeAnswer::Done{take});
+    else answer(ticket, fail(done.error()));
+  }
+  return true;
+}
+
+}  // namespace nodal::firmware

@@ -1,0 +1,258 @@
+#include "firmware/record/take_shelf.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+
+#include "firmware/record/stored_documents.h"
+#include "firmware/storage/durable_file.h"
+#include "protocol/take/documents.h"
+#include "protocol/take/evidence.h"
+
+namespace nodal::firmware {
+namespace {
+
+Error explained(Error error) {
+  if (error.code != Errc::kBusy) return error;
+  return {Errc::kBusy,
+          "another nodald uses the takes folder; stop it, or give this rig a folder of its own ([takes] folder)"};
+}
+
+Error ejected_error() {
+  return {Errc::kNotReady,
+          "the disk of the takes was ejected and can be removed; `nodal take start` uses it again, and so does "
+          "mounting it, "
+          "or another one, anew"};
+}
+
+}  // namespace
+
+Result<TakeShelf::Hold> TakeShelf::hold() {
+  if (holds_ > 0) return Hold(*this);
+  if (ejected_) return fail(ejected_error());
+  if (const Status claimed = disk_.claim(); !claimed) return fail(explained(claimed.error()));
+  if (const Status read = refresh(); !read) {
+    disk_.release();
+    return fail(read.error());
+  }
+  return Hold(*this);
+}
+
+void TakeShelf::forget() {
+  takes_.clear();
+  recovery_.forget_all();
+  half_deleted_.clear();
+  highest_ = 0;
+  leftover_ = false;
+}
+
+void TakeShelf::lose(const Error& why) {
+  forget();
+  identity_.reset();
+  problem_ = why.message;
+}
+
+bool TakeShelf::watch() {
+  if (holds_ > 0) return false;
+  const bool first = !std::exchange(looked_, true);
+  const auto now = disk_.identity();
+  if (ejected_ && now && *now == *ejected_) return first;
+  if (ejected_) use_again();
+  if (!now) {
+    const bool was_here = here();
+    lose(now.error());
+    return first || was_here;
+  }
+  if (identity_ == *now) return first;
+  (void)refresh();  // its error is the problem
+  return true;
+}
+
+Status TakeShelf::eject() {
+  close();
+  NODAL_ASSERT(holds_ == 0);
+  const auto now = disk_.identity();
+  if (!now) return fail(now.error());
+  in_use_.set_ejected(true);
+  if (in_use_.is_read()) return fail(Errc::kBusy, "a take is being read; try again in a moment");
+  if (const Status synced = disk_.sync_all(); !synced) {
+    in_use_.set_ejected(false);
+    return synced;
+  }
+  forget();
+  identity_.reset();
+  ejected_ = *now;
+  problem_.clear();
+  return {};
+}
+
+void TakeShelf::use_again() {
+  ejected_.reset();
+  in_use_.set_ejected(false);
+}
+
+Status TakeShelf::refresh() {
+  if (ejected_) return fail(ejected_error());
+  std::optional<std::uint64_t> now = identity_;
+  if (holds_ == 0) {
+    const auto found = disk_.identity();
+    if (!found) {
+      lose(found.error());
+      return fail(found.error());
+    }
+    now = *found;
+  }
+  const auto entries = disk_.entries("");
+  if (!entries) {
+    if (holds_ == 0) lose(entries.error());
+    return fail(entries.error());
+  }
+  const bool fresh = identity_ != now;
+  if (fresh) {
+    forget();
+    identity_ = now;
+    ++disks_;
+  }
+  problem_.clear();
+  follow(*entries, fresh);
+  read_counter();
+  return {};
+}
+
+void TakeShelf::read_counter() {
+  const auto text = disk_.read(kNextTakeFile, 64);
+  counter_read_ = text || text.error().code == Errc::kNotFound ? Status() : fail(text.error());
+  if (!text) return;
+  std::uint64_t next = 0;
+  const char* const begin = reinterpret_cast<const char*>(text->data());
+  std::from_chars(begin, begin + text->size(), next);
+  next_take_ = std::max(next_take_, std::min(next, kMaxTakeNumber));
+}
+
+/// Also behind the takes that are beyond the list's limit, and behind what this program counted on other disks.
+Result<std::uint64_t> TakeShelf::new_number() {
+  if (!counter_read_) return fail(counter_read_.error());  // a number could be used again
+  const std::uint64_t number = std::max(next_take_, highest_ + 1);
+  if (number >= kMaxTakeNumber) {
+    return fail(Errc::kTooLarge,
+                fmt::format("the disk has a take with the number {}, the highest there may be; move its "
+                            "folder away, and the file {}",
+                            number, kNextTakeFile));
+  }
+  const Status stored = write_durably(disk_, "", kNextTakeFile, std::to_string(number + 1));
+  if (!stored) return fail(stored.error());
+  next_take_ = number + 1;
+  return number;
+}
+
+void TakeShelf::begin(TakeEntry entry) {
+  entry.state = TakeState::kRecording;
+  takes_[entry.number] = std::move(entry);
+}
+
+Status TakeShelf::check_recording(std::uint64_t take) {
+  const auto now = disk_.identity();
+  if (!now) return fail(now.error());
+  if (identity_ != *now) {
+    return fail(Errc::kDeviceGone,
+                "the disk was exchanged while the take was recorded; what was recorded is on the other one");
+  }
+  const auto there = disk_.size(take::take_folder(take) + "/" + take::kTakeFile);
+  if (!there && there.error().code == Errc::kNotFound) {
+    return fail(Errc::kNotFound, "its folder was removed while it was recorded");
+  }
+  return {};
+}
+
+void TakeShelf::finish(std::uint64_t take, const Result<take::Manifest>& manifest) {
+  const auto found = takes_.find(take);
+  if (found == takes_.end()) return;  // it is on a disk that is no longer there
+  TakeEntry& entry = found->second;
+  if (manifest) {
+    entry.complete(*manifest);
+  } else {
+    entry.state = TakeState::kUnfinished;
+    entry.problem = manifest.error().message;
+  }
+  (void)refresh();
+}
+
+Status TakeShelf::protect(std::uint64_t take, bool on) {
+  const auto held = hold();
+  if (!held) return fail(held.error());
+  const auto entry = finished(take);
+  if (!entry) return fail(entry.error());
+  const std::string folder = take::take_folder(take), file = folder + "/" + take::kProtectedFile;
+  Status set = on ? write_durably(disk_, folder, file, "") : disk_.remove(file);
+  if (!set && set.error().code == Errc::kNotFound && !on) set = {};
+  if (set && !on) set = disk_.sync_folder(folder);
+  if (set) (*entry)->is_protected = on;
+  return set;
+}
+
+Result<TakeEntry*> TakeShelf::finished(std::uint64_t take) {
+  const auto found = takes_.find(take);
+  if (found == takes_.end())
+    return fail(Errc::kNotFound, fmt::format("there is no take {}; `nodal take list` lists them", take));
+  if (found->second.state == TakeState::kRecording) {
+    return fail(Errc::kWrongState, fmt::format("take {} is being recorded; stop it first: nodal take stop", take));
+  }
+  if (recovery_.is_running(take))
+    return fail(Errc::kBusy, fmt::format("take {} is being recovered; try again in a moment", take));
+  return &found->second;
+}
+
+Status TakeShelf::remove(std::uint64_t take, const std::optional<Sha256>& manifest) {
+  const auto held = hold();
+  if (!held) return fail(held.error());
+  const auto entry = finished(take);
+  if (!entry) return fail(entry.error());
+  if ((*entry)->is_protected) {
+    return fail(Errc::kWrongState, fmt::format("take {0} is protected; first: nodal take protect {0} --off", take));
+  }
+  if (manifest) {
+    const auto id = stored_manifest_id(disk_, take::take_folder(take));
+    if (!id) return fail(id.error());
+    if (*id != *manifest) {
+      return fail(Errc::kWrongState,
+                  fmt::format("take {} has another manifest than the one named: it is not deleted; list takes again: "
+                              "nodal take list",
+                              take));
+    }
+  }
+  if (const Status emptied = empty_folder(take); !emptied) return emptied;
+  takes_.erase(take);
+  recovery_.forget(take);
+  return disk_.sync_folder("");
+}
+
+/// Removes the files of a take and its folder. Symbolic links are removed, not what they lead to.
+Status TakeShelf::empty_folder(std::uint64_t take) {
+  const std::string folder = take::take_folder(take);
+  const auto entries = disk_.entries(folder);
+  if (!entries) return fail(entries.error());
+  for (const hal::FolderEntry& entry : *entries) {
+    if (entry.kind != hal::EntryKind::kFolder) continue;
+    return fail(
+        Errc::kWrongState,
+        fmt::format("take {} holds a folder, {}/{}, which is no part of a take, so nothing is deleted; move it away",
+                    take, folder, entry.name));
+  }
+  // While this file is there, the next start goes on. On a disk without room for it, the take is deleted as well.
+  const std::string mark = folder + "/" + take::kDeletedFile;
+  const Status marked = write_durably(disk_, folder, mark, "");
+  if (!marked && marked.error().code != Errc::kDiskFull) return marked;
+  for (const hal::FolderEntry& entry : *entries) {
+    if (entry.name == take::kDeletedFile) continue;
+    const Status removed = disk_.remove(folder + "/" + entry.name);
+    if (!removed && removed.error().code != Errc::kNotFound) return removed;
+  }
+  if (marked) {
+    if (const Status synced = disk_.sync_folder(folder); !synced) return synced;
+    if (const Status removed = disk_.remove(mark); !removed) return removed;
+  }
+  return disk_.remove(folder);
+}
+
+}  // namespace nodal::firmware
