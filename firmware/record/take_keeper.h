@@ -23,6 +23,10 @@
 #include "protocol/base/sha256.h"
 #include "protocol/base/spsc_ring.h"
 
+namespace nodal::take {
+struct TakeDocument;
+}
+
 namespace nodal::firmware {
 
 class FlightLog;
