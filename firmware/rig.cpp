@@ -22,6 +22,7 @@ Rig::Rig(const RigConfig& config, const RigPorts& ports, const std::string& soft
       encoder_(config.raymap, ports.stopwatch ? *ports.stopwatch : ports.clock, blender_.raymaps_out()),
       keeper_(config, ports.disk, blender_.tables_in(), blender_.tables_out(), ports.rehearsal),
       settings_(ports.disk),
+      audit_(ports.disk),
       frame_sets_(capture_.add_outlet(FrameSender::kSets, false)),
       control_(config, software, stages(config, ports, software), frame_sets_, ports.listeners, ports.watchdog,
                ports.panel, ports.scan, ports.clock.now()) {
@@ -31,7 +32,7 @@ Rig::Rig(const RigConfig& config, const RigPorts& ports, const std::string& soft
 
 /// The recorder registers its outlets, so this comes before the first step.
 Stages Rig::stages(const RigConfig& config, const RigPorts& ports, const std::string& software) {
-  Stages stages{capture_, blender_, encoder_, keeper_, settings_};
+  Stages stages{capture_, blender_, encoder_, keeper_, settings_, audit_, ports.utc};
   if (!config.takes || !ports.takes) return stages;
   recorder_.emplace(config, capture_.add_outlet(Recorder::kSets, false), encoder_);
   if (flight_) flight_log_ = std::make_unique<FlightLog>(*flight_, software, kSetsHeld);
@@ -46,8 +47,9 @@ Rig::~Rig() { close(); }
 bool Rig::step_capture() { return capture_.step(clock_.now()); }
 
 bool Rig::step_keeper() {
-  const bool settings = settings_.step();
-  return keeper_.step(clock_.now()) || settings;
+  bool busy = settings_.step();
+  busy |= audit_.step(clock_.now());
+  return keeper_.step(clock_.now()) || busy;
 }
 
 bool Rig::step_control() { return control_.step(clock_.now()); }

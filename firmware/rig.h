@@ -18,6 +18,7 @@
 #include "firmware/record/recorder.h"
 #include "firmware/record/take_keeper.h"
 #include "firmware/record/take_reader.h"
+#include "firmware/storage/audit_store.h"
 #include "firmware/storage/settings_store.h"
 #include "hal/clock.h"
 #include "hal/confined.h"
@@ -71,7 +72,7 @@ class Rig {
   bool step_encode() { return encoder_.step(); }
   /// Without effect in a rig with fixed seams.
   bool step_seams() { return seams_.step(); }
-  /// The stages that block on the disk: calibrations and settings.
+  /// The stages that block on the disk: calibrations, settings and the audit log.
   bool step_keeper();
   bool step_control();
   /// False in a rig that records nothing.
@@ -111,6 +112,7 @@ class Rig {
   EncodeStage encoder_;
   CalibrationKeeper keeper_;
   SettingsStore settings_;
+  AuditStore audit_;
   std::optional<Recorder> recorder_;
   std::unique_ptr<FlightLog> flight_log_;
   std::optional<TakeKeeper> takes_;

@@ -69,7 +69,7 @@ bool CalibrationKeeper::step(Instant now) {
     busy = true;
   }
   busy |= watch_trial();
-  busy |= take_request();
+  busy |= take_requests();
   if (busy) publish();
   return busy;
 }
@@ -116,18 +116,21 @@ void CalibrationKeeper::start_next_good() {
   if (!begun) end(begun);
 }
 
-/// Answers queries at once; a change waits until the current installation has ended.
-bool CalibrationKeeper::take_request() {
-  const bool changing = installing_ || !to_try_.empty();
-  if (answers_.full() || (waiting_ && changing)) return false;
-  std::optional<KeeperRequest> request = waiting_ ? std::exchange(waiting_, std::nullopt) : requests_.pop();
-  if (!request) return false;
-  if (answer_at_once(*request)) return true;
-  if (changing) {
+/// Answers all queries at once, whatever is being installed; a change waits until the current installation has ended.
+bool CalibrationKeeper::take_requests() {
+  bool busy = false;
+  while (!answers_.full()) {
+    std::optional<KeeperRequest> request = requests_.pop();
+    if (!request) break;
+    busy = true;
+    if (answer_at_once(*request)) continue;
+    NODAL_ASSERT(!waiting_);  // control sends one change at a time
     waiting_ = std::move(request);
-    return true;
   }
-  if (Status begun = start(*request); !begun) answer(request->ticket, fail(begun.error()));
+  const bool changing = installing_ || !to_try_.empty();
+  if (!waiting_ || changing || answers_.full()) return busy;
+  const KeeperRequest request = *std::exchange(waiting_, std::nullopt);
+  if (Status begun = start(request); !begun) answer(request.ticket, fail(begun.error()));
   return true;
 }
 
@@ -266,6 +269,7 @@ Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration
     auto job =
         sets::TableJob::make(*fitted, config_.raymap, config_.heads[0].fields, delivered_formats(config_, heads));
     if (!job) return fail(job.error().in("calibration " + short_id(id)));
+    if (Status fits = job->check_budget(); !fits) return fail(fits.error().in("calibration " + short_id(id)));
     installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), false, false,
                                      std::make_shared<const std::string>(canonical_json(calibration))});
   } catch (const std::bad_alloc&) {

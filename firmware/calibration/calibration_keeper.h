@@ -85,7 +85,8 @@ Result<Calibration> fit_to_rig(const Calibration& calibration, const std::vector
 std::vector<PixelFormat> delivered_formats(const RigConfig& config, const HeadShapes& heads);
 
 /// Installs a calibration in these steps: parse, fit to the rig, store, compile, validate, put in force on the disk, swap.
-/// It works on one request at a time, in slices. A request that fails in any step leaves the old calibration in force.
+/// It works on one change at a time, in slices; control sends the next one when this one is answered. Queries are answered
+/// between two slices. A request that fails in any step leaves the old calibration in force.
 ///
 /// A trial takes the same steps except for those on the disk, where the old calibration stays in force. So when a trial
 /// ends without a request to keep it (timeout, power cut, nodald killed), the old calibration is in force again. The old
@@ -129,7 +130,7 @@ class CalibrationKeeper {
 
   void load_at_start();
   void start_next_good();
-  bool take_request();
+  bool take_requests();
   Status start(const KeeperRequest& request);
   bool answer_at_once(const KeeperRequest& request);
   Status rehearse(const KeeperRequest& request);
@@ -172,7 +173,7 @@ class CalibrationKeeper {
   std::shared_ptr<const std::string> document_before_trial_;
   sets::InstalledPtr running_;            ///< the calibration that the blend uses, or takes next
   Instant now_;                           ///< time of the current step
-  std::optional<KeeperRequest> waiting_;  ///< a request that waits until the current installation has ended
+  std::optional<KeeperRequest> waiting_;  ///< a change that waits until the current installation has ended
 };
 
 }  // namespace nodal::firmware

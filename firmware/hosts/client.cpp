@@ -35,6 +35,12 @@ std::string Client::who() const {
   return "user " + std::to_string(identity->user) + ", process " + std::to_string(identity->process) + ", " + name_;
 }
 
+std::string Client::party() const {
+  const auto identity = this->identity();
+  return (identity ? "user " + std::to_string(identity->user) : std::string("somebody")) +
+         (access_ == Access::kControl ? " at the control socket" : " at the view-only socket");
+}
+
 void Client::finish(const Error& why) {
   if (gone_) return;
   gone_ = true;

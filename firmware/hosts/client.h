@@ -76,6 +76,8 @@ class Client {
   Access access() const { return access_; }
   /// "user 1000, process 4711, host 3 at unix:...", for the audit log.
   std::string who() const;
+  /// "user 1000 at the control socket".
+  std::string party() const;
   std::uint64_t bytes_in() const { return bytes_in_; }
   std::uint64_t bytes_out() const { return bytes_out_; }
 

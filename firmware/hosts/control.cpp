@@ -12,6 +12,9 @@ constexpr Duration kLoggedAfter = Duration::seconds(10);
 
 }  // namespace
 
+// All links may wait in a queue.
+static_assert(Admission::in_all(Admission::kMaxLinks) <= FairQueue::kMaxWaiting);
+
 Control::Control(const RigConfig& config, std::string software, const Stages& stages, Outlet<SetLoan>& frame_sets,
                  std::vector<Listener> listeners, hal::WatchdogPort* watchdog, const PanelPins& panel, DeviceScan* scan,
                  Instant now)
@@ -38,13 +41,14 @@ bool Control::step(Instant now) {
         clients_, [this](Access access) { return hello(access); }, now);
   }
   busy |= serve_all(now);
+  busy |= serve_turns(now);
   admission_.close_excess(clients_, now);
   busy |= reply_to_commands(now);
   busy |= reply_to_scans(now);
   stages_.encoder.set_wanted(Publisher::jpeg_wanted(clients_), Publisher::pixels_wanted(clients_));
   busy |= publisher_.step(clients_);
   for (const std::string& sentence : publisher_.take_news()) say(NewsKind::kHosts, sentence);
-  busy |= frame_sender_.step(clients_, now);
+  busy |= frame_sender_.step(clients_, frame_sets_.order.highest(), now);
   busy |= take_sender_.step(clients_, now);
   for (const auto& client : clients_) busy |= client->pump_out(now);
   drop_finished();
@@ -72,8 +76,8 @@ void Control::end(Instant now) {
 wire::Hello Control::hello(Access access) const {
   wire::Hello hello = make_hello(software_);
   hello.set_rig_name(config_.name);
-  for (const char* feature : {"audit", "calibration", "calibration-trial", "exposure", "exposure-programs",
-                              "frame-sets", "genlock", "hosts", "raymap-jpeg", "raymap-raw"}) {
+  for (const char* feature : {"audit", "audit-since", "calibration", "calibration-trial", "exposure",
+                              "exposure-programs", "frame-sets", "genlock", "hosts", "raymap-jpeg", "raymap-raw"}) {
     hello.add_features(feature);
   }
   if (scan_ != nullptr) hello.add_features("devices");
@@ -88,6 +92,10 @@ void Control::drop_finished() {
   std::erase_if(clients_, [&](const std::unique_ptr<Client>& client) {
     if (!client->finished()) return false;
     uploads_.leave(client->number());
+    for (Turns* turns : {&frame_sets_, &calibrations_}) {
+      turns->order.leave(client->number());
+      turns->requests.erase(client->number());
+    }
     const bool left = client->why().code == Errc::kLinkClosed;
     if (!left) say(NewsKind::kHosts, client->name() + " was dropped: " + client->why().text());
     else if (!client->said_hello()) say(NewsKind::kHosts, client->name() + " left without saying hello");
@@ -166,6 +174,7 @@ void Control::handle(Client& client, Event& event, Instant now) {
 bool Control::reply_to_commands(Instant now) {
   const std::vector<Answer> answers = operation_.take_answers(now);
   for (const Answer& answer : answers) {
+    if (calibration_ == answer.ticket) calibration_.reset();
     const auto found = waiting_.find(answer.ticket);
     if (found == waiting_.end()) continue;  // from the button or the stored settings
     const Waiting waiting = found->second;

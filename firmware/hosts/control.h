@@ -13,6 +13,7 @@
 #include "firmware/hosts/admission.h"
 #include "firmware/hosts/client.h"
 #include "firmware/hosts/device_scan.h"
+#include "firmware/hosts/fair_queue.h"
 #include "firmware/hosts/frame_sender.h"
 #include "firmware/hosts/publisher.h"
 #include "firmware/hosts/take_sender.h"
@@ -25,6 +26,7 @@ namespace nodal::firmware {
 
 /// Accepts hosts, answers their requests, receives their uploads, sends them raymaps. A request that another stage must
 /// carry out becomes a command of Operation, and is answered when that stage answers; meanwhile other hosts are served.
+/// A request for what only one host can have at a time (Turn) waits in a FairQueue, and is not refused.
 ///
 /// Threading: step() is thread-bound to control; set_resident_bytes(), ask_to_end() and ended() are for any thread.
 /// Ownership: owns the clients; listeners and stages outlive it.
@@ -75,6 +77,12 @@ class Control {
     std::uint64_t request = 0;  ///< id of the request
   };
 
+  /// Requests that wait for their turn, one of each host.
+  struct Turns {
+    FairQueue order;
+    std::map<std::uint64_t, wire::Request> requests;  ///< by host
+  };
+
   void drop_finished();
   bool serve_all(Instant now);
   bool serve(Client& client, Instant now);
@@ -83,10 +91,15 @@ class Control {
   void handle(Client& client, const wire::Request& request, Instant now);
   /// Answers a request at once. Returns the error to reply with, if any.
   Status answer(Client& client, const wire::Request& request, Instant now);
+  Turns* turns_for(const wire::Request& request);
+  bool serve_turns(Instant now);
+  bool serve_next(Turns& turns, Instant now);
+  void carry_out(Client& client, const wire::Request& request, Instant now);
   Status command(Client& client, const wire::Request& request, Instant now);
   Result<Command> commit_command(const wire::UploadCommit& commit);
   Result<StreamId> start_work(Client& client, const wire::Request& request, Instant now);
-  Status end_host(const Client& client, std::uint64_t number, Instant now);
+  Status end_host(Client& client, const wire::Request& request, Instant now);
+  void await(Client& client, const wire::Request& request, Ticket ticket);
   Status list_devices(Client& client, std::uint64_t request);
   bool reply_to_scans(Instant now);
   void reply(Client& client, const wire::Reply& reply, Instant now);
@@ -108,6 +121,9 @@ class Control {
   Clients clients_;
   std::size_t first_served_ = 0;  ///< index of the client that is served first; rises by one each step
   std::map<Ticket, Waiting> waiting_;
+  Turns frame_sets_;
+  Turns calibrations_;
+  std::optional<Ticket> calibration_;  ///< the change of a calibration that the keeper works on
   DeviceScan* scan_;
   std::vector<Waiting> scanning_;  ///< requests that the scan in progress will answer
   UploadReceiver uploads_;

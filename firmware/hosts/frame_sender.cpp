@@ -6,98 +6,128 @@
 
 namespace nodal::firmware {
 
+const FrameSender::Copy* FrameSender::free_copy() const {
+  const auto found = std::ranges::find_if(copies_, &Copy::free);
+  return found == copies_.end() ? nullptr : &*found;
+}
+
 Result<StreamId> FrameSender::start(Client& client, const HeadShapes& heads, Instant now) {
-  const bool others_turn = waiting_ != 0 && waiting_ != client.number() && now < waiting_until_;
-  if (transfer_ || others_turn) {
-    if (!others_turn && transfer_->client != client.number()) {
-      waiting_ = client.number();
-      waiting_until_ = now + kTurn;
-    }
-    return fail(Errc::kBusy, "the rig is still sending a frame set to this or another host; try again later");
-  }
-  waiting_ = 0;
-  if (!memory_) memory_ = std::make_shared<std::vector<std::uint8_t>>();
-  SetCopy copy = SetCopy::places_for(heads, memory_);
-  if (copy.wanted == 0)
+  const auto copy = std::ranges::find_if(copies_, &Copy::free);
+  NODAL_ASSERT(copy != copies_.end());
+  if (!copy->memory) copy->memory = std::make_shared<std::vector<std::uint8_t>>();
+  SetCopy set = SetCopy::places_for(heads, copy->memory);
+  if (set.wanted == 0)
     return fail(Errc::kNotReady, "no head has delivered a picture yet; `nodal status` shows the reason");
   auto stream = client.session().open_stream(StreamPolicy::kLossless);
   if (!stream) return stream;
-  sets_.drop_waiting();
+  sets_.drop_waiting();  // older than the request
   sets_.set_open(true);
-  transfer_ = Transfer{client.number(), *stream, now, std::move(copy), false, false};
+  copy->transfer = Transfer{client.number(), client.access(), *stream, now, std::move(set), false, false};
   client.frame_set = *stream;
   return stream;
 }
 
 /// Null when the client has disconnected, has stopped the stream or has received all of it.
-Client* FrameSender::receiver(const Clients& clients) const {
-  const auto found = std::find_if(clients.begin(), clients.end(),
-                                  [&](const auto& client) { return client->number() == transfer_->client; });
-  Client* const client = found == clients.end() || (*found)->finished() ? nullptr : found->get();
-  return client && client->session().counts(transfer_->stream) ? client : nullptr;
+Client* FrameSender::receiver(const Clients& clients, const Transfer& transfer) const {
+  const auto found = std::ranges::find_if(clients, [&](const auto& c) { return c->number() == transfer.client; });
+  Client* const client = found == clients.end() || (*found)->ending() ? nullptr : found->get();
+  return client && client->session().counts(transfer.stream) ? client : nullptr;
 }
 
-bool FrameSender::step(const Clients& clients, Instant now) {
+bool FrameSender::step(const Clients& clients, std::optional<Access> waiting, Instant now) {
   follow_adoptions();
-  if (!transfer_) return false;
-  Client* const client = receiver(clients);
-  if (transfer_->sent) {
-    const bool going_out = client || memory_.use_count() > 2;  // held here and by the copy
-    if (going_out && (client ? keeps_pace(*client, now) : now - transfer_->since <= kGrace)) return false;
-    if (client) {
-      client->session().close_stream(
-          transfer_->stream,
-          Error{Errc::kTimeout, "this host receives the frame set too slowly: at this rate it " +
-                                    std::string("needs more than ") + std::to_string(kSlowest.ms() / 1000) + " s"});
-    }
-    if (going_out) memory_.reset();  // that host's session still refers to it and frees it
-    end(clients);
-    return true;
+  bool busy = take_set();
+  for (Copy& copy : copies_) busy |= copy.transfer && step(copy, clients, now);
+  busy |= end_longest(clients, waiting, now);
+  const bool wanted = std::ranges::any_of(copies_, [](const Copy& c) { return c.transfer && !c.transfer->copied; });
+  if (!wanted) {
+    sets_.set_open(false);
+    sets_.drop_waiting();
   }
-  if (!client) {
-    end(clients);
-    return true;
+  return busy;
+}
+
+/// Copies a set for every transfer that waits for one.
+bool FrameSender::take_set() {
+  const auto set = sets_.take();
+  if (!set) return false;
+  for (Copy& copy : copies_) {
+    if (!copy.transfer || copy.transfer->copied) continue;
+    copy.transfer->set.fill(**set);
+    copy.transfer->copied = true;
   }
-  if (!transfer_->copied) {
-    if (const auto set = sets_.take()) {
-      transfer_->copy.fill(**set);
-      transfer_->copied = true;
-      sets_.set_open(false);
-    }
-  }
-  // The calibration in force for the set is known when the blend has begun this set or a later one.
-  if (transfer_->copied && blender_.sets_begun() > transfer_->copy.set) {
-    follow_adoptions();
-    transfer_->sent = true;
-    transfer_->since = now;
-    send(*client);
-    return true;
-  }
-  if (now - transfer_->since <= kPatience) return false;
-  client->session().close_stream(
-      transfer_->stream,
-      Error{Errc::kOverload, "no frame set could be copied within " + std::to_string(kPatience.ms() / 1000) +
-                                 " s: no frames arrive, or the blend has a backlog; `nodal status` shows which"});
-  end(clients);
   return true;
 }
 
-void FrameSender::end(const Clients& clients) {
-  for (const auto& client : clients) {
-    if (client->number() == transfer_->client) client->frame_set.reset();
+bool FrameSender::step(Copy& copy, const Clients& clients, Instant now) {
+  Transfer& transfer = *copy.transfer;
+  Client* const client = receiver(clients, transfer);
+  if (!client) {
+    end(copy, clients);
+    return true;
   }
-  transfer_.reset();
-  sets_.set_open(false);
-  sets_.drop_waiting();
+  if (transfer.sent) {
+    if (keeps_pace(*client, copy, now)) return false;
+    client->end(Error{Errc::kTimeout, "this host receives the frame set too slowly: at this rate it needs more than " +
+                                          std::to_string(kSlowest.ms() / 1000) + " s"},
+                now);
+    end(copy, clients);
+    return true;
+  }
+  // The calibration in force for the set is known when the blend has begun this set or a later one.
+  if (transfer.copied && blender_.sets_begun() > transfer.set.set) {
+    follow_adoptions();
+    transfer.sent = true;
+    transfer.since = now;
+    send(*client, transfer.set, transfer.stream);
+    return true;
+  }
+  if (now - transfer.since <= kPatience) return false;
+  client->session().close_stream(
+      transfer.stream,
+      Error{Errc::kOverload, "no frame set could be copied within " + std::to_string(kPatience.ms() / 1000) +
+                                 " s: no frames arrive, or the blend has a backlog; `nodal status` shows which"});
+  end(copy, clients);
+  return true;
 }
 
-bool FrameSender::keeps_pace(const Client& client, Instant now) const {
-  const Duration taken = now - transfer_->since;
+/// Ends a transfer for a host that waits, unless a copy is free or a session is about to release one.
+bool FrameSender::end_longest(const Clients& clients, std::optional<Access> waiting, Instant now) {
+  if (!waiting || !std::ranges::all_of(copies_, [](const Copy& copy) { return copy.transfer.has_value(); }))
+    return false;
+  Copy* longest = nullptr;
+  for (Copy& copy : copies_) {
+    const Transfer& transfer = *copy.transfer;
+    const Duration share = transfer.access > *waiting ? kShareBeforeView : kShare;
+    if (!transfer.sent || now - transfer.since < share) continue;
+    if (!longest || transfer.since < longest->transfer->since) longest = &copy;
+  }
+  if (!longest) return false;
+  if (Client* const client = receiver(clients, *longest->transfer)) {
+    client->end(Error{Errc::kTimeout,
+                      "this host did not receive the frame set within its share of time, and other "
+                      "hosts wait for one; try again"},
+                now);
+  }
+  end(*longest, clients);
+  return true;
+}
+
+void FrameSender::end(Copy& copy, const Clients& clients) {
+  for (const auto& client : clients) {
+    if (client->number() == copy.transfer->client) client->frame_set.reset();
+  }
+  copy.transfer.reset();
+}
+
+bool FrameSender::keeps_pace(const Client& client, const Copy& copy, Instant now) const {
+  const Transfer& transfer = *copy.transfer;
+  const Duration taken = now - transfer.since;
   if (taken <= kGrace) return true;
-  const auto counts = client.session().counts(transfer_->stream);
+  const auto counts = client.session().counts(transfer.stream);
   if (!counts || taken > kSlowest || now - client.written() > kGrace) return false;
-  const auto due =
-      memory_->size() * static_cast<std::uint64_t>((taken - kGrace).ms()) / static_cast<std::uint64_t>(kSlowest.ms());
+  const auto due = copy.memory->size() * static_cast<std::uint64_t>((taken - kGrace).ms()) /
+                   static_cast<std::uint64_t>(kSlowest.ms());
   return counts->bytes >= due;
 }
 
@@ -108,8 +138,7 @@ void FrameSender::follow_adoptions() {
   }
 }
 
-void FrameSender::send(Client& client) {
-  const SetCopy& set = transfer_->copy;
+void FrameSender::send(Client& client, const SetCopy& set, StreamId stream) {
   wire::FrameSetHeader header;
   header.set_set(set.set);
   header.set_mid_exposure_ns(static_cast<std::uint64_t>(set.mid_exposure.ns()));
@@ -133,8 +162,8 @@ void FrameSender::send(Client& client) {
     picture.set_exposure_ns(static_cast<std::uint64_t>(place.in_effect.exposure.duration().ns()));
     picture.set_gain_mdb(place.in_effect.gain.mdb());
   }
-  (void)client.session().offer(transfer_->stream, BulkItem{header.SerializeAsString(), set.bytes, 0});
-  client.session().close_stream(transfer_->stream);
+  (void)client.session().offer(stream, BulkItem{header.SerializeAsString(), set.bytes, 0});
+  client.session().close_stream(stream);
 }
 
 }  // namespace nodal::firmware

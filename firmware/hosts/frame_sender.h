@@ -1,6 +1,7 @@
 // Sends frame sets to hosts on request: the heads' pictures on a lossless stream.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -16,52 +17,69 @@
 
 namespace nodal::firmware {
 
-/// Serves one request at a time. So it costs the rig one copy and the memory of one set, however often hosts request a set.
-/// The request fails if no set can be copied within kPatience. The host must read the set within kSlowest, and its link may
-/// pause for kGrace at most; otherwise the stream ends, so that a host that does not read delays other hosts only briefly.
+/// Sends up to kMaxCopies sets at once, each to another host, so that memory is bounded however often hosts ask; further
+/// requests wait for their turn (FairQueue). The hosts that ask at the same time get copies of one set.
+///
+/// A host that reads fast enough keeps its copy until it has all of it: within kSlowest, and its link may pause for kGrace at
+/// most. While another host waits and no copy is free, the longest transfer ends that has had its share, kShare; one of a
+/// control host ends for a view-only host after kShareBeforeView. A host that is too slow is disconnected, because its session
+/// holds the copy until then. The request fails if no set can be copied within kPatience.
 ///
 /// Threading: thread-bound to control.
-/// Ownership: owns the memory of one set; the outlet and the blend outlive it.
-/// Errors: start() returns kBusy, kNotReady; later errors end the stream: kOverload, kTimeout.
+/// Ownership: owns the memory of kMaxCopies sets; the outlet and the blend outlive it.
+/// Errors: start() returns kNotReady; later errors end the stream: kOverload, or the conversation: kTimeout.
 class FrameSender {
  public:
   FrameSender(const RigConfig& config, Outlet<SetLoan>& sets, Blender& blender)
       : config_(config), sets_(sets), blender_(blender) {}
 
-  /// Opens the stream for the set. `heads`: the format of each head.
+  /// Whether a copy is free for another request.
+  bool has_room() const { return free_copy() != nullptr; }
+  /// Opens the stream for the set. Only while has_room(). `heads`: the format of each head.
   Result<StreamId> start(Client& client, const HeadShapes& heads, Instant now);
-  /// True when it did something.
-  bool step(const Clients& clients, Instant now);
+  /// True when it did something. `waiting`: the highest access of the hosts that wait for their turn.
+  bool step(const Clients& clients, std::optional<Access> waiting, Instant now);
 
   static constexpr OutletSpec kSets{"frame-sets", OutletPolicy::kLatest, 1, 1};
   static constexpr Duration kPatience = Duration::seconds(3);
   static constexpr Duration kSlowest = Duration::seconds(120);  ///< ten heads of 2048x1024: 30 MB, at 250 KB/s
   static constexpr Duration kGrace = Duration::seconds(5);      ///< longest pause of a link
-  static constexpr Duration kTurn = Duration::seconds(2);       ///< how long the turn of a host that got kBusy is kept
+  static constexpr std::size_t kMaxCopies = 3;
+  static constexpr Duration kShare = Duration::seconds(2);
+  static constexpr Duration kShareBeforeView = Duration::seconds(5);
 
  private:
   struct Transfer {
     std::uint64_t client = 0;
+    Access access = Access::kView;
     StreamId stream = 0;
-    Instant since;
-    SetCopy copy;
+    Instant since;  ///< when it began to wait for a set; when sent: to be sent
+    SetCopy set;
     bool copied = false;
     bool sent = false;
   };
-  Client* receiver(const Clients& clients) const;
+  using Memory = std::shared_ptr<std::vector<std::uint8_t>>;
+  /// Memory for the copy of a set. A session may hold it for longer than the transfer.
+  struct Copy {
+    Memory memory;
+    std::optional<Transfer> transfer;
+    bool free() const { return !transfer && memory.use_count() <= 1; }
+  };
+  const Copy* free_copy() const;
+  Client* receiver(const Clients& clients, const Transfer& transfer) const;
   void follow_adoptions();
-  void send(Client& client);
-  void end(const Clients& clients);
-  bool keeps_pace(const Client& client, Instant now) const;
+  bool take_set();
+  bool step(Copy& copy, const Clients& clients, Instant now);
+  bool end_longest(const Clients& clients, std::optional<Access> waiting, Instant now);
+  void send(Client& client, const SetCopy& set, StreamId stream);
+  void end(Copy& copy, const Clients& clients);
+  bool keeps_pace(const Client& client, const Copy& copy, Instant now) const;
 
   const RigConfig config_;
   Outlet<SetLoan>& sets_;  ///< open while a set is requested and not copied yet
   Blender& blender_;
   std::optional<Blender::Adoption> in_force_, before_;  ///< the newest calibration of the blend, and the one before
-  std::optional<Transfer> transfer_;
-  std::uint64_t waiting_ = 0;  ///< the client that got kBusy first and is served next
-  Instant waiting_until_;      ///< end of its turn, if it does not repeat its request
-  std::shared_ptr<std::vector<std::uint8_t>> memory_;
+  std::array<Copy, kMaxCopies> copies_;
 };
 
 }  // namespace nodal::firmware

@@ -7,11 +7,32 @@
 
 namespace nodal::firmware {
 
-/// False while the stage that carries the request out has the most commands of this host; the request and all later ones
-/// of this host then wait.
+namespace {
+
+Requester requester_of(const Client& client) {
+  return {Requester::Kind::kHost, client.number(), client.who(), client.party()};
+}
+
+}  // namespace
+
+/// False while the request, and all later ones of this host, must wait: the stage that carries it out has the most commands
+/// of this host, the host already has, or waits for, what the request is for, or the audit log takes no such change now.
 bool Control::has_room(const Client& client, const wire::Request& request) const {
-  if (const auto stage = slow_stage(request)) return operation_.open(client.number(), *stage) < kSlowRequests;
-  return !changes_rig(request) || operation_.open(client.number(), CommandStage::kCapture) < kCaptureRequests;
+  const std::uint64_t host = client.number();
+  const RequestKind& kind = kind_of(request);
+  const bool recorded = kind.important || changes_rig(request) || kind.turn == Turn::kTakeReads;
+  if (recorded && !operation_.may_change(requester_of(client), kind.important, now_)) return false;
+  switch (kind.turn) {
+    case Turn::kFrameSets: return !client.frame_set && !frame_sets_.order.waits(host);
+    case Turn::kTakeReads: return !client.take_file;
+    case Turn::kCalibrations:
+      if (calibrations_.order.waits(host)) return false;
+      break;
+    case Turn::kNone:
+    case Turn::kDiskTest: break;
+  }
+  if (kind.slow_stage) return operation_.open(host, *kind.slow_stage) < kSlowRequests;
+  return !changes_rig(request) || operation_.open(host, CommandStage::kCapture) < kCaptureRequests;
 }
 
 void Control::handle(Client& client, const wire::Request& request, Instant now) {
@@ -19,7 +40,41 @@ void Control::handle(Client& client, const wire::Request& request, Instant now) 
     say(NewsKind::kHosts, client.who() + ": " + permitted.error().text());
     return refuse(client, request.id(), permitted.error(), now);
   }
-  const bool later = changes_rig(request) || slow_stage(request);  // another stage carries it out
+  Turns* const turns = turns_for(request);
+  if (!turns) return carry_out(client, request, now);
+  turns->order.add({client.number(), client.access(), client.identity()});
+  turns->requests[client.number()] = request;
+  ++client.requests_open;
+}
+
+/// Null: the request is carried out at once. TakeSender and TakeKeeper share their turns themselves.
+Control::Turns* Control::turns_for(const wire::Request& request) {
+  const Turn turn = kind_of(request).turn;
+  if (turn == Turn::kFrameSets) return &frame_sets_;
+  return turn == Turn::kCalibrations ? &calibrations_ : nullptr;
+}
+
+/// Carries out the requests whose turn has come.
+bool Control::serve_turns(Instant now) {
+  bool busy = false;
+  while (frame_sender_.has_room() && serve_next(frame_sets_, now)) busy = true;
+  while (!calibration_ && serve_next(calibrations_, now)) busy = true;
+  return busy;
+}
+
+bool Control::serve_next(Turns& turns, Instant now) {
+  const auto host = turns.order.next();
+  if (!host) return false;
+  const wire::Request request = std::move(turns.requests.extract(*host).mapped());
+  Client* const client = find(*host);
+  if (!client) return true;
+  --client->requests_open;
+  if (!client->ending()) carry_out(*client, request, now);
+  return true;
+}
+
+void Control::carry_out(Client& client, const wire::Request& request, Instant now) {
+  const bool later = changes_rig(request) || kind_of(request).slow_stage;  // another stage carries it out
   const Status done = later ? command(client, request, now) : answer(client, request, now);
   if (!done) refuse(client, request.id(), done.error(), now);
 }
@@ -57,14 +112,11 @@ Status Control::answer(Client& client, const wire::Request& request, Instant now
       answer.mutable_done();
       break;
     case wire::Request::kAuditLog:
-      answer.mutable_audit_log()->set_now_ns(static_cast<std::uint64_t>((now - started_).ns()));
-      fill_audit(operation_.audit_log(), started_, *answer.mutable_audit_log());
+      fill_audit(operation_.audit_log(), request.audit_log(), started_, now, stages_.utc(),
+                 *answer.mutable_audit_log());
       break;
     case wire::Request::kHosts: fill_hosts(clients_, client, now, *answer.mutable_hosts()); break;
-    case wire::Request::kHostEnd:
-      if (Status ended = end_host(client, request.host_end().number(), now); !ended) return ended;
-      answer.mutable_done();
-      break;
+    case wire::Request::kHostEnd: return end_host(client, request, now);
     case wire::Request::kDevices: return list_devices(client, request.id());
     default: return fail(Errc::kUnsupported, "this rig (" + software_ + ") does not support that request");
   }
@@ -108,23 +160,29 @@ bool Control::reply_to_scans(Instant now) {
 
 /// Makes the request a command; reply_to_commands() sends the answer.
 Status Control::command(Client& client, const wire::Request& request, Instant now) {
-  const Requester requester{Requester::Kind::kHost, client.number(), client.who()};
+  const Requester requester = requester_of(client);
   Result<Command> wanted =
       request.has_upload_commit() ? commit_command(request.upload_commit()) : command_of(request, config_);
   if (!wanted) {
-    if (changes_rig(request)) operation_.note_refused(requester, request_name(request), wanted.error(), now);
+    if (changes_rig(request)) operation_.note_refused(requester, kind_of(request).name, wanted.error(), now);
     return fail(wanted.error());
   }
   if (request.has_take_delete()) {
     const Status unread = take_sender_.check_unread(clients_, client, request.take_delete().take());
-    if (!unread) operation_.note_refused(requester, request_name(request), unread.error(), now);
+    if (!unread) operation_.note_refused(requester, kind_of(request).name, unread.error(), now);
     if (!unread) return unread;
   }
   const auto ticket = operation_.ask(requester, std::move(*wanted), now);
   if (!ticket) return fail(ticket.error());
-  waiting_[*ticket] = Waiting{client.number(), request.id()};
-  ++client.requests_open;
+  if (kind_of(request).turn == Turn::kCalibrations) calibration_ = *ticket;
+  await(client, request, *ticket);
   return {};
+}
+
+/// reply_to_commands() sends the answer.
+void Control::await(Client& client, const wire::Request& request, Ticket ticket) {
+  waiting_[ticket] = Waiting{client.number(), request.id()};
+  ++client.requests_open;
 }
 
 Result<Command> Control::commit_command(const wire::UploadCommit& commit) {
@@ -141,9 +199,14 @@ Result<Command> Control::commit_command(const wire::UploadCommit& commit) {
 }
 
 Result<StreamId> Control::start_work(Client& client, const wire::Request& request, Instant now) {
-  if (const Status may = Admission::may_work(clients_, client, now); !may) return fail(may.error());
+  // These share what they need in turns; pulls do not.
   if (request.has_frame_set()) return frame_sender_.start(client, operation_.head_shapes(), now);
-  if (request.has_take_read()) return take_sender_.start(client, request.take_read(), now);
+  if (request.has_take_read()) {
+    auto begun = take_sender_.start(client, request.take_read(), now);
+    if (begun) operation_.note_take_read(requester_of(client), request.take_read().take(), now);
+    return begun;
+  }
+  if (const Status may = Admission::may_work(clients_, client, now); !may) return fail(may.error());
   const KeeperReport& keeper = operation_.keeper();
   if (!keeper.in_force) {
     return fail(Errc::kNotReady,
@@ -154,7 +217,9 @@ Result<StreamId> Control::start_work(Client& client, const wire::Request& reques
   return publisher_.start(clients_, client, request.pull());
 }
 
-Status Control::end_host(const Client& client, std::uint64_t number, Instant now) {
+/// reply_to_commands() sends the answer, when the audit log has the entry.
+Status Control::end_host(Client& client, const wire::Request& request, Instant now) {
+  const std::uint64_t number = request.host_end().number();
   Client* const ended = find(number);
   if (!ended || ended->ending()) {
     return fail(Errc::kNotFound, "there is no host " + std::to_string(number) + "; `nodal hosts` lists them");
@@ -162,6 +227,7 @@ Status Control::end_host(const Client& client, std::uint64_t number, Instant now
   if (ended == &client) return fail(Errc::kBadValue, "this host cannot close itself");
   ended->end(Error{Errc::kCancelled, client.name() + " closed this connection"}, now);
   say(NewsKind::kHosts, client.name() + " closed " + ended->name());
+  await(client, request, operation_.note_host_end(requester_of(client), ended->who(), now));
   return {};
 }
 

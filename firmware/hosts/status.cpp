@@ -338,11 +338,29 @@ void fill_recording(const TakeReport& takes, Instant now, wire::Recording& into)
   into.set_deleted_segments(takes.deleted_segments);
 }
 
-void fill_audit(const AuditLog& log, Instant start, wire::AuditLog& into) {
-  for (const AuditEntry& entry : log.entries()) {
+void fill_audit(const AuditLog& log, const wire::AuditLogRequest& wanted, Instant start, Instant now,
+                std::int64_t utc_ns, wire::AuditLog& into) {
+  into.set_now_ns(static_cast<std::uint64_t>((now - start).ns()));
+  into.set_now_utc_ns(utc_ns);
+  into.set_newest(log.newest());
+  into.set_oldest(log.oldest());
+  into.set_head(sha256_to_wire(log.head()));
+  into.set_problem(shown(log.problem()));
+  for (const std::string& finding : log.findings()) into.add_findings(shown(finding));
+  const std::vector<AuditEntry> entries = log.entries(wanted.after(), wanted.since_utc_ns());
+  // Without a start the newest, as before; with one the oldest, and the host asks for more.
+  const bool paged = wanted.has_after() || wanted.has_since_utc_ns();
+  const std::size_t first = !paged && entries.size() > kMaxAuditReply ? entries.size() - kMaxAuditReply : 0;
+  const std::size_t end = std::min(entries.size(), first + kMaxAuditReply);
+  into.set_more(end < entries.size());
+  for (const AuditEntry& entry : std::span(entries).subspan(first, end - first)) {
     wire::AuditEntry& added = *into.add_entries();
     added.set_number(entry.number);
-    added.set_at_ns(static_cast<std::uint64_t>((entry.at - start).ns()));
+    if (entry.at) added.set_at_ns(static_cast<std::uint64_t>((*entry.at - start).ns()));
+    else added.set_earlier_run(true);
+    added.set_utc_ns(entry.utc_ns);
+    added.set_last_utc_ns(entry.last_utc_ns);
+    added.set_count(entry.count);
     added.set_who(entry.who);
     added.set_what(entry.what);
     added.set_before(entry.before);

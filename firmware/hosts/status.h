@@ -7,7 +7,7 @@
 #include "firmware/frame/raymap.h"
 #include "firmware/hosts/client.h"
 #include "firmware/hosts/device_scan.h"
-#include "firmware/operate/audit.h"
+#include "firmware/operate/audit_log.h"
 #include "firmware/picture/blender.h"
 #include "firmware/record/take_keeper.h"
 #include "protocol/nodal.pb.h"
@@ -29,7 +29,10 @@ void fill_trial(const Trial& trial, Instant now, wire::Trial& into);
 void fill_takes(const TakeAnswer::Listed& listed, wire::Takes& into);
 void fill_disk_test(const TakeAnswer::DiskTested& tested, wire::DiskTested& into);
 void fill_recording(const TakeReport& takes, Instant now, wire::Recording& into);
-void fill_audit(const AuditLog& log, Instant start, wire::AuditLog& into);
+/// At most kMaxAuditReply entries: 256 with texts of kMaxAuditText bytes are below 300 KiB.
+inline constexpr std::size_t kMaxAuditReply = 256;
+void fill_audit(const AuditLog& log, const wire::AuditLogRequest& wanted, Instant start, Instant now,
+                std::int64_t utc_ns, wire::AuditLog& into);
 /// The connected hosts; `asking` is the one that sent the request.
 void fill_hosts(const Clients& clients, const Client& asking, Instant now, wire::Hosts& into);
 /// A message's text has one line; the list's text has many.

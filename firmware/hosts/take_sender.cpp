@@ -8,30 +8,39 @@
 
 namespace nodal::firmware {
 
-// A host whose transfer was ended may hold one piece until its connection is closed.
 static_assert(TakesInUse::kMaxReaders >= Admission::in_all(Admission::kMaxClients));
-static_assert(TakeReader::kBuffers >= TakeSender::kAhead + Admission::in_all(Admission::kMaxClients));
+// Of each host the piece that it receives, and one of an ended transfer that its session sends to its end; what is ordered; and
+// what the only reader had before others came.
+static_assert(TakeReader::kBuffers >= Admission::places(Admission::kMaxClients, Access::kControl) +
+                                          Admission::in_all(Admission::kMaxClients) + 2 * TakeSender::kAhead);
+
+namespace {
+
+/// Null when it has disconnected.
+Client* find(const Clients& clients, std::uint64_t host) {
+  const auto found = std::ranges::find_if(clients, [&](const auto& client) { return client->number() == host; });
+  return found == clients.end() || (*found)->ending() ? nullptr : found->get();
+}
+
+}  // namespace
 
 Result<StreamId> TakeSender::start(Client& client, const wire::TakeRead& request, Instant now) {
   if (!reader_) {
     return fail(Errc::kUnsupported, "this rig records nothing; give it a section [takes] in its rig.toml");
-  }
-  if (transfer_) {
-    return fail(Errc::kBusy, "the rig is sending a file of a take to this or another host; try again later");
   }
   if (request.offset() % TakeReader::kPiece != 0) {
     return fail(Errc::kBadValue, "a file of a take can be read from multiples of 1 MiB on");
   }
   auto stream = client.session().open_stream(StreamPolicy::kLossless);
   if (!stream) return stream;
-  Transfer& begun = transfer_.emplace();
-  begun.number = ++transfers_;
-  begun.client = client.number();
+  Transfer begun;
+  begun.number = ++begun_;
   begun.stream = *stream;
   begun.take = request.take();
   begun.file = request.file();
   begun.next = request.offset();
   begun.moved = now;
+  transfers_[client.number()] = std::move(begun);
   client.take_file = *stream;
   note_reading(client.number(), request.take(), now);
   return stream;
@@ -73,90 +82,97 @@ Status TakeSender::check_unread(const Clients& clients, const Client& client, st
   return {};
 }
 
-/// Null when the client has disconnected, has stopped the stream or has received all of it.
-Client* TakeSender::receiver(const Clients& clients) const {
-  const auto found = std::find_if(clients.begin(), clients.end(),
-                                  [&](const auto& client) { return client->number() == transfer_->client; });
-  Client* const client = found == clients.end() || (*found)->ending() ? nullptr : found->get();
-  return client && client->session().counts(transfer_->stream) ? client : nullptr;
-}
-
 bool TakeSender::step(const Clients& clients, Instant now) {
   if (!reader_) return false;
-  Client* client = transfer_ ? receiver(clients) : nullptr;
   bool busy = forget_readers(clients, now);
-  busy |= take_answers(client);
-  if (!transfer_) return busy;
-  client = receiver(clients);  // an answer may have ended the stream
-  if (!client) {
-    for (const auto& each : clients) {
-      if (each->number() == transfer_->client) each->take_file.reset();
+  busy |= take_answers(clients);
+  for (auto each = transfers_.begin(); each != transfers_.end();) {
+    Client* const client = find(clients, each->first);
+    const bool open = client && client->session().counts(each->second.stream);
+    if (open && step(*client, each->second, now)) {
+      ++each;
+      continue;
     }
-    transfer_.reset();
-    return true;
+    if (client) client->take_file.reset();
+    turns_.leave(each->first);
+    each = transfers_.erase(each);
+    busy = true;
   }
-  busy |= order(*client);
-  const auto counts = client->session().counts(transfer_->stream);
-  const bool waits_for_host = counts && counts->pending > 0;
-  // The stream's own bytes: a host may read everything else, and give no credit for this stream.
-  const std::uint64_t sent = counts ? counts->bytes : 0;
-  if (!waits_for_host || sent > transfer_->sent_bytes) transfer_->moved = now;
-  note_reading(client->number(), transfer_->take, transfer_->moved);
-  transfer_->sent_bytes = sent;
-  if (waits_for_host && now - transfer_->moved > kGrace) {
-    end(*client, {Errc::kTimeout, "this host has read nothing for " + std::to_string(kGrace.ms() / 1000) +
-                                      " s; another host may want a take"});
-    return true;
-  }
-  return busy;
+  return order_pieces() || busy;
 }
 
-bool TakeSender::take_answers(Client* client) {
+/// False when the transfer has ended.
+bool TakeSender::step(Client& client, Transfer& transfer, Instant now) {
+  const auto counts = client.session().counts(transfer.stream);
+  const std::size_t pending = counts->pending;
+  // The stream's own bytes: a host may read everything else, and give no credit for this stream.
+  if (pending == 0 || counts->bytes > transfer.sent_bytes) transfer.moved = now;
+  note_reading(client.number(), transfer.take, transfer.moved);
+  transfer.sent_bytes = counts->bytes;
+  if (pending > 0 && now - transfer.moved > kGrace) {
+    client.session().close_stream(
+        transfer.stream,
+        Error{Errc::kTimeout, "this host has read nothing for " + std::to_string(kGrace.ms() / 1000) + " s"});
+    return false;
+  }
+  const std::size_t most = transfers_.size() == 1 ? kAhead : 1;
+  const bool ready = !transfer.all_ordered && pending + transfer.ordered < most;
+  if (!ready) turns_.leave(client.number());
+  else if (!turns_.waits(client.number())) turns_.add({client.number(), client.access(), client.identity()});
+  return true;
+}
+
+bool TakeSender::take_answers(const Clients& clients) {
   bool busy = false;
   while (auto answer = reader_->answers().pop()) {
     busy = true;
     --ordered_;
-    const bool wanted = client && transfer_ && answer->transfer == transfer_->number && !transfer_->all_ordered;
-    if (!wanted) continue;  // of an ended transfer, or ordered behind the end of the file
-    if (!answer->piece) {
-      end(*client, answer->piece.error());
-      client = nullptr;
-      continue;
-    }
-    const std::uint64_t file_bytes = answer->piece->file_bytes;
-    const std::uint64_t after = answer->offset + answer->piece->bytes->size();
-    if (!answer->piece->bytes->empty()) {
-      wire::TakePiece meta;
-      meta.set_offset(answer->offset);
-      meta.set_file_bytes(file_bytes);
-      // It has room: at most kAhead items are pending.
-      (void)client->session().offer(transfer_->stream,
-                                    BulkItem{meta.SerializeAsString(), shared_bytes(answer->piece->bytes), 0});
-    }
-    if (after < file_bytes) continue;
-    transfer_->all_ordered = true;
-    client->session().close_stream(transfer_->stream);
+    const auto found =
+        std::ranges::find_if(transfers_, [&](const auto& each) { return each.second.number == answer->transfer; });
+    if (found == transfers_.end()) continue;  // it has ended
+    --found->second.ordered;
+    Client* const client = find(clients, found->first);
+    if (client && !found->second.all_ordered) send(*client, found->second, *answer);
   }
   return busy;
 }
 
-bool TakeSender::order(const Client& client) {
+void TakeSender::send(Client& client, Transfer& transfer, const ReadAnswer& answer) {
+  if (!answer.piece) {
+    transfer.all_ordered = true;
+    client.session().close_stream(transfer.stream, answer.piece.error());
+    return;
+  }
+  const std::uint64_t file_bytes = answer.piece->file_bytes;
+  const std::uint64_t after = answer.offset + answer.piece->bytes->size();
+  if (!answer.piece->bytes->empty()) {
+    wire::TakePiece meta;
+    meta.set_offset(answer.offset);
+    meta.set_file_bytes(file_bytes);
+    // It has room: at most kAhead items are pending.
+    (void)client.session().offer(transfer.stream,
+                                 BulkItem{meta.SerializeAsString(), shared_bytes(answer.piece->bytes), 0});
+  }
+  if (after < file_bytes) return;
+  transfer.all_ordered = true;
+  client.session().close_stream(transfer.stream);
+}
+
+/// One piece for each turn.
+bool TakeSender::order_pieces() {
   bool busy = false;
-  const auto pending = client.session().counts(transfer_->stream)->pending;
-  while (!transfer_->all_ordered && ordered_ + pending < kAhead) {
-    const bool ordered = reader_->orders().push({transfer_->number, transfer_->take, transfer_->file, transfer_->next});
-    NODAL_ASSERT(ordered);  // it has room for kAhead
+  while (ordered_ < TakeReader::kOrders) {
+    const auto host = turns_.next();
+    if (!host) break;
+    Transfer& transfer = transfers_.at(*host);
+    const bool ordered = reader_->orders().push({transfer.number, transfer.take, transfer.file, transfer.next});
+    NODAL_ASSERT(ordered);  // it has room for kOrders
     ++ordered_;
-    transfer_->next += TakeReader::kPiece;
+    ++transfer.ordered;
+    transfer.next += TakeReader::kPiece;
     busy = true;
   }
   return busy;
-}
-
-void TakeSender::end(Client& client, const Error& why) {
-  client.session().close_stream(transfer_->stream, why);
-  client.take_file.reset();
-  transfer_.reset();
 }
 
 }  // namespace nodal::firmware

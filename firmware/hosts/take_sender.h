@@ -3,39 +3,41 @@
 
 #include <array>
 #include <cstdint>
-#include <optional>
+#include <map>
 #include <string>
 
 #include "firmware/hosts/client.h"
+#include "firmware/hosts/fair_queue.h"
 #include "firmware/record/take_reader.h"
 #include "protocol/base/result.h"
 #include "protocol/nodal.pb.h"
 
 namespace nodal::firmware {
 
-/// Serves one file at a time, for all hosts together, so the memory is bounded by kAhead pieces and one host at a time uses the
-/// disk. Each piece is one item of a lossless stream. The takes' reader reads the pieces. The host's link may pause for
-/// kGrace at most; then the stream ends, so that a host that does not read blocks others only briefly.
+/// Sends one file to each host that asks. Hosts share the disk in turns of one piece (FairQueue), so a host gets its share
+/// however many others read, and however slowly they do. Each piece is one item of a lossless stream. The takes' reader reads the
+/// pieces. A host has at most kAhead pieces in memory, and one while others read too. Its link may pause for kGrace at most;
+/// then the stream ends.
 ///
 /// It notes which takes hosts read, so that nobody deletes them meanwhile: a host copies a take file by file, so a take is read until
 /// kReadFor after its newest byte, or until the host disconnects.
 ///
 /// Threading: thread-bound to control.
 /// Ownership: the reader outlives it; sessions hold the pieces that they send.
-/// Errors: start() returns kBusy, kUnsupported, kBadValue; the reader's errors and kTimeout end the stream.
+/// Errors: start() returns kUnsupported, kBadValue; the reader's errors and kTimeout end the stream.
 class TakeSender {
  public:
   /// `reader`: null in a rig that records nothing.
   explicit TakeSender(TakeReader* reader) : reader_(reader) {}
 
-  /// Opens the stream of a file.
+  /// Opens the stream of a file. The host must not receive one already.
   Result<StreamId> start(Client& client, const wire::TakeRead& request, Instant now);
   /// True when it did something.
   bool step(const Clients& clients, Instant now);
   /// Errors: kBusy, naming the host, if another one than `client` reads the take.
   Status check_unread(const Clients& clients, const Client& client, std::uint64_t take) const;
 
-  /// Pieces that are ordered or not sent completely.
+  /// Pieces of a host that are ordered or not sent completely.
   static constexpr std::size_t kAhead = TakeReader::kOrders;
   static constexpr Duration kGrace = Duration::seconds(10);
   /// A host may check what it has before it asks for more.
@@ -51,24 +53,27 @@ class TakeSender {
   bool forget_readers(const Clients& clients, Instant now);
   struct Transfer {
     std::uint64_t number = 0;
-    std::uint64_t client = 0;
     StreamId stream = 0;
     std::uint64_t take = 0;
     std::string file;
-    std::uint64_t next = 0;  ///< offset of the next piece to order
-    bool all_ordered = false;
+    std::uint64_t next = 0;    ///< offset of the next piece to order
+    std::size_t ordered = 0;   ///< unanswered orders
+    bool all_ordered = false;  ///< the end of the file has been read
     std::uint64_t sent_bytes = 0;
     Instant moved;  ///< when sent_bytes last grew, or nothing was to be sent
   };
-  Client* receiver(const Clients& clients) const;
-  bool take_answers(Client* client);
-  bool order(const Client& client);
-  void end(Client& client, const Error& why);
+  using Transfers = std::map<std::uint64_t, Transfer>;
+
+  bool take_answers(const Clients& clients);
+  void send(Client& client, Transfer& transfer, const ReadAnswer& answer);
+  bool step(Client& client, Transfer& transfer, Instant now);
+  bool order_pieces();
 
   TakeReader* const reader_;
   std::array<Reading, TakesInUse::kMaxReaders> readings_;
-  std::optional<Transfer> transfer_;
-  std::uint64_t transfers_ = 0;
+  Transfers transfers_;  ///< by host
+  FairQueue turns_;      ///< hosts that may order another piece
+  std::uint64_t begun_ = 0;
   std::size_t ordered_ = 0;  ///< unanswered orders, those of ended transfers included
 };
 

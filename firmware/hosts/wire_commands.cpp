@@ -161,6 +161,7 @@ wire::Reply reply_of(const Answer& answer, const RigConfig& config) {
     return reply;
   }
   if (!answer.not_stored.empty()) reply.set_not_stored(answer.not_stored);
+  if (!answer.not_recorded.empty()) reply.set_not_recorded(answer.not_recorded);
   const Outcome& outcome = *answer.outcome;
   if (const auto* genlock = std::get_if<GenlockReport>(&outcome)) {
     fill_genlock(config, *genlock, *reply.mutable_genlock());

@@ -1,5 +1,7 @@
 #include "firmware/operate/audit.h"
 
+#include <array>
+#include <charconv>
 #include <utility>
 
 #include "firmware/config/exposure_settings.h"
@@ -80,17 +82,41 @@ std::string text_of(const GenlockStart& start) {
 
 }  // namespace
 
-std::string AuditLog::record(AuditEntry entry) {
-  entry.number = ++count_;
-  for (std::string* text : {&entry.who, &entry.what, &entry.before, &entry.after}) {
-    *text = printable(*text, kLongestText);
+std::string to_line(const AuditEntry& entry) {
+  std::string line = std::to_string(entry.utc_ns) + "\t" + std::to_string(entry.last_utc_ns) + "\t" +
+                     std::to_string(entry.count) + "\t" +
+                     std::to_string(entry.error ? static_cast<std::uint32_t>(entry.error->code) : 0);
+  const std::string message = entry.error ? entry.error->message : "";
+  for (const std::string* text : {&entry.who, &entry.what, &entry.before, &entry.after, &message}) {
+    line += "\t" + printable(*text, kMaxAuditText);
   }
-  if (entry.error) entry.error->message = printable(entry.error->message, kLongestText);
-  std::string line = "audit: " + entry.who + ": " + entry.what + ": " + entry.before + " -> " + entry.after +
-                     (entry.error ? ": failed: " + entry.error->text() : ": done");
-  entries_.push_back(std::move(entry));
-  if (entries_.size() > kKept) entries_.pop_front();
   return line;
+}
+
+std::optional<AuditEntry> audit_entry_of(std::string_view line) {
+  std::array<std::string_view, 9> fields;
+  for (std::size_t i = 0; i < fields.size(); ++i) {
+    const std::size_t end = line.find('\t');
+    if ((end == std::string_view::npos) != (i + 1 == fields.size())) return std::nullopt;
+    fields[i] = line.substr(0, end);
+    line.remove_prefix(end == std::string_view::npos ? line.size() : end + 1);
+  }
+  const auto number = [](std::string_view text, auto& value) {
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    return error == std::errc{} && end == text.data() + text.size();
+  };
+  AuditEntry entry;
+  std::uint32_t code = 0;
+  if (!number(fields[0], entry.utc_ns) || !number(fields[1], entry.last_utc_ns) || !number(fields[2], entry.count) ||
+      !number(fields[3], code)) {
+    return std::nullopt;
+  }
+  entry.who = fields[4];
+  entry.what = fields[5];
+  entry.before = fields[6];
+  entry.after = fields[7];
+  if (code != 0) entry.error = Error{static_cast<Errc>(code), std::string(fields[8])};
+  return entry;
 }
 
 std::string calibration_text(const std::optional<Sha256>& id) {

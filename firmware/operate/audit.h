@@ -1,45 +1,35 @@
-// The audit log: every change of the rig with its author, its time, the old and the new value, and its result.
+// What the audit log says of a change: its values before and after, and the entry as one line of text.
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "firmware/operate/commands.h"
 #include "protocol/base/result.h"
 
 namespace nodal::firmware {
 
+/// One change, or several of the same kind that are merged.
 struct AuditEntry {
-  std::uint64_t number = 0;  ///< of the entry since the start, from 1
-  Instant at;
-  std::string who;             ///< "user 1000, process 4711, host 3 at unix:...", "button", "stored settings"
-  std::string what;            ///< command_name()
-  std::string before;          ///< the values that the command changes, before it
-  std::string after;           ///< the requested values; for a calibration, the one in force after the command
-  std::optional<Error> error;  ///< empty: the command succeeded
+  std::uint64_t number = 0;      ///< over all starts, from 1; 0: not numbered yet
+  std::optional<Instant> at;     ///< when it was recorded; empty: in an earlier run of nodald
+  std::int64_t utc_ns = 0;       ///< the same by the board's clock, since 1970; 0: unknown
+  std::int64_t last_utc_ns = 0;  ///< of the newest change that is merged
+  std::uint64_t count = 1;       ///< changes that are merged
+  std::string who;               ///< "user 1000, process 4711, host 3 at unix:...", "button", "stored settings"
+  std::string what;              ///< command_name()
+  std::string before;            ///< the values that the command changes, before it; before the first, if merged
+  std::string after;             ///< the requested values; of a calibration, the one in force; of the newest, if merged
+  std::optional<Error> error;    ///< empty: the command succeeded
 };
 
-/// Keeps the newest kKept entries for hosts. The daemon's log gets all entries, within its rate limit (news.h).
-///
-/// Threading: thread-bound to control.
-/// Ownership: none.
-/// Errors: none.
-class AuditLog {
- public:
-  static constexpr std::size_t kKept = 256;
-  static constexpr std::size_t kLongestText = 240;  ///< bytes of each text; a reply with kKept entries is below 300 KiB
+inline constexpr std::size_t kMaxAuditText = 240;  ///< bytes of each text of an entry
 
-  /// Sanitises and keeps an entry. Returns its line for the log, which begins with "audit: ".
-  std::string record(AuditEntry entry);
-  /// Oldest first.
-  const std::deque<AuditEntry>& entries() const { return entries_; }
-
- private:
-  std::deque<AuditEntry> entries_;
-  std::uint64_t count_ = 0;
-};
+/// The entry as one line for the audit file, and back. The number and `at` are not in it. Nothing: the line is none.
+std::string to_line(const AuditEntry& entry);
+std::optional<AuditEntry> audit_entry_of(std::string_view line);
 
 /// The present values of what a command changes; only those that the command names.
 std::string values_before(const Command& command, const CaptureReport& capture, const KeeperReport& keeper);

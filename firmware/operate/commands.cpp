@@ -122,6 +122,11 @@ std::string_view command_name(const Command& command) {
                     std::get<CalibrationCommand>(command));
 }
 
+bool is_important(const Command& command) {
+  if (const auto* take = std::get_if<TakeCommand>(&command)) return std::holds_alternative<TakeRequest::Delete>(*take);
+  return std::holds_alternative<CalibrationCommand>(command) && changes_rig(command);
+}
+
 bool changes_rig(const Command& command) {
   if (const auto* take = std::get_if<TakeCommand>(&command)) return !std::holds_alternative<TakeRequest::List>(*take);
   const auto* calibration = std::get_if<CalibrationCommand>(&command);

@@ -22,6 +22,9 @@ CommandStage stage_of(const Command& command);
 
 /// "head_set", "calibration_use": the name in the audit log and in nodal.proto.
 std::string_view command_name(const Command& command);
+/// Whether the command changes calibrations or deletes a take: it always has its own entry in the audit log, which is on the
+/// disk before it is answered.
+bool is_important(const Command& command);
 /// Whether the command is a change, which is audited, or a query.
 bool changes_rig(const Command& command);
 /// Checks that every value is one that some rig allows. Each head then checks its own limits. Errors: kBadValue.
@@ -36,6 +39,7 @@ struct Requester {
   Kind kind = Kind::kHost;
   std::uint64_t host = 0;  ///< the host's number, for kHost
   std::string name;        ///< for the audit log
+  std::string party{};     ///< whose quota of the audit log it uses: a user at a socket; empty: `name`
 };
 /// Identifies a command until its answer.
 using Ticket = std::uint64_t;
@@ -48,7 +52,8 @@ using Outcome = std::variant<CommandDone, GenlockReport, ExposureControl::Report
 struct Answer {
   Ticket ticket = 0;
   Result<Outcome> outcome;
-  std::string not_stored{};  ///< why a setting that is in effect will be lost at the next start; empty: it is stored
+  std::string not_stored{};    ///< why a setting that is in effect will be lost at the next start; empty: it is stored
+  std::string not_recorded{};  ///< why an important change is not in the audit log on the disk; empty: it is
 };
 
 }  // namespace nodal::firmware

@@ -65,7 +65,7 @@ struct HealthInputs {
   Duration since_last_set;  ///< since the start, before the first set
   Duration blending;        ///< time without a pause of the sets or a change of calibration
   ShedLevel shed;
-  const std::string& settings_problem;  ///< SettingsWriter::problem()
+  const std::string& settings_problem;  ///< SettingsWriter::problem(), or AuditLog::problem()
   const TakeReport* takes;              ///< null: the rig records nothing
   Duration since_lost_set;              ///< of a take, because the disk was too slow
   const std::string& undecodable;       ///< a sentence about a head whose newest frame could not be decoded, or empty

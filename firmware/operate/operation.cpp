@@ -28,6 +28,7 @@ Operation::Operation(const RigConfig& config, const Stages& stages, hal::Watchdo
       capture_(&stages.capture.snapshot().read()),
       keeper_(&stages.keeper.snapshot().read()),
       takes_(stages.takes ? &stages.takes->snapshot().read() : nullptr),
+      audit_(stages.audit, stages.utc),
       news_(now),
       newest_set_(now),
       unstable_(now),
@@ -52,6 +53,7 @@ std::vector<Answer> Operation::take_answers(Instant now) {
   take_keeper_answers(answers, now);
   take_takes_answers(answers, now);
   take_settings_answers();
+  step_audit(answers, now);
   write_settings(now);
   // An answer waits for the result of the write, unless the write takes too long or is not due yet.
   if (!settings_writer_.worth_waiting(now)) {
@@ -111,10 +113,6 @@ Status Operation::hand_over(Ticket ticket, Command command) {
   return fail(Errc::kBusy, "the rig's queue of requests about calibrations is full; try again");
 }
 
-void Operation::note_refused(const Requester& requester, std::string_view what, const Error& why, Instant now) {
-  news_.say(NewsKind::kChanges, audit_.record({0, now, requester.name, std::string(what), "", "", why}));
-}
-
 std::size_t Operation::open(std::uint64_t host, CommandStage stage) const {
   return static_cast<std::size_t>(std::count_if(open_.begin(), open_.end(), [&](const auto& entry) {
     const Open& open = entry.second;
@@ -166,8 +164,8 @@ void Operation::take_keeper_answers(std::vector<Answer>& answers, Instant now) {
   while (auto answer = stages_.keeper.answers().pop()) {
     const Open open = close(answer->ticket);
     const auto* done = answer->result ? std::get_if<KeeperAnswer::Done>(&*answer->result) : nullptr;
-    audit(open, done ? done->in_force : keeper_->in_force, answer->result ? Status() : fail(answer->result.error()),
-          now);
+    const auto receipt = audit(open, done ? done->in_force : keeper_->in_force,
+                               answer->result ? Status() : fail(answer->result.error()), now);
     if (!answer->result) {
       answers.push_back({answer->ticket, fail(answer->result.error())});
       continue;
@@ -175,7 +173,7 @@ void Operation::take_keeper_answers(std::vector<Answer>& answers, Instant now) {
     Outcome outcome = CommandDone{};
     if (auto* listed = std::get_if<KeeperAnswer::Listed>(&*answer->result)) outcome = std::move(*listed);
     else if (auto* document = std::get_if<KeeperAnswer::Document>(&*answer->result)) outcome = std::move(*document);
-    answers.push_back({answer->ticket, std::move(outcome)});
+    answer_when_recorded({answer->ticket, std::move(outcome)}, receipt);
   }
 }
 
@@ -183,13 +181,13 @@ void Operation::take_takes_answers(std::vector<Answer>& answers, Instant now) {
   if (!stages_.takes) return;
   while (auto answer = stages_.takes->answers().pop()) {
     const Open open = close(answer->ticket);
-    audit(open, std::nullopt, answer->result ? Status() : fail(answer->result.error()), now);
+    const auto receipt = audit(open, std::nullopt, answer->result ? Status() : fail(answer->result.error()), now);
     if (!answer->result) {
       answers.push_back({answer->ticket, fail(answer->result.error())});
       continue;
     }
-    answers.push_back(
-        {answer->ticket, std::visit([](auto& what) { return Outcome(std::move(what)); }, *answer->result)});
+    answer_when_recorded(
+        {answer->ticket, std::visit([](auto& what) { return Outcome(std::move(what)); }, *answer->result)}, receipt);
   }
 }
 
@@ -251,15 +249,6 @@ void Operation::take_settings_answers() {
   }
 }
 
-void Operation::audit(const Open& open, const std::optional<Sha256>& in_force, const Status& done, Instant now) {
-  if (!changes_rig(open.command)) return;
-  std::optional<Error> error;
-  if (!done) error = done.error();
-  news_.say(NewsKind::kChanges,
-            audit_.record({0, now, open.requester.name, std::string(command_name(open.command)), open.before,
-                           values_after(open.command, config_, in_force), std::move(error)}));
-}
-
 /// Reports the start and the end of a trial, and audits its end by time.
 void Operation::watch_trial(Instant now) {
   if (keeper_->trial.has_value() == on_trial_.has_value()) return;
@@ -272,10 +261,12 @@ void Operation::watch_trial(Instant now) {
   news_.say(NewsKind::kRig, kept ? "the calibration on trial stays in force"
                                  : "the trial has ended; calibration '" + keeper_->name + "' is in force again");
   if (!kept && now >= on_trial_->until) {
-    news_.say(NewsKind::kChanges,
-              audit_.record(
-                  {0, now, "timeout of the trial", std::string(command_name(Command(KeeperRequest::EndTrial{}))),
-                   calibration_text(on_trial_->id) + " on trial", calibration_text(keeper_->in_force), std::nullopt}));
+    AuditEntry entry;
+    entry.who = "timeout of the trial";
+    entry.what = command_name(Command(KeeperRequest::EndTrial{}));
+    entry.before = calibration_text(on_trial_->id) + " on trial";
+    entry.after = calibration_text(keeper_->in_force);
+    audit_.record(std::move(entry), "the rig", true, now);
   }
   on_trial_.reset();
 }

@@ -13,7 +13,7 @@
 #include "firmware/capture/capture.h"
 #include "firmware/config/config.h"
 #include "firmware/frame/statistics.h"
-#include "firmware/operate/audit.h"
+#include "firmware/operate/audit_log.h"
 #include "firmware/operate/commands.h"
 #include "firmware/operate/health.h"
 #include "firmware/operate/news.h"
@@ -25,6 +25,7 @@
 #include "firmware/picture/encoder.h"
 #include "firmware/record/take_keeper.h"
 #include "firmware/record/take_reader.h"
+#include "firmware/storage/audit_store.h"
 #include "firmware/storage/settings_store.h"
 #include "hal/watchdog.h"
 
@@ -37,6 +38,8 @@ struct Stages {
   EncodeStage& encoder;
   CalibrationKeeper& keeper;
   SettingsStore& settings;
+  AuditStore& audit;
+  AuditLog::UtcClock utc;
   TakeKeeper* takes = nullptr;        ///< null: the rig records nothing
   TakeReader* take_reader = nullptr;  ///< null if `takes` is
 };
@@ -66,12 +69,18 @@ class Operation {
 
   /// Passes a command to its stage. Errors: check()'s, and kBusy when the stage's queue is full. A failed change is audited.
   Result<Ticket> ask(const Requester& requester, Command command, Instant now);
+  /// Whether the audit log takes a change of this requester now; otherwise it must wait.
+  bool may_change(const Requester& requester, bool important, Instant now) const;
+  /// Audits the end of a host's connection. The answer comes when the entry is on the disk.
+  Ticket note_host_end(const Requester& requester, const std::string& host, Instant now);
+  /// Audits a read of a take.
+  void note_take_read(const Requester& requester, std::uint64_t take, Instant now);
   /// Audits a requested change that could not be mapped to a command.
   void note_refused(const Requester& requester, std::string_view what, const Error& why, Instant now);
   /// Number of unanswered commands of a host at a stage.
   std::size_t open(std::uint64_t host, CommandStage stage) const;
   /// Number of all commands whose answers take_answers() has not returned yet.
-  std::size_t unanswered() const { return open_.size() + unstored_.size(); }
+  std::size_t unanswered() const { return open_.size() + unstored_.size() + unrecorded_.size(); }
 
   /// Starts the end of the rig, for this reason. Any thread; call it once.
   void ask_to_end(std::string reason);
@@ -121,7 +130,10 @@ class Operation {
   void take_keeper_answers(std::vector<Answer>& answers, Instant now);
   void take_takes_answers(std::vector<Answer>& answers, Instant now);
   void take_settings_answers();
-  void audit(const Open& open, const std::optional<Sha256>& in_force, const Status& done, Instant now);
+  AuditLog::Receipt audit(const Open& open, const std::optional<Sha256>& in_force, const Status& done, Instant now);
+  void note_finding(const std::string& finding, Instant now);
+  void answer_when_recorded(Answer answer, AuditLog::Receipt receipt);
+  void step_audit(std::vector<Answer>& answers, Instant now);
   void watch_trial(Instant now);
   void watch_takes(Instant now);
   void start_take_at_boot(Instant now);
@@ -157,6 +169,14 @@ class Operation {
   Ticket next_ticket_ = 1;
   std::map<Ticket, Open> open_;
   std::vector<Answer> unstored_;  ///< answers about settings that wait for the result of the write
+  /// Answers about important changes that wait until their entries are on the disk.
+  struct Unrecorded {
+    Answer answer;
+    AuditLog::Receipt receipt = 0;
+  };
+  std::vector<Unrecorded> unrecorded_;
+  std::string audit_problem_;  ///< as last logged
+  bool findings_told_ = false;
   std::optional<Trial> on_trial_;
   AuditLog audit_;
   News news_;

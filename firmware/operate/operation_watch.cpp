@@ -46,10 +46,11 @@ void Operation::watch(bool lossless, Instant now) {
   if (lost > sets_lost_by_disk_) newest_lost_set_ = now;
   sets_lost_by_disk_ = lost;
   const Duration since_lost_set = newest_lost_set_ ? now - *newest_lost_set_ : Duration::seconds(1'000'000);
-  const Diagnosis found = diagnose(config_, {*capture_, *keeper_, rate_wanted_millihertz(), rate_.millihertz(),
-                                             stages_.blender.counts().unfit_frames.load(std::memory_order_relaxed),
-                                             now - newest_set_, now - steady_since_, shedding_.level(),
-                                             settings_writer_.problem(), takes_, since_lost_set, undecodable});
+  const std::string& store_problem = settings_writer_.problem().empty() ? audit_.problem() : settings_writer_.problem();
+  const Diagnosis found =
+      diagnose(config_, {*capture_, *keeper_, rate_wanted_millihertz(), rate_.millihertz(),
+                         stages_.blender.counts().unfit_frames.load(std::memory_order_relaxed), now - newest_set_,
+                         now - steady_since_, shedding_.level(), store_problem, takes_, since_lost_set, undecodable});
   const std::string_view before = health().state;
   supervisor_.step({{"capture", stages_.capture.steps(), false},
                     {"blend", stages_.blender.progress(), stages_.blender.idle()},

@@ -1,6 +1,7 @@
 // Measures what the disk of the takes sustains.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -51,6 +52,8 @@ class DiskTest {
   /// One write or one sync; what was measured, when it is done.
   Result<std::optional<DiskSpeed>> step(Instant now);
   std::uint32_t percent(Instant now) const;
+  /// Shortens the test to this time since its beginning, if it is longer.
+  void end_after(Duration length) { length_ = std::min(length_, length); }
 
   static void remove_leftover(hal::DiskPort& disk);
   /// In the root of the takes' disk. No take has such a name.
@@ -67,7 +70,7 @@ class DiskTest {
   DiskTest(hal::DiskPort& disk, Duration length, std::uint64_t most_bytes, Instant now);
 
   hal::DiskPort& disk_;
-  const Duration length_;
+  Duration length_;
   const std::uint64_t most_bytes_;
   const Instant began_;
   hal::FileHandle file_ = 0;

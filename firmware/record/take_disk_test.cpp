@@ -1,4 +1,5 @@
 // The part of TakeKeeper that tests the disk for a host.
+#include <algorithm>
 #include <utility>
 
 #include "firmware/record/head_coder.h"
@@ -27,7 +28,11 @@ std::uint64_t TakeKeeper::set_bytes(const HeadShapes& heads, std::optional<TakeM
 
 Status TakeKeeper::begin_test(std::uint64_t ticket, const TakeRequest::TestDisk& what, Instant now) {
   if (writing_) return fail(Errc::kBusy, "a take is being recorded; test the disk when none is");
-  if (test_) return fail(Errc::kBusy, "the disk is being tested; try again in a minute");
+  if (test_) {  // one test answers all who wait, and lasts no longer than they asked for
+    test_->tickets.push_back(ticket);
+    test_->test->end_after(std::max(what.length, TakeRequest::TestDisk::kShared));
+    return {};
+  }
   if (set_bytes(what.heads) == 0) {
     return fail(Errc::kNotReady,
                 "no head has delivered a picture yet, so nothing is known of what they need; `nodal "
@@ -38,7 +43,7 @@ Status TakeKeeper::begin_test(std::uint64_t ticket, const TakeRequest::TestDisk&
   auto test = DiskTest::begin(disk_, what.length, now);
   if (!test) return fail(test.error());
   rate_ = what.rate.value_or(config_.rate);
-  test_.emplace(Test{ticket, std::move(*held), what.heads, std::move(*test)});
+  test_.emplace(Test{{ticket}, std::move(*held), what.heads, std::move(*test)});
   return {};
 }
 
@@ -63,10 +68,12 @@ bool TakeKeeper::step_test(Instant now) {
 
 /// The file is removed before the answer goes.
 void TakeKeeper::end_test(Result<TakeAnswer::DiskTested> result) {
-  const std::uint64_t ticket = test_->ticket;
+  const std::vector<std::uint64_t> tickets = std::move(test_->tickets);
   test_.reset();
-  if (result) answer(ticket, std::move(*result));
-  else answer(ticket, fail(result.error()));
+  for (const std::uint64_t ticket : tickets) {
+    if (result) answer(ticket, *result);
+    else answer(ticket, fail(result.error()));
+  }
 }
 
 }  // namespace nodal::firmware

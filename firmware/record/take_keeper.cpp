@@ -79,7 +79,7 @@ bool TakeKeeper::step(Instant now) {
   end_late_still(now);
   busy |= take_request(now);  // also while rows always wait, because the disk is too slow
   busy |= step_eject();
-  if (!busy) busy = step_test(now);
+  busy |= step_test(now);  // also while hosts ask without a pause
   busy |= shelf_.recover_some(now, !busy && (shelf_.recovers_beside() || !writing_));
   if (std::string problem = shelf_.take_problem(); !problem.empty()) report_.problem = std::move(problem);
   if (busy || now >= next_report_) publish(now);

@@ -58,6 +58,8 @@ struct TakeRequest {
     Duration length = Duration::seconds(10);
     HeadShapes heads{};  ///< for what the modes need
     std::optional<FrameRate> rate{};
+    /// A test that runs answers later requests, too; it then lasts as long as they ask, but may always last so long.
+    static constexpr Duration kShared = Duration::seconds(10);
   };
   /// Ends the take, syncs, and leaves the disk alone, so that it can be removed. Done names the take; 0: none was recorded.
   struct Eject {};
@@ -214,7 +216,7 @@ class TakeKeeper {
   Instant next_look_;
 
   struct Test {
-    std::uint64_t ticket = 0;
+    std::vector<std::uint64_t> tickets;  ///< of all who wait for its result
     TakeShelf::Hold held;
     HeadShapes heads;
     std::unique_ptr<DiskTest> test;

@@ -8,6 +8,7 @@
 #include "host_tool/console/quantities.h"
 #include "host_tool/input/live_frames.h"
 #include "host_tool/report/calibration_report.h"
+#include "host_tool/rig/not_recorded.h"
 #include "host_tool/rig/upload.h"
 #include "host_tool/rig/wire_json.h"
 #include "protocol/calibration.h"
@@ -154,8 +155,10 @@ Status tell_in_force(Context& context, const wire::Request& request) {
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
   if (!rig) return fail(rig.error());
   const auto show_activity = [&](const wire::RigStatus& status) { context.console().activity(status.activity()); };
-  if (const Result<wire::Reply> done = (*rig)->ask_long(request, show_activity); !done) return fail(done.error());
+  const Result<wire::Reply> done = (*rig)->ask_long(request, show_activity);
+  if (!done) return fail(done.error());
   context.console().finish_progress();
+  note_not_recorded(context.console(), *done);
   wire::Request list;
   list.mutable_calibration_list();
   const Result<wire::Reply> reply = (*rig)->ask(list);

@@ -3,6 +3,7 @@
 
 #include "host_tool/commands/command.h"
 #include "host_tool/console/quantities.h"
+#include "host_tool/rig/not_recorded.h"
 
 namespace nodal::host {
 namespace {
@@ -53,6 +54,7 @@ Status run_hosts(Context& context, std::uint64_t end) {
   const Result<wire::Reply> reply = (*rig)->ask(request);
   if (!reply) return fail(reply.error());
   if (end != 0) {
+    note_not_recorded(context.console(), *reply);
     context.console().line(fmt::format("host {} is being disconnected", end));
     context.console().document({{"ended", end}, {"done", true}});
     return {};

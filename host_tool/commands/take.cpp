@@ -8,8 +8,10 @@
 
 #include "host_tool/commands/command.h"
 #include "host_tool/console/files.h"
+#include "host_tool/console/points_in_time.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/offload/take_fetch.h"
+#include "host_tool/rig/not_recorded.h"
 #include "host_tool/rig/wire_json.h"
 #include "protocol/take/evidence.h"
 
@@ -24,11 +26,6 @@ struct TakeOptions {
   std::string thumbnails;
   bool off = false;
 };
-
-std::string show_utc(std::int64_t ns) {
-  if (ns <= 0) return "unknown";
-  return fmt::format("{:%Y-%m-%d %H:%M:%S}", fmt::gmtime(static_cast<std::time_t>(ns / 1'000'000'000)));
-}
 
 /// As OSC's listFiles writes it; null if the rig's clock was not set.
 Json osc_date(std::int64_t ns) {
@@ -141,6 +138,7 @@ Status list_takes(Context& context, const TakeOptions& options) {
 Status ask_about_take(Context& context, const wire::Request& request, const char* done) {
   const Result<wire::Reply> reply = context.ask(request);
   if (!reply) return fail(reply.error());
+  note_not_recorded(context.console(), *reply);
   context.console().document({{"take", reply->take().take()}});
   context.console().line(fmt::format(fmt::runtime(done), reply->take().take()));
   return {};

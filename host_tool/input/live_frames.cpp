@@ -209,6 +209,7 @@ double mean_of(const DecodedImage& picture) {
 
 Result<std::optional<HeadSample>> sample_head(RigConnection& rig, std::uint32_t head) {
   Result<ReceivedSet> set = receive_set(rig);
+  // Older rigs refuse while they send another set; newer ones let the request wait.
   for (int tries = 1; !set && set.error().code == Errc::kBusy && tries < kBusyTries; ++tries) {
     if (const Status rested = rig.rest(kBusyRest); !rested) return fail(rested.error());
     set = receive_set(rig);

@@ -18,7 +18,7 @@ constexpr Duration kListenFor = Duration::milliseconds(500);
 
 Error cancelled() { return {Errc::kCancelled, "interrupted"}; }
 
-/// Opens the stream, when no other host receives a take.
+/// Opens the stream. Older rigs refuse while another host receives a take.
 Result<StreamId> begin(RigConnection& rig, std::uint64_t take, const std::string& file, std::uint64_t offset) {
   wire::Request request;
   request.mutable_take_read()->set_take(take);

@@ -87,6 +87,9 @@ void clean(Check& check, wire::Heads& heads) {
 
 void clean(Check& check, wire::AuditLog& log) {
   check.list(log.entries(), kMaxAuditEntries, "changes");
+  check.list(log.findings(), kMaxSentences, "findings");
+  for (std::string& finding : *log.mutable_findings()) check.sentence(&finding);
+  check.sentence(log.mutable_problem());
   for (wire::AuditEntry& entry : *log.mutable_entries()) {
     check.sentence(entry.mutable_who());
     check.name(entry.mutable_what());

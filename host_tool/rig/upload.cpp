@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "host_tool/console/quantities.h"
+#include "host_tool/rig/not_recorded.h"
 #include "protocol/upload.h"
 
 namespace nodal::host {
@@ -36,6 +37,7 @@ Status send(RigConnection& rig, const UploadSender& sender, std::optional<Durati
       rig.ask_long(commit, [&](const wire::RigStatus& status) { console.activity(status.activity()); });
   console.finish_progress();
   if (!done) return fail(done.error());
+  note_not_recorded(console, *done);
   return {};
 }
 

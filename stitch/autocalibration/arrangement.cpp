@@ -18,7 +18,9 @@ constexpr double kTolerance = 0.015;  // units of radius: how far a tried lens m
 constexpr int kLeast = 8;             // matches that connect two heads
 constexpr double kLeastShare = 0.12;  // of their matches
 constexpr std::size_t kFinalists = 5;
-constexpr std::array<double, 2> kSigma{0.3, 0.15};  // of a lens's coefficients, about those that are tried;
+constexpr double kCircle = 0.97;                            // of an image circle's radius
+constexpr double kWidestFisheye = 142 * kRadiansPerDegree;  // from the axis; the widest ones see 280 degrees
+constexpr std::array<double, 2> kSigma{0.3, 0.15};          // of a lens's coefficients, about those that are tried;
 constexpr double kSameFocal = 0.1;    // part of it, by which equal lenses may differ in what cameras state
 constexpr double kShiftSigma = 0.02;  // units of radius
 constexpr std::array<double, 2> kFisheyeSigma{0.05, 0.01};  // of a fisheye's: from equisolid to stereographic
@@ -96,6 +98,13 @@ Start start_with(const SharedLens& lens, const std::vector<UnitMatch>& matches, 
   return start;
 }
 
+/// Whether anybody builds a fisheye with this angle at its circle.
+bool is_built(const SharedLens& lens) {
+  const Result<LensRays> rays = LensRays::make(lens);
+  const auto edge = rays ? rays->ray({kCircle, 0}) : std::nullopt;
+  return !edge || edge->z() > std::cos(kWidestFisheye);  // the rising part of its model may end before the circle
+}
+
 }  // namespace
 
 geometry::Pixel Shape::center() const {
@@ -150,6 +159,11 @@ Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std
                   "pictures that overlap more, taken at the same place");
     }
     best = adjust(again.state, units, rules_for(again, starts[static_cast<std::size_t>(chosen)].state.lens));
+  }
+  if (circles && !is_built(best.state.lens)) {
+    return fail(Errc::kNoCoverage,
+                "the points that the pictures seem to have in common fit no fisheye that is built: give pictures that "
+                "overlap more, taken at the same place, or the lens's field of view (--nominal)");
   }
   Arrangement found{best.state.lens, best.state.R_head_rig, {}, best.error};
   std::vector<int> counts(shapes.size());

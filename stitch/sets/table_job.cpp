@@ -49,6 +49,11 @@ Status TableJob::next_table() {
   return {};
 }
 
+Status TableJob::check_budget() const {
+  const auto pixels = static_cast<std::uint64_t>(spec_.width) * static_cast<std::uint64_t>(spec_.height);
+  return table::check_compile_budget(compiler_->cost(), calibration_, pixels);
+}
+
 int TableJob::percent() const {
   const int tables = static_cast<int>(fields_.size());
   const int whole = 100 * static_cast<int>(tables_.size());

@@ -27,6 +27,8 @@ class TableJob {
   static Result<TableJob> make(const Calibration& calibration, const RaymapConfig& raymap, Fields fields,
                                std::vector<PixelFormat> formats);
 
+  /// Whether a rig's board may compile these tables. Before the first row. Errors: kTooLarge, naming the head that costs most.
+  Status check_budget() const;
   bool done() const { return !compiler_; }
   int percent() const;
   /// Compiles at most `rows` further rows of tiles. Only while not done().

@@ -259,6 +259,8 @@ Result<TableCompiler> TableCompiler::make(const Calibration& calibration, const 
   return TableCompiler(std::move(work));
 }
 
+CompileCost TableCompiler::cost() const { return compile_cost(work_->sampler); }
+
 int TableCompiler::row_count() const { return static_cast<int>(work_->rows.size()); }
 
 void TableCompiler::compile_rows(int begin, int end) {

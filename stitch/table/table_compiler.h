@@ -10,6 +10,7 @@
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
 #include "stitch/blend/blend_table.h"
+#include "stitch/table/compile_cost.h"
 #include "stitch/table/options.h"
 
 namespace nodal::geometry {
@@ -57,6 +58,8 @@ class TableCompiler {
   TableCompiler& operator=(TableCompiler&&) noexcept;
   ~TableCompiler();
 
+  /// The work of all rows.
+  CompileCost cost() const;
   /// The rows of tiles of all grids together.
   int row_count() const;
   void compile_rows(int begin, int end);

@@ -40,6 +40,12 @@ class TabledLens {
     const double slope = piece.c1 + t * (2 * piece.c2 + 3 * t * piece.c3);
     return Radius{value_at(piece, t), slope * pieces_per_half_ * 0.5 * (1 + half * half)};
   }
+  /// Whether radius() evaluates the lens itself there, which takes long.
+  bool is_exact(double sine, double cosine) const {
+    const double half = sine / (1 + cosine);
+    if (!(half <= max_half_)) return true;
+    return radius_[std::min(static_cast<std::size_t>(half * pieces_per_half_), radius_.size() - 1)].exact;
+  }
   /// Nothing beyond the radius that belongs to the reach.
   std::optional<double> angle(double radius) const;
 

@@ -9,6 +9,7 @@
 #include "attackers.h"
 #include "besieged.h"
 #include "nodald_process.h"
+#include "turns.h"
 
 namespace nodal::crash {
 namespace {
@@ -26,6 +27,7 @@ struct Options {
   std::string rig;  ///< a folder; empty: the small rig of the tests
   std::int64_t quiet_s = 120, attack_s = 3600;
   bool timed = true;  ///< whether speeds are tested too
+  bool turns = false, quick = false;
 };
 
 void print_header() {
@@ -115,13 +117,15 @@ constexpr const char* kHelp =
     "  --rig DIR    a folder with rig.toml and the calibration that its [sim] names (default: five small heads)\n"
     "  --quiet S    seconds before and after (120)\n"
     "  --attack S   seconds of attacks (3600)\n"
+    "  --turns      instead: how long one `nodal` waits while other hosts keep what it asks for\n"
+    "  --quick      with --turns: only with as many hosts as there may be\n"
     "  --untimed    only memory, log, settings and replies are judged: for a machine that is busy\n";
 
 bool parse(int argc, char** argv, Options& options) {
   for (int i = 1; i < argc; ++i) {
     const std::string flag = argv[i];
-    if (flag == "--untimed") {
-      options.timed = false;
+    if (flag == "--untimed" || flag == "--turns" || flag == "--quick") {
+      (flag == "--untimed" ? options.timed : flag == "--turns" ? options.turns : options.quick) = flag != "--untimed";
       continue;
     }
     const char* text = i + 1 < argc ? argv[++i] : "";
@@ -145,7 +149,8 @@ bool parse(int argc, char** argv, Options& options) {
 int main(int argc, char** argv) {
   using namespace nodal::crash;
   Options options;
-  if (parse(argc, argv, options)) return run(options);
+  if (parse(argc, argv, options))
+    return options.turns ? (run_turns(options.timed, options.quick) == 0 ? 0 : 1) : run(options);
   std::fputs(kHelp, stderr);
   return 2;
 }

@@ -82,5 +82,6 @@ fuzz_canary(unknown_fields_from_hosts control
 
 # Memory that grows: the audit log keeps every word of a refusal, and a refusal repeats what the host sent.
 fuzz_canary(refusals_kept_whole control
-  PATCH firmware/operate/audit.cpp "printable(entry.error->message, kLongestText)" "printable(entry.error->message, ~std::size_t{0})"
-  PATCH firmware/operate/audit.cpp "if (entries_.size() > kKept) entries_.pop_front()" "(void)0")
+  PATCH firmware/operate/audit_log.cpp "printable(entry.error->message, kMaxAuditText)" "printable(entry.error->message, ~std::size_t{0})"
+  PATCH firmware/operate/audit_log.cpp "if (!repeats && kind.quota.used_at(now, kRefill) < kBurst) {" "if (true) {"
+  PATCH firmware/operate/audit_log.cpp "if (entries_.size() > kMaxKept) entries_.pop_front()" "(void)0")

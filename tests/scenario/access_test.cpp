@@ -101,16 +101,6 @@ TEST(Audit, AChange_IsKeptWithWhoOldAndNewValueAndResult) {
   EXPECT_EQ(std::count_if(news.begin(), news.end(), [](const auto& line) { return line.starts_with("audit: "); }), 2);
 }
 
-TEST(Audit, MoreThanItKeeps_TheNewestStay) {
-  Stand stand;
-  TestHost& host = stand.bring_up();
-  for (std::uint64_t i = 0; i < 300; ++i) host.ask(exposure_of_all(1'000'000 + i * 1000));
-  const wire::AuditLog log = audit_of(host);
-  ASSERT_EQ(log.entries_size(), 256);
-  EXPECT_EQ(log.entries(255).number(), 301u) << "the upload, and 300 more";
-  EXPECT_NE(log.entries(255).after().find("1299000"), std::string::npos);
-}
-
 TEST(Audit, TheButtonAndTheSettingsOfTheLastStart_AreChangesToo) {
   Stand stand;
   TestHost& host = stand.bring_up();

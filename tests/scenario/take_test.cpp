@@ -188,20 +188,22 @@ TEST_F(TakeScenario, StrangeRequestsForFiles_AreAnsweredWithTheirReason) {
   EXPECT_FALSE(host.dead());
 }
 
-TEST_F(TakeScenario, AHostThatReadsNothing_BlocksAnotherOnlyBriefly) {
+TEST_F(TakeScenario, AHostThatReadsNothing_HoldsUpNobodyAndIsCutOff) {
   const std::uint64_t take = record(Duration::seconds(3));  // its files are longer than the link's buffer
   TestHost& stuck = stand.connect();
   stand.run(Duration::milliseconds(10));
   stuck.reading = false;
   stuck.post(read(take, "cam0-0000.mkv"));
   stand.run(Duration::seconds(1));
-  const wire::Reply busy = host.ask(read(take, "cam1-0000.mkv"));
-  ASSERT_TRUE(busy.has_error());
-  EXPECT_EQ(busy.error().code(), static_cast<std::uint32_t>(Errc::kBusy));
-  stand.run(TakeSender::kGrace + Duration::seconds(1));
   const wire::Reply reply = host.ask(read(take, "cam1-0000.mkv"));
   ASSERT_TRUE(reply.has_pull()) << reply.error().message();
-  ASSERT_TRUE(stand.run_until([&] { return host.closed.contains(reply.pull().stream()); }));
+  ASSERT_TRUE(stand.run_until([&] { return host.closed.contains(reply.pull().stream()); }, Duration::seconds(1)));
+  stand.run(TakeSender::kGrace + Duration::seconds(1));
+  stuck.reading = true;
+  stand.run(Duration::milliseconds(100));
+  ASSERT_EQ(stuck.closed.size(), 1u);
+  ASSERT_TRUE(stuck.closed.begin()->second);
+  EXPECT_EQ(stuck.closed.begin()->second->code, Errc::kTimeout);
 }
 
 }  // namespace

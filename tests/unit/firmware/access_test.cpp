@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <fstream>
+#include <map>
+#include <regex>
 #include <set>
 #include <string>
 #include <vector>
@@ -56,13 +59,13 @@ std::vector<wire::Request> forbidden() {
 
 TEST(Access, AViewOnlyHost_MayAskHowTheRigIsAndNothingElse) {
   for (const wire::Request& request : harmless()) {
-    EXPECT_TRUE(check_access(Access::kView, request)) << request_name(request);
+    EXPECT_TRUE(check_access(Access::kView, request)) << kind_of(request).name;
   }
   for (const wire::Request& request : forbidden()) {
     const Status refused = check_access(Access::kView, request);
-    ASSERT_FALSE(refused) << request_name(request);
+    ASSERT_FALSE(refused) << kind_of(request).name;
     EXPECT_EQ(refused.error().code, Errc::kUnsupported);
-    EXPECT_NE(refused.error().message.find(request_name(request)), std::string::npos) << refused.error().message;
+    EXPECT_NE(refused.error().message.find(kind_of(request).name), std::string::npos) << refused.error().message;
   }
 }
 
@@ -72,23 +75,52 @@ TEST(Access, AControlHost_MayAskEverything) {
   }
 }
 
-// A request added to nodal.proto does not compile without its lines in access.cpp; this test fails until the request is
-// also added here. The numbers are those of the oneof in nodal.proto.
-TEST(Access, EveryRequestOfTheProtocol_IsJudgedInThisTest) {
+/// Numbers and names of the requests, as nodal.proto has them: "    StatusRequest status = 10;".
+std::map<int, std::string> requests_of_the_protocol() {
+  std::ifstream file(NODAL_SOURCE_DIR "/protocol/nodal.proto");
+  std::map<int, std::string> found;
+  const std::regex field(R"(^\s+\w+ (\w+) = (\d+);.*)");
+  bool in_request = false, in_oneof = false;
+  for (std::string line; std::getline(file, line);) {
+    if (line.starts_with("message Request ")) in_request = true;
+    else if (line.starts_with("}")) in_request = false;
+    else if (in_request && line.find("oneof what") != std::string::npos) in_oneof = true;
+    else if (line.starts_with("  }")) in_oneof = false;
+    std::smatch match;
+    if (in_request && in_oneof && std::regex_match(line, match, field)) found[std::stoi(match[2])] = match[1];
+  }
+  return found;
+}
+
+TEST(RequestKinds, AreThoseOfTheProtocolByNumberAndName) {
+  std::map<int, std::string> listed;
+  for (const RequestKind& kind : request_kinds()) {
+    if (kind.what == wire::Request::WHAT_NOT_SET) continue;
+    EXPECT_TRUE(listed.emplace(kind.what, kind.name).second) << kind.name;
+  }
+  const auto requests = requests_of_the_protocol();
+  ASSERT_GT(requests.size(), 20u);
+  EXPECT_EQ(listed, requests) << "a request of nodal.proto needs its row in firmware/hosts/access.cpp";
+}
+
+TEST(RequestKinds, EveryRequestOfTheProtocol_IsInAListOfThisTest) {
   std::set<int> judged;
   for (const auto& list : {harmless(), forbidden()}) {
     for (const wire::Request& request : list) judged.insert(request.what_case());
   }
-  for (int number = 1; number < 200; ++number) {
-    // An empty message in field `number`: a request if the oneof has that number, else an unknown field.
-    const int tag = number << 3 | 2;
-    std::string bytes;
-    bytes.push_back(static_cast<char>(tag < 128 ? tag : (tag & 127) | 128));
-    if (tag >= 128) bytes.push_back(static_cast<char>(tag >> 7));
-    bytes.push_back('\0');
-    wire::Request request;
-    if (!request.ParseFromString(bytes) || request.what_case() == wire::Request::WHAT_NOT_SET) continue;
-    EXPECT_TRUE(judged.contains(number)) << "request " << number << " is in no list of this test";
+  for (const auto& [number, name] : requests_of_the_protocol()) EXPECT_TRUE(judged.contains(number)) << name;
+}
+
+/// A change of the rig needs control; what waits for a turn is no query of the rig's state.
+TEST(RequestKinds, ChangesNeedControlAndNoListWaits) {
+  for (const RequestKind& kind : request_kinds()) {
+    SCOPED_TRACE(kind.name);
+    const bool view = kind.access == Access::kView;
+    EXPECT_FALSE(view && kind.changes == Holds::kAlways);
+    EXPECT_TRUE(kind.changes != Holds::kByValues || kind.control == Holds::kByValues);
+    const bool installs = kind.slow_stage == CommandStage::kKeeper && kind.changes == Holds::kAlways;
+    EXPECT_EQ(installs, kind.turn == Turn::kCalibrations) << "the keeper takes one change at a time";
+    EXPECT_TRUE(!view || kind.turn == Turn::kFrameSets || kind.turn == Turn::kNone);
   }
 }
 

@@ -75,6 +75,30 @@ TEST(CalibrationStore, TheSameTwice_IsStoredOnce) {
   EXPECT_EQ(store.in_force(), calibration_id(numbered(1)));
 }
 
+TEST(CalibrationStore, DamagedOnes_CountAndGoBeforeTheGoodOnes) {
+  constexpr int kDamaged = 3;
+  SimDisk disk;
+  {
+    CalibrationStore store = opened(disk);
+    for (int n = 1; n <= static_cast<int>(CalibrationStore::kKept); ++n) put_in_force(store, n);
+    for (int i = 2; i < 2 + kDamaged; ++i) damage(disk, store.entries()[static_cast<std::size_t>(i)]);
+  }
+  const auto documents = [&] {
+    const std::vector<std::string> names = disk.list("calibrations").value();
+    return static_cast<std::size_t>(
+        std::ranges::count_if(names, [](const std::string& name) { return name.ends_with(".json"); }));
+  };
+  CalibrationStore store = opened(disk);
+  EXPECT_EQ(store.entries().size(), CalibrationStore::kKept - kDamaged);
+  for (int n = 1; n <= kDamaged; ++n) {
+    put_in_force(store, 100 + n);
+    EXPECT_EQ(documents(), CalibrationStore::kKept) << n;
+    EXPECT_EQ(store.entries().size(), CalibrationStore::kKept - kDamaged + static_cast<std::size_t>(n)) << n;
+  }
+  put_in_force(store, 200);
+  EXPECT_EQ(store.entries().size(), CalibrationStore::kKept) << "now a good one had to go";
+}
+
 TEST(CalibrationStore, MoreThanItKeeps_TheOldestGoButNeverTheOneInForceOrBefore) {
   SimDisk disk;
   CalibrationStore store = opened(disk);

@@ -135,10 +135,11 @@ TEST(Commands, EveryRequestThatAStageCarriesOut_IsACommandOfThatStageUnderItsOwn
   all[6].mutable_trial_end();
   for (const wire::Request& request : all) {
     const auto command = command_of(request, two_heads());
-    ASSERT_TRUE(command) << request_name(request);
-    EXPECT_EQ(command_name(*command), request_name(request));
-    EXPECT_EQ(changes_rig(*command), changes_rig(request)) << request_name(request);
-    EXPECT_EQ(stage_of(*command), slow_stage(request).value_or(CommandStage::kCapture)) << request_name(request);
+    ASSERT_TRUE(command) << kind_of(request).name;
+    EXPECT_EQ(command_name(*command), kind_of(request).name);
+    EXPECT_EQ(changes_rig(*command), changes_rig(request)) << kind_of(request).name;
+    EXPECT_EQ(stage_of(*command), kind_of(request).slow_stage.value_or(CommandStage::kCapture))
+        << kind_of(request).name;
   }
   const Command install(CalibrationCommand(KeeperRequest::Install{"", Duration::seconds(1), ""}));
   EXPECT_EQ(command_name(install), "upload_commit");

@@ -1,8 +1,11 @@
 // The exposure programs and the statistics of capture at the limits that their headers state.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "firmware/capture/exposure.h"
 #include "firmware/frame/statistics.h"
+#include "stitch/blend/exposure_tone.h"
 
 namespace nodal::firmware {
 namespace {
@@ -83,6 +86,21 @@ TEST(JointMoves, AHeadThatIsAbsent_IsAskedNothingAndDoesNotCount) {
   EXPECT_EQ(orders.heads, head_bit(0) | head_bit(2) | head_bit(3));
   for (const std::size_t h : {0, 2, 3}) {
     EXPECT_NEAR(control.report().goal[h], now + 600, 1) << "the absent one's goal is in no mean";
+  }
+}
+
+// Where samples are light^(1 / gamma), a factor on light is its gamma-th root on samples.
+TEST(ExposedHeads, WithAGammaOfTheirOwn_AreMadeAlikeByItsRootOfTheLight) {
+  blend::BlendTable table;
+  table.format = PixelFormat::kGrey8;
+  table.sources.resize(2);
+  blend::ToneTable tones;
+  tones.heads.resize(2);
+  for (const auto& [gamma, ratio] : {std::pair{0, 2.0}, {1000, 2.0}, {2000, std::sqrt(2.0)}, {500, 4.0}}) {
+    const std::array<blend::ExposedHead, 2> heads{{{-kStop / 2, gamma}, {kStop / 2, gamma}}};
+    const blend::SetTone tone = blend::tone_of_exposures(table, tones, heads);
+    const double dark = tone.heads[0].gain[0], bright = tone.heads[1].gain[0];
+    EXPECT_NEAR(dark / bright, ratio, 0.01 * ratio) << gamma;
   }
 }
 

@@ -49,7 +49,7 @@ std::function<std::string(std::size_t)> always(const std::string& text) {
 
 constexpr const char* kFields =
     R"({"take": 1, "version": 1, "sets": 0, "lost_sets": 0, "length_ns": 0, "ended": "", "marks": [],)";
-constexpr std::uint64_t kManifestMiB = 64;  // LIMITS.md
+const std::uint64_t kManifestMiB = test::memory_on_page(NODAL_SOURCE_DIR, "a manifest");
 
 TEST(TakeMemory, ManifestOfAsManyFilesAsThereMayBe_IsReadWithinItsBudget) {
   EXPECT_TRUE(within_memory(kManifestMiB, [] {
@@ -86,6 +86,16 @@ TEST(TakeMemory, HostileManifestsOfTheLargestSize_AreRefusedWithinTheirBudget) {
       const auto read = parse_manifest(Pieces(each.head, always(each.part), each.tail), "the-manifest");
       return !read && read.error().message.find("the-manifest") != std::string::npos;
     })) << each.what;
+  }
+}
+
+TEST(TakeMemory, HostileTakeJsonOfTheLargestSize_IsRefusedWithinItsBudget) {
+  for (const char* part : {"{},", "[", "1,", "\"a\":", " "}) {
+    std::string text = "[";
+    while (text.size() < kMaxTakeJsonBytes - 8) text += part;
+    EXPECT_TRUE(within_memory(test::memory_on_page(NODAL_SOURCE_DIR, "take.json"), [&] {
+      return !parse_take_json(text, "take.json");
+    })) << part;
   }
 }
 
@@ -151,7 +161,7 @@ wire::Record clusters(std::uint64_t sets, int files) {
   return record;
 }
 
-constexpr std::uint64_t kEvidenceMiB = 256;  // LIMITS.md
+const std::uint64_t kEvidenceMiB = test::memory_on_page(NODAL_SOURCE_DIR, "the evidence of a segment");
 
 TEST(TakeMemory, EvidenceOfAsManySetsAsThereMayBe_IsReadWithinItsBudgetAndOneMoreIsRefused) {
   EXPECT_TRUE(within_memory(kEvidenceMiB, [] {

@@ -41,6 +41,19 @@ TEST(Autocalibration, TownSeenBySixFisheyes_RotationsAndFieldOfView) {
   EXPECT_NEAR(angle_at_edge(found->calibration.heads[0]), angle_at_edge(rig.truth.heads[0]), 0.01);
 }
 
+TEST(Autocalibration, TwoFisheyesThatHardlyOverlap_HaveNoLensThatNobodyBuilds) {
+  for (const std::uint64_t seed : {1, 2}) {
+    Calibration pair = test::six_fisheyes(400, 188);
+    pair.heads = {pair.heads[0], pair.heads[2]};
+    for (HeadCalibration& head : pair.heads) head.region.circle = Region::Circle{200, 200, 199};
+    const test::RenderedRig rig = test::render_rig(pair, hal::sim::town_square_scene(seed), {.noise_levels = 1});
+    const auto found = autocalibrate(pictures_of(rig), names_of(rig.truth), {});
+    if (!found) continue;
+    const auto edge = geometry::Lens::make(found->calibration.heads[0].lens).value().angle(190);
+    EXPECT_LT(edge.value_or(3.1), 2.5) << "a lens that sees 286 degrees, seed " << seed;
+  }
+}
+
 TEST(Autocalibration, AFalseFocalLengthInExif_DoesNoHarm) {
   const test::RenderedRig rig = test::render_rig(test::six_fisheyes(400), hal::sim::town_square_scene(3), {});
   Options wrong;  // of a picture that was cut out of a larger one, for instance

@@ -1,0 +1,39 @@
+// The work of compiling a table, counted before it is compiled: the same on every machine, unlike seconds.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "protocol/base/result.h"
+#include "protocol/calibration.h"
+
+namespace nodal::table {
+
+class RaySampler;
+
+/// In steps; one is about a nanosecond on a processor of 2020. What a ray costs depends on the heads that see it, on the corners
+/// of their masks near it, and on whether their lenses can be looked up; the sum over the raymap is estimated from about
+/// kRays of its rays.
+struct CompileCost {
+  std::vector<std::uint64_t> heads;  ///< by head
+  std::uint64_t total = 0;           ///< of all heads
+
+  static constexpr int kRays = 4096;
+};
+
+CompileCost compile_cost(const RaySampler& sampler);
+
+/// What a rig's board compiles at most for a raymap of so many pixels and so many heads.
+constexpr std::uint64_t compile_budget(std::uint64_t pixels, std::size_t heads) {
+  constexpr std::uint64_t kStepsAPixel = 2000;
+  constexpr std::uint64_t kStepsAPixelAndHead = 400;
+  return pixels * (kStepsAPixel + kStepsAPixelAndHead * heads);
+}
+
+/// Errors: kTooLarge, naming the head that costs most.
+Status check_compile_budget(const CompileCost& cost, const Calibration& calibration, std::uint64_t pixels);
+
+}  // namespace nodal::table
