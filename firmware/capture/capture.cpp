@@ -89,6 +89,7 @@ void Capture::add_wake_ups(hal::WakeUps& to) const {
 
 void Capture::restart_clocks(FrameRate rate, bool genlocked, Instant now) {
   clock_.restart(rate, genlocked, now);
+  set_rate_.restart(rate);
   pulse_drift_.restart(rate);
   aligner_.restart(rate.period());
   for (DriftMeter& drift : head_drift_) drift.restart(rate);
@@ -310,6 +311,7 @@ void Capture::update_report(Instant now, bool changed) {
   std::size_t next_outlet = 0;
   for (const Outlet<SetLoan>& outlet : outlets_) report_.outlets[next_outlet++].losses = outlet.losses();
   report_.genlock = genlock_report();
+  report_.rate = set_rate_.rate();
   report_.exposure = exposure_.report();
   if (now >= next_report_ || report_.sets != reported_sets_) {
     snapshot_.publish(report_);

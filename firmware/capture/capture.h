@@ -20,6 +20,7 @@
 #include "firmware/sync/drift.h"
 #include "firmware/sync/genlock.h"
 #include "firmware/sync/pulse_watch.h"
+#include "firmware/sync/rate_in_force.h"
 #include "firmware/sync/set_clock.h"
 #include "hal/head.h"
 #include "hal/trigger.h"
@@ -73,6 +74,7 @@ struct CaptureReport {
   std::vector<OutletReport> outlets;  ///< in the order in which they registered
   ExposureControl::Report exposure;
   GenlockReport genlock;
+  FrameRate rate;  ///< at which sets come
 };
 
 /// A frame is held in an open set. The set is closed when every head that delivers has a frame in it, or kHalfPeriodsToWait
@@ -172,6 +174,7 @@ class Capture {
   std::array<PulseWatch, kMaxHeads> pulse_watch_;  ///< of wired heads
   const FrameRate rate_;                           ///< from rig.toml
   FrameRate rate_now_;                             ///< rate_, or the rate that a host started the genlock with
+  RateInForce set_rate_;
   bool genlock_wanted_;  ///< rig.toml says that the genlock starts with the rig, and it was not started yet
   hal::TriggerMode mode_ = hal::TriggerMode::kFreeRun;
 

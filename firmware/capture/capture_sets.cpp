@@ -212,6 +212,8 @@ void Capture::describe(const OpenSet& open) {
   }
   if (open.skews.known == set.mask) set.sync.begin_spread = spread_of(open.skews);
   set.sync.drift_ppb = drift_ppb();
+  set_rate_.add(set.mid_exposure, set.sync.drift_ppb);
+  set.rate = set_rate_.rate();
 }
 
 }  // namespace nodal::firmware

@@ -70,6 +70,7 @@ using HeadShapes = std::vector<std::optional<HeadShape>>;
 struct FrameSet {
   std::uint64_t number = 0;  ///< sets are numbered from 0 without gaps
   Instant mid_exposure;      ///< median over its frames; for interlaced frames, over their first fields
+  FrameRate rate;            ///< at which sets come now
   Duration second_field;     ///< interlaced frames: exposure of the second field minus that of the first
   Duration period;           ///< from set to set, by the frame rate in force
   HeadMask mask = 0;

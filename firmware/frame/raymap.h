@@ -35,6 +35,7 @@ struct RaymapInfo {
   Sha256 calibration{};                                  ///< the calibration that the blend used
   std::array<hal::HeadSettings, kMaxHeads> in_effect{};  ///< settings of those heads
   std::optional<blend::LinearScale> linear;              ///< 16-bit raymaps only
+  FrameRate rate{};                                      ///< at which sets come
 };
 
 /// A raymap in the pipeline. `pixels` are packed in the table's format; behind the encoder they are there only if a client

@@ -6,6 +6,7 @@
 #include "firmware/hosts/status.h"
 #include "firmware/picture/blender.h"
 #include "firmware/picture/encoder.h"
+#include "protocol/base/raymap_rate.h"
 #include "protocol/base/stops.h"
 #include "protocol/upload.h"
 
@@ -135,6 +136,10 @@ BulkItem Publisher::item(const Raymap& raymap, wire::PullRequest::Coding coding)
   header.set_width(static_cast<std::uint32_t>(config_.width));
   header.set_height(static_cast<std::uint32_t>(config_.height));
   header.set_layout(config_.layout);
+  if (const auto rate = raymap_rate(info.rate, config_.raymaps_a_set())) {
+    header.set_rate_numerator(rate->numerator);
+    header.set_rate_denominator(rate->denominator);
+  }
   header.set_calibration_id(sha256_to_wire(info.calibration));
   header.set_heads_mask(info.heads);
   for (std::size_t i = 0; info.heads >> i != 0; ++i) {

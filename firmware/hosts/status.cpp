@@ -280,6 +280,18 @@ void fill_takes(const TakeAnswer::Listed& listed, wire::Takes& into) {
     take.set_sets(entry.sets);
     take.set_lost_sets(entry.lost_sets);
     take.set_deleted_sets(entry.deleted_sets);
+    take.set_lost_by_errors(entry.gaps.error);
+    take.set_not_captured(entry.gaps.capture);
+    take.set_gaps(entry.gaps.count);
+    take.set_longest_gap_ns(ns_of(entry.gaps.longest));
+    if (!entry.rates.empty()) {
+      take.set_rate_numerator(entry.rates.front().rate.numerator);
+      take.set_rate_denominator(entry.rates.front().rate.denominator);
+      take.set_rates(static_cast<std::uint32_t>(entry.rates.size()));
+    }
+    const bool missing = std::ranges::any_of(entry.heads, [](const take::HeadGaps& head) { return head.sum() != 0; });
+    for (const take::HeadGaps& head : missing ? entry.heads : std::vector<take::HeadGaps>())
+      take.add_missing_pictures(head.sum());
     take.set_bytes(entry.bytes);
     take.set_length_ns(static_cast<std::uint64_t>(entry.length.ns()));
     take.set_is_protected(entry.is_protected);
@@ -312,6 +324,7 @@ void fill_recording(const TakeReport& takes, Instant now, wire::Recording& into)
   }
   into.set_sets(takes.sets);
   into.set_lost_sets(takes.lost_sets);
+  into.set_lost_by_errors(takes.lost_by_errors);
   into.set_lost_raymaps(takes.lost_raymaps);
   into.set_buffer_percent(takes.buffer_percent);
   into.set_quality(static_cast<std::uint32_t>(takes.quality));

@@ -74,8 +74,11 @@ std::string take_trouble(const RigConfig& config, const HealthInputs& inputs) {
   if (takes.quality != 0 && takes.quality < config.takes->quality)
     add("JPEG quality is " + std::to_string(takes.quality) + " of " + std::to_string(config.takes->quality));
   if (takes.leaves_out_raymaps) add("raymaps are left out");
-  if (inputs.since_lost_set < kLossShown) add(std::to_string(takes.lost_sets) + " sets were lost");
-  return left_out.empty() ? takes.problem : "the disk is too slow for the take" + left_out;
+  if (inputs.since_lost_set < kLossShown)
+    add(std::to_string(takes.lost_sets - takes.lost_by_errors) + " sets were lost");
+  if (!left_out.empty()) left_out = "the disk is too slow for the take" + left_out;
+  if (!left_out.empty() && !takes.problem.empty()) return takes.problem + "; " + left_out;
+  return left_out.empty() ? takes.problem : left_out;
 }
 
 /// How long a thread may be at one piece of work, and what it means if it is longer.

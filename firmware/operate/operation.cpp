@@ -102,9 +102,12 @@ Status Operation::hand_over(Ticket ticket, Command command) {
       start->calibration = told_calibration_ = keeper_->in_force;
       if (keeper_->document) start->calibration_json = *keeper_->document;
       start->heads = head_shapes();
-      start->period = period();
+      start->rate = capture_->rate;
     }
-    if (auto* test = std::get_if<TakeRequest::TestDisk>(take)) test->heads = head_shapes();
+    if (auto* test = std::get_if<TakeRequest::TestDisk>(take)) {
+      test->heads = head_shapes();
+      test->rate = capture_->rate;
+    }
     if (stages_.takes && stages_.takes->requests().push({ticket, std::move(*take)})) return {};
     return fail(Errc::kBusy, "the rig's queue of requests about takes is full; try again");
   }
@@ -228,12 +231,18 @@ void Operation::start_take_at_boot(Instant now) {
 
 /// A take has every calibration that its raymaps were made with.
 void Operation::tell_takes_the_calibration() {
-  if (!takes_ || !takes_->recording || !keeper_->document) return;
-  const Blender::Adoption& adopted = stages_.blender.adoption().read();
-  if (adopted.calibration == keeper_->in_force && adopted.calibration != told_calibration_ &&
-      stages_.takes->calibrations().push({adopted.first_set, adopted.calibration, *keeper_->document})) {
-    told_calibration_ = adopted.calibration;
+  if (!takes_) return;
+  if (keeper_->in_force && keeper_->document && (documents_.empty() || documents_.back().first != *keeper_->in_force)) {
+    documents_.emplace_back(*keeper_->in_force, keeper_->document);
+    if (documents_.size() > kDocumentsKept) documents_.pop_front();
   }
+  if (!takes_->recording) return;
+  const Blender::Adoption& adopted = stages_.blender.adoption().read();
+  if (adopted.calibration == told_calibration_) return;
+  const auto known = std::ranges::find(documents_, adopted.calibration, &std::pair<Sha256, Document>::first);
+  if (known == documents_.end()) return;
+  if (stages_.takes->calibrations().push({adopted.first_set, adopted.calibration, *known->second}))
+    told_calibration_ = adopted.calibration;
 }
 
 void Operation::take_settings_answers() {

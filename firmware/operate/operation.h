@@ -197,7 +197,7 @@ class Operation {
 
   std::uint64_t sets_seen_ = 0;
   Instant newest_set_;
-  std::uint64_t sets_lost_by_disk_ = 0;  ///< of the take that is recorded
+  std::uint64_t sets_lost_by_disk_ = 0;  ///< of the take that is recorded, because it was too slow
   std::optional<Instant> newest_lost_set_;
   bool seams_refused_told_ = false;
   bool frames_arrive_ = true;  ///< as last logged by watch_frames()
@@ -209,8 +209,12 @@ class Operation {
   std::optional<Instant> judged_;
   std::optional<Sha256> judged_with_;       ///< the calibration that was in force then
   std::optional<Sha256> told_calibration_;  ///< the newest that the take has
-  Instant unstable_;                        ///< the last time the rig was starting or hanging
-  bool stable_noted_ = false;               ///< by the settings' store
+  /// Those that were in force last: the blend may still use one when the next is in force.
+  using Document = std::shared_ptr<const std::string>;
+  std::deque<std::pair<Sha256, Document>> documents_;
+  static constexpr std::size_t kDocumentsKept = 8;
+  Instant unstable_;           ///< the last time the rig was starting or hanging
+  bool stable_noted_ = false;  ///< by the settings' store
   Supervisor supervisor_;
   Shedding shedding_;
   std::string end_reason_;  ///< valid when end_asked_ is true

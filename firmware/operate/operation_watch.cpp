@@ -44,8 +44,9 @@ void Operation::watch(bool lossless, Instant now) {
     undecodable = undecodable_now(stages_.blender, i);
     if (!undecodable.empty()) undecodable = "head '" + config_.heads[i].name + "': " + undecodable;
   }
-  if (takes_ && takes_->lost_sets > sets_lost_by_disk_) newest_lost_set_ = now;
-  sets_lost_by_disk_ = takes_ ? takes_->lost_sets : 0;
+  const std::uint64_t lost = takes_ ? takes_->lost_sets - takes_->lost_by_errors : 0;
+  if (lost > sets_lost_by_disk_) newest_lost_set_ = now;
+  sets_lost_by_disk_ = lost;
   const Duration since_lost_set = newest_lost_set_ ? now - *newest_lost_set_ : Duration::seconds(1'000'000);
   if (stages_.heartbeats) stages_.heartbeats->read(threads_);
   watch_disk();

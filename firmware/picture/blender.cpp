@@ -235,6 +235,7 @@ void Blender::begin_raymap() {
   raymap_.pixels = std::exchange(pixels_[field_], {});
   blend_.begin_raymap(field_, raymap_.pixels.edit().data());
   raymap_.info = {set_->number, set_->mid_exposure, {}, set_->sync, blend_.heads(), blend_.installed()->id, {}, {}};
+  raymap_.info.rate = set_->rate;
   raymap_.info.linear = blend_.linear();
   for (std::size_t i = 0; i < kMaxHeads; ++i) {
     if ((blend_.heads() & head_bit(i)) != 0) raymap_.info.in_effect[i] = set_->frames[i].in_effect;

@@ -10,13 +10,13 @@
 namespace nodal::firmware {
 namespace {
 
-/// The fields of a frame. The top field comes first, whichever was exposed first: FFmpeg takes the first JPEG of a block for the top
-/// field, and the file's FieldOrder says which was exposed first.
+/// The fields of a frame, the one exposed first comes first: FFmpeg takes the order of the JPEGs for that of the exposures, and
+/// knows from the file's FieldOrder which rows the first one has.
 std::vector<FieldParity> parities_of(Fields fields) {
   switch (fields) {
     case Fields::kProgressive: return {};
-    case Fields::kTopFirst:
-    case Fields::kBottomFirst: return {FieldParity::kTop, FieldParity::kBottom};
+    case Fields::kTopFirst: return {FieldParity::kTop, FieldParity::kBottom};
+    case Fields::kBottomFirst: return {FieldParity::kBottom, FieldParity::kTop};
     case Fields::kTopOnly: return {FieldParity::kTop};
     case Fields::kBottomOnly: return {FieldParity::kBottom};
   }

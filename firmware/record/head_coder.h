@@ -31,7 +31,7 @@ namespace nodal::firmware {
 HeadStream stored_stream(HeadStream delivered, TakeMode mode, PixelFormat raymap);
 
 /// Codes one head's pictures of one format, or decodes them. A lossless picture is a frame of Ut Video. An interlaced frame
-/// as JPEG is two JPEGs one after the other, the top field first, each with an AVI1 segment; FFmpeg weaves them to a frame
+/// as JPEG is two JPEGs one after the other, the field exposed first is first, each with an AVI1 segment; FFmpeg weaves them to a frame
 /// again. MJPEG is decoded as the blend decodes it.
 ///
 /// Threading: thread-bound to the recorder.

@@ -7,8 +7,9 @@
 #include <vector>
 
 #include "firmware/record/stored_documents.h"
-#include "firmware/storage/durable_file.h"
+#include "firmware/record/take_manifest.h"
 #include "protocol/take/evidence.h"
+#include "protocol/take/tally.h"
 
 namespace nodal::firmware {
 namespace {
@@ -47,6 +48,14 @@ Result<std::uint64_t> first_set_of(hal::DiskPort& disk, const std::string& evide
   const auto found = take::read_evidence(bytes, evidence);
   if (!found) return fail(found.error());
   return found->begin.first_set();
+}
+
+/// At which a minute has most sets.
+FrameRate fastest_of(const take::Manifest& manifest, FrameRate fastest) {
+  for (const take::RateChange& each : manifest.rates) {
+    if (each.rate.period() < fastest.period()) fastest = each.rate;
+  }
+  return fastest;
 }
 
 Status remove_unlisted(hal::DiskPort& disk, const std::string& folder, const take::Manifest& manifest) {
@@ -94,7 +103,8 @@ Result<std::vector<std::uint32_t>> deletable_segments(hal::DiskPort& disk, const
     }
     const auto first = first_set_of(disk, folder + "/" + take::evidence_file(segments[k]));
     if (!first) return fail(first.error());
-    if (!near_mark(*first, std::max(next, *first + 1) - 1, manifest.marks, take.rate)) found.push_back(segments[k]);
+    if (!near_mark(*first, std::max(next, *first + 1) - 1, manifest.marks, fastest_of(manifest, take.rate)))
+      found.push_back(segments[k]);
   }
   return found;
 }
@@ -137,20 +147,23 @@ Result<std::optional<Trimmed>> trim_take(hal::DiskPort& disk, const std::string&
   Trimmed done;
   manifest->sets -= sets;
   manifest->deleted_sets += sets;
+  const take::SegmentTally tally = take::tally_of(*evidence, take->rate);
   const Duration length = evidence->sets.empty()
                               ? Duration()
-                              : Duration::nanoseconds(evidence->sets.back().since_start_ns()) + take->rate.period();
+                              : Duration::nanoseconds(evidence->sets.back().since_start_ns()) + tally.rate().period();
   manifest->length = std::max(Duration(), manifest->length - length);
+  take::remove(manifest->gaps, tally.gaps());
+  for (std::size_t head = 0; head < manifest->heads.size(); ++head)
+    take::remove(manifest->heads[head], tally.heads()[head]);
   std::erase_if(manifest->files, [&](const take::Manifest::File& file) {
     if (segment_of(file.name) != std::optional(chosen)) return false;
     done.bytes += file.bytes;
     return true;
   });
-  const std::string manifest_name = folder + "/" + take::kManifestFile;
-  if (const Status written = write_durably(disk, folder, manifest_name, take::manifest_json(*manifest)); !written)
-    return fail(written.error());
-  if (const Status removed = remove_unlisted(disk, folder, *manifest); !removed) return fail(removed.error());
-  done.manifest = std::move(*manifest);
+  auto written = store_manifest(disk, folder, std::move(*manifest), Stored::kReplaced);
+  if (!written) return fail(written.error());
+  if (const Status removed = remove_unlisted(disk, folder, *written); !removed) return fail(removed.error());
+  done.manifest = std::move(*written);
   return std::optional<Trimmed>(std::move(done));
 }
 

@@ -5,7 +5,9 @@
 #include <utility>
 
 #include "firmware/frame/pack_picture.h"
+#include "protocol/take/limits.h"
 #include "protocol/take/matroska_writer.h"
+#include "protocol/take/tally.h"
 #include "stitch/media/ut_video.h"
 
 namespace nodal::firmware {
@@ -124,6 +126,7 @@ bool Recorder::open_row() {
   spare_.pop_back();
   row_->take = *take_;
   row_->streams = streams_;
+  row_->rate = rate_;
   row_->sets.clear();
   row_->raymaps.clear();
   row_->last = false;
@@ -154,8 +157,12 @@ bool Recorder::changes_streams(const FrameSet& set) {
   return changed;
 }
 
+/// A rate that was only measured a little better is none of its own.
+bool Recorder::changes_rate(const FrameSet& set) { return !take::same_rate(std::exchange(rate_, set.rate), set.rate); }
+
 void Recorder::record(const FrameSet& set) {
-  const bool changed = changes_streams(set);
+  const bool changed_rate = changes_rate(set);
+  const bool changed = changes_streams(set) || changed_rate;
   if (row_ && !row_->sets.empty()) {
     const Duration since = set.mid_exposure - row_->sets.front().mid_exposure;
     bool full = changed || row_->sets.size() == TakeRow::kMostSets || since >= kLongestRow;
@@ -165,13 +172,17 @@ void Recorder::record(const FrameSet& set) {
     }
     if (full) close_row(false);
   }
-  if (row_ && row_->sets.empty()) row_->streams = streams_;  // it has only raymaps
+  if (row_ && row_->sets.empty()) {  // it has only raymaps
+    row_->streams = streams_;
+    row_->rate = rate_;
+  }
   const std::uint64_t before = ring_.taken();
   if (!open_row()) {
     ++missed_;
     counts_.lost_sets.fetch_add(1, std::memory_order_relaxed);
     return;
   }
+  if (row_->sets.empty()) row_->second_field = set.second_field;
   RecordedSet& to = row_->sets.emplace_back();
   if (copy(set, to)) {
     to.missed = std::exchange(missed_, 0);
@@ -255,8 +266,7 @@ bool Recorder::copy(const FrameSet& set, RecordedSet& to) {
     frame.in_effect = view.in_effect;
     frame.sequence = view.sequence;
     frame.placeholder = Placeholder::kFormat;
-    const bool fits =
-        streams_[head] == stream_of(view, head) && most_bytes(view, head) <= take::MatroskaWriter::kLargestFrame;
+    const bool fits = streams_[head] == stream_of(view, head) && most_bytes(view, head) <= take::kMaxTakePictureBytes;
     if (fits && !store(view, head, frame)) return false;
     if (frame.placeholder != Placeholder::kNone) ++placeholders;
   }

@@ -86,6 +86,7 @@ class Recorder {
   bool open_row();
   void close_row(bool last);
   bool changes_streams(const FrameSet& set);
+  bool changes_rate(const FrameSet& set);
   HeadStream stream_of(const hal::FrameView& frame, std::size_t head) const;
   std::size_t most_bytes(const hal::FrameView& frame, std::size_t head) const;
   /// False if the ring has no room.
@@ -120,6 +121,7 @@ class Recorder {
   std::optional<Instant> still_since_;  ///< of its first set, or of its own
   std::array<std::optional<HeadStream>, kMaxHeads> streams_;
   std::array<Instant, kMaxHeads> stream_since_;
+  FrameRate rate_;
   /// Made for what the head delivers, when the first such picture comes.
   struct Coder {
     HeadStream delivered;

@@ -3,13 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <limits>
 #include <utility>
 
 #include "firmware/record/stored_documents.h"
+#include "firmware/record/take_manifest.h"
 #include "firmware/storage/durable_file.h"
 #include "firmware/storage/file_pieces.h"
-#include "stitch/media/thumbnail.h"
+#include "stitch/media/take/segment_rules.h"
 
 namespace nodal::firmware {
 namespace {
@@ -188,6 +188,8 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::reopen(const TakePlace& pl
   const std::int64_t first_ns = found.sets.empty() ? 0 : found.sets.front().mid_exposure_ns();
   made->first_exposure_ = Instant::from_ns(first_ns);
   made->records_ = take::EvidenceWriter(last.records);
+  made->tally_ = take::SegmentTally(take::rate_of(found.begin, place.rate));
+  for (std::size_t k = 0; k < last.sets; ++k) made->tally_.add(found.begin, found.sets[k]);
   for (const take::wire::Mark& mark : found.marks) {
     if (mark.set() <= made->next_set_) made->marks_.push_back({mark.set(), mark.text()});
   }
@@ -228,7 +230,7 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::reopen(const TakePlace& pl
 }
 
 Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, std::uint32_t segment, Trust trust,
-                                                       const std::string& reason) {
+                                                       const std::string& reason, const AcceptSegment& accept) {
   const std::string name = path(place, take::evidence_file(segment));
   const auto evidence = read_evidence_file(place, name);
   if (!evidence) return fail(evidence.error());
@@ -236,6 +238,7 @@ Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, s
   if (!found && found.error().code != Errc::kTruncated) return fail(found.error());
   std::size_t rows = 0;
   if (found) {
+    if (const Status good = accept ? accept(*found) : Status(); !good) return fail(good.error().in(name));
     if (found->end && found->good_bytes == evidence->bytes && trust != Trust::kDurable) {
       const auto whole = end_is_whole(place, *found, trust == Trust::kAll);
       if (!whole) return fail(whole.error());
@@ -246,6 +249,7 @@ Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, s
         done.calibrations = found->calibrations;
         done.sets = found->sets.size();
         done.length = length_of(*found, done.sets);
+        done.tally = take::tally_of(*found, place.rate);
         for (const take::wire::Mark& mark : found->marks) done.marks.push_back({mark.set(), mark.text()});
         for (std::size_t file = 0; file < static_cast<std::size_t>(found->begin.files_size()); ++file) {
           done.files.push_back({found->begin.files(static_cast<int>(file)).name(),
@@ -284,39 +288,8 @@ Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, s
   done.sets = (*writer)->sets();
   done.length = (*writer)->length();
   done.marks = (*writer)->marks();
+  done.tally = (*writer)->tally();
   return done;
-}
-
-void add_segment(take::Manifest& manifest, const FinishedSegment& segment, FrameRate rate) {
-  manifest.sets += segment.sets;
-  manifest.length = manifest.length + segment.length + rate.period();
-  manifest.files.insert(manifest.files.end(), segment.files.begin(), segment.files.end());
-  manifest.marks.insert(manifest.marks.end(), segment.marks.begin(), segment.marks.end());
-}
-
-Result<take::Manifest> write_manifest(hal::DiskPort& disk, const std::string& folder, take::Manifest manifest) {
-  std::vector<std::string> names{take::kTakeFile, take::kRigFile, take::kCalibrationFile, take::kThumbFile};
-  for (const take::Manifest::Calibration& calibration : manifest.calibrations) names.push_back(calibration.file);
-  for (const std::string& name : names) {
-    const auto bytes = disk.read(folder + "/" + name, kMostDocumentBytes);
-    if (!bytes && bytes.error().code == Errc::kNotFound) continue;
-    if (!bytes) return fail(bytes.error());
-    if (name == take::kThumbFile && !media::is_whole_jpeg(*bytes)) {  // the power went while it was written
-      if (const Status removed = disk.remove(folder + "/" + name); !removed) return fail(removed.error());
-      continue;
-    }
-    PieceHashes hashes;
-    hashes.update(*bytes);
-    manifest.files.push_back({name, bytes->size(), take::digest_of(hashes.all())});
-  }
-  if (manifest.files.size() > take::kMaxTakeFiles)
-    return fail(Errc::kTooLarge, fmt::format("take {}: has more than {} files", folder, take::kMaxTakeFiles));
-  std::ranges::sort(manifest.files, {}, &take::Manifest::File::name);
-  if (const Status synced = disk.sync_all(); !synced) return fail(synced.error());
-  const Status written =
-      create_durably(disk, folder, folder + "/" + take::kManifestFile, take::manifest_json(manifest));
-  if (!written) return fail(written.error());
-  return manifest;
 }
 
 Result<bool> nothing_recorded(hal::DiskPort& disk, const std::string& folder) {
@@ -333,18 +306,29 @@ Result<bool> nothing_recorded(hal::DiskPort& disk, const std::string& folder) {
   });
 }
 
-Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& folder,
-                                    const std::function<void()>& progress) {
-  const auto about = stored_take_json(disk, folder);
-  if (!about) return fail(about.error());
+namespace {
+
+/// Whether a segment that cannot be finished for this reason is left out. Not for a disk that fails: it may work again.
+bool left_out_for(Errc why) {
+  return why == Errc::kNotFound || why == Errc::kBadFormat || why == Errc::kBadValue || why == Errc::kTruncated ||
+         why == Errc::kTooLarge;
+}
+
+TakePlace place_of(hal::DiskPort& disk, const std::string& folder, const take::TakeDocument& about) {
   TakePlace place;
   place.disk = &disk;
   place.folder = folder;
-  place.number = about->number;
-  place.rate = about->rate;
-  place.layout = about->layout;
-  place.software = about->software;
-  place.progress = progress;
+  place.number = about.number;
+  place.rate = about.rate;
+  place.raymaps_a_set = about.raymaps_a_set;
+  place.utc_offset_ns = about.utc_offset_ns();
+  place.layout = about.layout;
+  place.software = about.software;
+  return place;
+}
+
+/// The segments that a take's folder has evidence of, rising.
+Result<std::vector<std::uint32_t>> segments_in(hal::DiskPort& disk, const std::string& folder) {
   const auto entries = disk.list(folder);
   if (!entries) return fail(entries.error());
   std::vector<std::uint32_t> segments;
@@ -354,27 +338,46 @@ Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& fold
     segments.push_back(static_cast<std::uint32_t>(std::stoul(name.substr(kEvidence.size()))));
   }
   std::ranges::sort(segments);
-  take::Manifest manifest;
-  manifest.number = about->number;
-  manifest.ended = "recovered";
+  return segments;
+}
+
+}  // namespace
+
+Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& folder,
+                                    const std::function<void()>& progress) {
+  const auto about = stored_take_json(disk, folder);
+  if (!about) return fail(about.error());
+  TakePlace place = place_of(disk, folder, *about);
+  place.progress = progress;
+  const auto segments = segments_in(disk, folder);
+  if (!segments) return fail(segments.error());
+  ManifestSum sum(about->number, "recovered", about->heads.size());
+  std::string& ended = sum.manifest().ended;
   std::uint64_t recorded = 0;
-  for (std::size_t k = 0; k < segments.size(); ++k) {
-    auto done =
-        recover_segment(place, segments[k], k + 1 < segments.size() ? Trust::kAll : Trust::kChecked, "recovered");
-    if (!done && done.error().code == Errc::kNotFound) {  // exFAT can lose the entry of a durable file
-      constexpr std::size_t kLongest = 200;               // of a text that a manifest may have 256 of
-      if (manifest.ended.size() < kLongest) manifest.ended += fmt::format(", without segment {}", segments[k]);
+  for (std::size_t k = 0; k < segments->size(); ++k) {
+    const std::uint32_t segment = (*segments)[k];
+    const Trust trust = k + 1 < segments->size() ? Trust::kAll : Trust::kChecked;
+    const media::SetsBefore before{sum.sets(), recorded - sum.sets()};
+    auto done = recover_segment(place, segment, trust, "recovered", [&](const take::Segment& found) {
+      return media::check_segment(found, segment, *about, before);
+    });
+    const bool readable = done.has_value();
+    if (!readable && !left_out_for(done.error().code)) return fail(done.error());
+    // exFAT can lose the entry of a durable file; and what contradicts itself is not worth the pictures of the other segments.
+    if (!readable || (*done && !sum.has_room(**done))) {
+      constexpr std::size_t kLongest = 200;  // of a text that a manifest may have 256 of
+      if (ended.size() < kLongest) ended += fmt::format(", without segment {}", segment);
       continue;
     }
-    if (!done) return fail(done.error());
     if (!*done) continue;
     recorded = (*done)->first_set + (*done)->sets;
-    manifest.calibrations = (*done)->calibrations;
-    add_segment(manifest, **done, about->rate);
+    sum.add(**done);
   }
-  manifest.deleted_sets = recorded - std::min(recorded, manifest.sets);
+  if (sum.manifest().marks.size() > take::kMostMarks)
+    ended += fmt::format(", without marks after the first {}", take::kMostMarks);
   auto flight = recover_flight(disk, folder);
   if (!flight) return fail(flight.error());
+  take::Manifest manifest = sum.finish(recorded);
   if (*flight) manifest.files.push_back(std::move(**flight));
   return write_manifest(disk, folder, std::move(manifest));
 }

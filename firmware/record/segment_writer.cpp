@@ -3,9 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "firmware/record/segment_track.h"
 #include "protocol/take/seam_map.h"
-#include "stitch/media/jpeg_writer.h"
-#include "stitch/media/ut_video.h"
 
 namespace nodal::firmware {
 namespace {
@@ -25,24 +24,6 @@ std::string bytes_of(std::span<const take::Xxh128> hashes) {
   return bytes;
 }
 
-Result<Bytes> grey_picture(const HeadStream& stream) {
-  const PixelFormat format = stream.format == PixelFormat::kMjpeg ? PixelFormat::kI420 : stream.format;
-  Bytes grey(packed_size(format, stream.width, stream.height), 128);
-  if (stream.lossless) {
-    Bytes coded;
-    media::UtVideoEncoder().encode(packed_image(format, stream.width, stream.height, std::as_const(grey).data()),
-                                   coded);
-    return coded;
-  }
-  if (stream.format != PixelFormat::kMjpeg) return grey;
-  media::JpegWriter writer({.format = format, .width = stream.width, .height = stream.height, .quality = 50});
-  Bytes jpeg;
-  const Status written = writer.write(packed_image(format, stream.width, stream.height, std::as_const(grey).data()),
-                                      "a placeholder: the head has no picture here", jpeg);
-  if (!written) return fail(written.error());
-  return jpeg;
-}
-
 }  // namespace
 
 SegmentWriter::~SegmentWriter() {
@@ -59,11 +40,19 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::create(const TakePlace& pl
   begin.set_segment(segment);
   begin.set_first_set(first_set);
   begin.set_calibration_id(place.calibration_id.data(), place.calibration_id.size());
+  begin.set_rate_numerator(first.rate.numerator);
+  begin.set_rate_denominator(first.rate.denominator);
+  begin.set_raymaps_a_set(static_cast<std::uint32_t>(place.raymaps_a_set));
+  begin.set_second_field_ns(static_cast<std::uint64_t>(std::max<std::int64_t>(0, first.second_field.ns())));
+  begin.set_after_error(place.after_error);
+  made->tally_ = take::SegmentTally(first.rate);
+  if (!first.sets.empty()) made->first_exposure_ = first.sets.front().mid_exposure;
   const auto add = [&](std::string name, std::optional<std::size_t> head, const HeadStream& stream) {
     File& file = made->files_.emplace_back();
     file.name = std::move(name);
     file.head = head;
     file.stream = stream;
+    file.fields_apart = head && fields_apart(stream, first, *head);
     take::wire::File& told = *begin.add_files();
     told.set_name(file.name);
     if (head) told.set_head(static_cast<std::uint32_t>(*head));
@@ -74,6 +63,7 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::create(const TakePlace& pl
     told.set_bt709(stream.coding.bt709);
     told.set_fields(std::string(fields_name(stream.fields)));
     told.set_lossless(stream.lossless);
+    told.set_fields_apart(file.fields_apart);
   };
   for (std::size_t head = 0; head < kMaxHeads; ++head) {
     if (first.streams[head])
@@ -95,30 +85,6 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::create(const TakePlace& pl
     if (const Status noted = made->note(*place.seams); !noted) return fail(noted.error());
   }
   return made;
-}
-
-take::VideoTrack SegmentWriter::track_of(const File& file) const {
-  take::VideoTrack track;
-  const bool jpeg = file.stream.format == PixelFormat::kMjpeg;
-  track.codec = jpeg ? "V_MJPEG" : "V_UNCOMPRESSED";
-  track.fourcc = take::fourcc_of(file.stream.format);
-  if (file.stream.lossless) {
-    track.codec = media::kUtVideoCodec;
-    track.fourcc.clear();
-    track.codec_private =
-        media::ut_video_private(file.stream.format, file.stream.width, file.stream.height, file.stream.coding);
-  }
-  track.width = file.stream.width;
-  track.height = file.stream.height;
-  track.rate = place_.rate;
-  track.fields = file.stream.fields;
-  track.coding = file.stream.coding;
-  track.equirectangular = !file.head && place_.layout == "equirectangular";
-  track.writer = place_.software;
-  if (!place_.calibration_json.empty()) {
-    track.attachments.push_back({take::kCalibrationFile, "application/json", place_.calibration_json});
-  }
-  return track;
 }
 
 Status SegmentWriter::create_files() {
@@ -171,6 +137,7 @@ Status SegmentWriter::append_record(const take::wire::Record& record) {
 }
 
 bool SegmentWriter::fits(const TakeRow& row) const {
+  if (!row.sets.empty() && !take::same_rate(tally_.rate(), row.rate)) return false;
   std::size_t found = 0;
   for (const File& file : files_) {
     if (!file.head) continue;
@@ -223,6 +190,9 @@ Status SegmentWriter::write(const TakeRow& row) {
   const std::span<const std::uint8_t> piece(bytes);
   if (const Status written = append(evidence_, std::span(&piece, 1)); !written) return written;
   next_set_ += row.sets.size();
+  for (const take::wire::Record& record : records) {
+    if (record.has_set()) tally_.add(begin_, record.set());
+  }
   for (File& file : files_) {
     file.hashes_told = file.hashes.complete().size();
     place_.disk->start_write_out(file.handle);

@@ -17,6 +17,7 @@
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
 #include "protocol/take/matroska_writer.h"
+#include "protocol/take/tally.h"
 
 namespace nodal::firmware {
 
@@ -25,7 +26,11 @@ struct TakePlace {
   hal::DiskPort* disk = nullptr;
   std::string folder;  ///< of the take, relative to the disk's root: "000042"
   std::uint64_t number = 0;
-  FrameRate rate;
+  FrameRate rate;                               ///< of take.json: in force when the take began
+  int raymaps_a_set = 1;                        ///< 2: one of each field
+  std::optional<std::int64_t> utc_offset_ns{};  ///< UTC minus the rig's monotonic clock
+  /// The sets that are missing before the next segment were written, and an error of the disk lost them.
+  bool after_error = false;
   /// Of the raymaps; empty: they are not recorded.
   std::string layout;
   int raymap_width = 0;
@@ -71,13 +76,15 @@ class SegmentWriter {
   /// Writes the index of every file and ends the evidence. Returns the segment's files for the manifest.
   Result<std::vector<take::Manifest::File>> finish(const std::string& reason);
 
-  /// Whether the segment's files fit this row: the same heads with the same formats.
+  /// Whether the segment's files fit this row: the same rate, the same heads with the same formats.
   bool fits(const TakeRow& row) const;
   std::uint64_t next_set() const { return next_set_; }
   std::uint64_t sets() const { return next_set_ - begin_.first_set(); }
   Duration length() const { return newest_; }
   const std::vector<take::Manifest::Mark>& marks() const { return marks_; }
   std::uint64_t largest_file() const;
+  std::uint64_t evidence_bytes() const { return evidence_.hashes.bytes(); }
+  const take::SegmentTally& tally() const { return tally_; }
 
  private:
   struct File {
@@ -85,6 +92,7 @@ class SegmentWriter {
     hal::FileHandle handle = 0;
     std::optional<std::size_t> head;  ///< empty: raymaps
     HeadStream stream;
+    bool fields_apart = false;  ///< each field of a frame is a JPEG of its own, the one exposed first comes first
     std::optional<take::MatroskaWriter> video;
     take::PieceHashes hashes;
     std::size_t hashes_told = 0;            ///< those in the evidence
@@ -115,6 +123,7 @@ class SegmentWriter {
   std::optional<Instant> first_exposure_;
   Duration newest_;  ///< time in the files
   std::vector<take::Manifest::Mark> marks_;
+  take::SegmentTally tally_;
 };
 
 }  // namespace nodal::firmware

@@ -42,6 +42,7 @@ Status TakeKeeper::begin_test(std::uint64_t ticket, const TakeRequest::TestDisk&
   if (!held) return fail(held.error());
   auto test = DiskTest::begin(disk_, what.length, now);
   if (!test) return fail(test.error());
+  rate_ = what.rate.value_or(config_.rate);
   test_.emplace(Test{{ticket}, std::move(*held), what.heads, std::move(*test)});
   return {};
 }
@@ -53,7 +54,7 @@ bool TakeKeeper::step_test(Instant now) {
   if (!speed || !*speed) return true;
   TakeAnswer::DiskTested tested{**speed, {}};
   const auto judge = [&](const std::string& name, std::optional<TakeMode> mode) {
-    const std::uint64_t needed = set_bytes(test_->heads, mode) * config_.rate.numerator / config_.rate.denominator;
+    const std::uint64_t needed = set_bytes(test_->heads, mode) * rate_.numerator / rate_.denominator;
     tested.modes.push_back(judge_disk(**speed, name, needed, recorder_.ring().size()));
   };
   const std::string own = mode_names(config_.heads);

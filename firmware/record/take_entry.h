@@ -4,7 +4,9 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <vector>
 
+#include "protocol/base/gaps.h"
 #include "protocol/base/units.h"
 
 namespace nodal::take {
@@ -29,6 +31,9 @@ struct TakeEntry {
   std::uint64_t sets = 0;
   std::uint64_t lost_sets = 0;
   std::uint64_t deleted_sets = 0;  ///< to make room for newer ones
+  take::Gaps gaps{};
+  std::vector<take::HeadGaps> heads{};    ///< by index
+  std::vector<take::RateChange> rates{};  ///< empty: unknown
   std::uint64_t bytes = 0;
   Duration length;
   bool is_protected = false;

@@ -6,7 +6,9 @@
 #include <utility>
 
 #include "firmware/record/take_writer.h"
+#include "protocol/base/text.h"
 #include "protocol/take/documents.h"
+#include "protocol/take/limits.h"
 
 namespace nodal::firmware {
 
@@ -17,12 +19,12 @@ static_assert(TakeRequest::Mark::kMaxBytes == take::kMaxMarkBytes);
 /// Without the number, and without what the rig knows besides its configuration.
 TakeWriter::Documents documents_of(const RigConfig& config, const TakeRequest::Start& start) {
   TakeWriter::Documents documents;
-  documents.about.rig = config.name;
-  documents.about.rate = config.rate;
+  documents.about.rig = printable(config.name, take::kMaxTakeTextBytes);
   documents.about.mode = mode_names(config.heads);
   if (start.calibration) documents.about.calibration_id = to_hex(*start.calibration);
   documents.calibration = start.calibration;
-  for (const HeadConfig& head : config.heads) documents.about.heads.push_back(head.name);
+  for (const HeadConfig& head : config.heads)
+    documents.about.heads.push_back(printable(head.name, take::kMaxTakeTextBytes));
   documents.calibration_json = start.calibration_json;
   if (config.text) documents.rig_toml = *config.text;
   if (config.takes->raymap && start.calibration) {
@@ -59,7 +61,8 @@ TakeKeeper::TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& r
       requests_(64),
       calibrations_(2),
       answers_(64 + 4),
-      shelf_(disk, config.takes->loop, confined) {
+      shelf_(disk, config.takes->loop, confined),
+      rate_(config.rate) {
   report_.loop = config_.takes->loop;
   if (places_seams_) places_seams_->log_seams();
 }
@@ -111,7 +114,7 @@ void TakeKeeper::end_late_still(Instant now) {
 std::uint64_t TakeKeeper::bytes_a_second() const {
   const std::uint64_t a_set =
       std::max(recorder_.counts().set_bytes.load(std::memory_order_relaxed), expected_set_bytes_);
-  return a_set * config_.rate.numerator / config_.rate.denominator;
+  return a_set * rate_.numerator / rate_.denominator;
 }
 
 std::uint64_t TakeKeeper::room_to_start() const {
@@ -145,6 +148,8 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
     return fail(Errc::kWrongState,
                 fmt::format("take {} is being recorded; stop it first: nodal take stop", writing_->number()));
   }
+  if (const Status good = check_pictures(start.heads); !good) return fail(good.error());
+  rate_ = start.rate.value_or(config_.rate);
   expected_set_bytes_ = set_bytes(start.heads);
   if (expected_set_bytes_ > recorder_.ring().size() / 4) {
     return fail(Errc::kBadValue, fmt::format("a set of pictures has {} MB; [takes] buffer_mb must be at least {}",
@@ -156,8 +161,7 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
   if (!held) return fail(held.error());
   if (const Status room = check_room(); !room) return fail(room.error());
   TakeWriter::Documents documents = documents_of(config_, start);
-  documents.about.software = software_;
-  documents.about.started_utc_ns = utc_();
+  describe(documents.about, now);
   const bool raymaps = !documents.about.layout.empty();
   auto writer = new_take(shelf_, disk_, documents);
   if (!writer) return fail(writer.error());
@@ -185,7 +189,7 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
   next_sync_ = now + kSyncEvery;
   begin_flight();
   still_ = start.still;
-  period_ = start.period;
+  period_ = start.rate.value_or(rate_).period();
   reason_ = start.still ? "still" : "";
   const bool told = recorder_.orders().push({RecordOrder::Kind::kBegin, number, raymaps, start.still});
   NODAL_ASSERT(told);
@@ -196,6 +200,13 @@ bool TakeKeeper::store_calibration() {
   const auto calibration = calibrations_.pop();
   if (!calibration || !writing_ || broken_) return calibration.has_value();
   if (const Status stored = writing_->use_calibration(*calibration); !stored) give_up(stored.error());
+  if (writing_->left_out_calibrations()) {
+    report_.problem = fmt::format(
+        "take {} has {} calibrations, the most that it can have: sets with later ones cannot be rendered; start "
+        "another "
+        "take: nodal take start",
+        writing_->number(), take::kMostCalibrations);
+  }
   return true;
 }
 
@@ -247,7 +258,9 @@ bool TakeKeeper::write_rows(Instant now) {
 void TakeKeeper::give_up(const Error& error) {
   broken_ = true;
   if (cause_.empty()) cause_ = error.message;
-  tell_to_end(error.code == Errc::kDiskFull ? "disk full" : "disk failed");
+  tell_to_end(error.code == Errc::kDiskFull   ? "disk full"
+              : error.code == Errc::kTooLarge ? "as long as a take can be"
+                                              : "disk failed");
 }
 
 void TakeKeeper::sync_if_due(Instant now) {
@@ -265,8 +278,8 @@ void TakeKeeper::sync_if_due(Instant now) {
     return give_up(synced.error());
   } else {
     // Said when the next segment is on the disk: if the disk takes nothing more, only that is said.
-    lost_by_sync_ = fmt::format("take {}: {} sets were lost, and a new segment begins: {}", writing_->number(), cut,
-                                synced.error().message);
+    lost_by_sync_ = fmt::format("take {}: {} sets were lost by an error of the disk, and a new segment begins: {}",
+                                writing_->number(), cut, synced.error().message);
   }
   if (const Status there = shelf_.check_recording(writing_->number()); !there) return give_up(there.error());
   if (const Status room = make_room_while_recording(); !room) return give_up(room.error());
@@ -293,7 +306,7 @@ Status TakeKeeper::make_room_while_recording() {
 
 void TakeKeeper::end(Instant now) {
   const std::uint64_t number = writing_->number();
-  const std::uint64_t lost = recorder_.counts().lost_sets.load() - lost_before_ + dropped_sets_;
+  const LostSets lost{recorder_.counts().lost_sets.load() - lost_before_, dropped_sets_};
   end_flight(now);
   const auto manifest = writing_->end(reason_, lost);
   writing_.reset();
@@ -332,6 +345,7 @@ void TakeKeeper::publish(Instant now) {
   if (test_) report_.test_percent = test_->test->percent(now);
   report_.sets = writing_ ? writing_->sets() : 0;
   report_.lost_sets = writing_ ? counts.lost_sets.load() - lost_before_ + dropped_sets_ : 0;
+  report_.lost_by_errors = writing_ ? dropped_sets_ : 0;
   report_.lost_raymaps = writing_ ? counts.lost_raymaps.load() - raymaps_lost_before_ : 0;
   const bool encodes = writing_ && std::ranges::count(config_.heads, TakeMode::kJpeg, &HeadConfig::take_mode) > 0;
   report_.quality = encodes ? recorder_.quality_now() : 0;

@@ -18,9 +18,14 @@
 #include "firmware/record/take_shelf.h"
 #include "hal/confined.h"
 #include "hal/disk.h"
+#include "protocol/base/gaps.h"
 #include "protocol/base/result.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/spsc_ring.h"
+
+namespace nodal::take {
+struct TakeDocument;
+}
 
 namespace nodal::firmware {
 
@@ -33,7 +38,7 @@ struct TakeRequest {
     std::string calibration_json{};       ///< its canonical form
     HeadShapes heads{};                   ///< for the room that a take needs
     bool still = false;                   ///< one set; the answer comes when it is on the disk
-    Duration period{};                    ///< of the frame rate in force
+    std::optional<FrameRate> rate{};      ///< at which sets come; empty: not known, rig.toml's
   };
   struct Stop {};
   struct Mark {
@@ -52,6 +57,7 @@ struct TakeRequest {
   struct TestDisk {
     Duration length = Duration::seconds(10);
     HeadShapes heads{};  ///< for what the modes need
+    std::optional<FrameRate> rate{};
     /// A test that runs answers later requests, too; it then lasts as long as they ask, but may always last so long.
     static constexpr Duration kShared = Duration::seconds(10);
   };
@@ -90,8 +96,9 @@ struct TakeReport {
   bool has_room = true;  ///< for a take to start, as far as is known without deleting anything
   std::optional<std::uint64_t> recording;
   Instant since;
-  std::uint64_t sets = 0;       ///< of the take that is being recorded
-  std::uint64_t lost_sets = 0;  ///< likewise
+  std::uint64_t sets = 0;            ///< of the take that is being recorded
+  std::uint64_t lost_sets = 0;       ///< likewise
+  std::uint64_t lost_by_errors = 0;  ///< part of them: an error of the disk, not its speed
   std::uint64_t lost_raymaps = 0;
   bool leaves_out_raymaps = false;   ///< because the buffer is too full
   int quality = 0;                   ///< of JPEGs that the rig encodes now; 0: it encodes none
@@ -185,6 +192,8 @@ class TakeKeeper {
   void sync_if_due(Instant now);
   void give_up(const Error& error);
   void end_late_still(Instant now);
+  Status check_pictures(const HeadShapes& heads) const;
+  void describe(take::TakeDocument& about, Instant now) const;
   void tell_to_end(const std::string& reason);
   void end(Instant now);
   void answer(std::uint64_t ticket, Result<Answered> result);
@@ -233,6 +242,7 @@ class TakeKeeper {
   bool broken_ = false;                  ///< the disk failed: rows are dropped until the last
   std::uint64_t dropped_sets_ = 0;
   std::uint64_t expected_set_bytes_ = 0;
+  FrameRate rate_;                 ///< of the sets, when the newest take or test began
   std::uint64_t lost_before_ = 0;  ///< Recorder's counts when the take began
   std::uint64_t raymaps_lost_before_ = 0;
   Instant next_sync_;

@@ -11,6 +11,9 @@
 #include "protocol/take/evidence.h"
 
 namespace nodal::firmware {
+
+static_assert(TakeShelf::kMaxTakeNumber == take::kMaxTakeNumber);
+
 namespace {
 
 /// "000042" as a number; nothing for other names.
@@ -41,6 +44,9 @@ void TakeEntry::complete(const take::Manifest& manifest) {
   sets = manifest.sets;
   lost_sets = manifest.lost_sets;
   deleted_sets = manifest.deleted_sets;
+  gaps = manifest.gaps;
+  heads = manifest.heads;
+  if (!manifest.rates.empty()) rates = manifest.rates;  // else that of take.json
   bytes = manifest.bytes();
   length = manifest.length;
   ended = manifest.ended;
@@ -92,6 +98,7 @@ void TakeShelf::load(std::uint64_t number, const hal::FolderEntry& folder, bool 
     entry.started_utc_ns = about->started_utc_ns;
     entry.raymap_width = about->raymap_width;
     entry.raymap_height = about->raymap_height;
+    entry.rates = {{0, about->rate}};
   }
   const bool half_deleted = being_deleted(number);
   const auto manifest = stored_manifest(disk_, folder.name);

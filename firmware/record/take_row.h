@@ -14,6 +14,7 @@
 #include "protocol/base/field.h"
 #include "protocol/base/image.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/units.h"
 
 namespace nodal::firmware {
 
@@ -77,6 +78,8 @@ struct TakeRow {
   std::array<std::optional<HeadStream>, kMaxHeads> streams;
   std::vector<RecordedSet> sets;
   std::vector<RecordedRaymap> raymaps;
+  FrameRate rate;              ///< at which its sets came
+  Duration second_field;       ///< of its first set: exposure of the second field after the first
   bool last = false;           ///< the take ends with it; it may be without sets
   std::uint64_t ring_end = 0;  ///< PictureRing::release() takes it when the row was written
 };

@@ -27,6 +27,9 @@ Result<std::unique_ptr<TakeWriter>> TakeWriter::begin(hal::DiskPort& disk, Docum
   place.number = documents.about.number;
   place.folder = take::take_folder(place.number);
   place.rate = documents.about.rate;
+  place.raymaps_a_set = documents.about.raymaps_a_set;
+  place.utc_offset_ns = documents.about.utc_offset_ns();
+  made->heads_ = documents.about.heads.size();
   place.layout = documents.about.layout;
   place.raymap_width = documents.raymap_width;
   place.raymap_height = documents.raymap_height;
@@ -35,6 +38,9 @@ Result<std::unique_ptr<TakeWriter>> TakeWriter::begin(hal::DiskPort& disk, Docum
   documents.about.raymap_height = documents.raymap_height;
   place.calibration_json = std::move(documents.calibration_json);
   if (documents.calibration) place.calibration_id.assign(documents.calibration->begin(), documents.calibration->end());
+  const std::string about = take::take_json(documents.about);
+  if (const auto parsed = take::parse_take_json(about, place.folder + "/" + take::kTakeFile); !parsed)
+    return fail(parsed.error().in("to be written"));
   Status good = disk.make_folder(place.folder);
   if (!good) return fail(good.error());
   good = disk.sync_folder("");
@@ -44,7 +50,7 @@ Result<std::unique_ptr<TakeWriter>> TakeWriter::begin(hal::DiskPort& disk, Docum
   };
   put(take::kCalibrationFile, place.calibration_json);
   put(take::kRigFile, documents.rig_toml);
-  put(take::kTakeFile, take::take_json(documents.about));
+  put(take::kTakeFile, about);
   if (good) return made;
   for (const std::string& name : {take::kTakeFile, take::kRigFile, take::kCalibrationFile}) {
     (void)disk.remove(place.folder + "/" + name);
@@ -54,22 +60,13 @@ Result<std::unique_ptr<TakeWriter>> TakeWriter::begin(hal::DiskPort& disk, Docum
 }
 
 Status TakeWriter::write(const TakeRow& row) {
-  if (segment_ &&
-      (!segment_->fits(row) || segment_->length() >= kLongestSegment || segment_->largest_file() >= kLargestFile)) {
+  if (segment_ && (!segment_->fits(row) || segment_->length() >= kLongestSegment ||
+                   segment_->largest_file() >= kLargestFile || segment_->evidence_bytes() >= kLargestEvidence)) {
     if (const Status finished = finish_segment("segment"); !finished) return finished;
   }
   if (!segment_) {
     if (row.sets.empty()) return {};
-    (void)note_seams(row.sets.front().number);  // no segment is open: they are noted at its begin
-    auto segment = SegmentWriter::create(place_, next_segment_, finished_sets_, row);
-    if (!segment) return fail(segment.error());
-    segment_ = std::move(*segment);
-    ++next_segment_;
-    for (const EarlyMark& mark : std::exchange(early_marks_, {})) {
-      const Status marked = segment_->mark(mark.text, mark.at);
-      failed_ = failed_ || !marked;
-      if (!marked) return marked;
-    }
+    if (const Status begun = begin_segment(row); !begun) return begun;
   }
   unsynced_ = true;
   Status written = row.sets.empty() ? Status() : note_seams(row.sets.back().number);
@@ -77,6 +74,30 @@ Status TakeWriter::write(const TakeRow& row) {
   failed_ = failed_ || !written;
   if (written && !row.raymaps.empty() && !thumbnail_tried_) write_thumbnail(row);
   return written;
+}
+
+Status TakeWriter::begin_segment(const TakeRow& row) {
+  const std::size_t streams = static_cast<std::size_t>(
+      std::ranges::count_if(row.streams, [](const auto& stream) { return stream.has_value(); }));
+  std::size_t listed = kOtherFiles;
+  for (const FinishedSegment& segment : finished_) listed += segment.files.size();
+  if (listed + streams + 2 > take::kMaxTakeFiles) {  // and raymaps, and evidence
+    return fail(Errc::kTooLarge, fmt::format("take {} has {} files, as many as a manifest lists; start another: "
+                                             "nodal take start",
+                                             place_.number, listed));
+  }
+  (void)note_seams(row.sets.front().number);  // no segment is open: they are noted at its begin
+  auto segment = SegmentWriter::create(place_, next_segment_, finished_sets_, row);
+  if (!segment) return fail(segment.error());
+  segment_ = std::move(*segment);
+  place_.after_error = false;
+  ++next_segment_;
+  for (const EarlyMark& mark : std::exchange(early_marks_, {})) {
+    const Status marked = segment_->mark(mark.text, mark.at);
+    failed_ = failed_ || !marked;
+    if (!marked) return marked;
+  }
+  return {};
 }
 
 /// Takes the seams that are in force for this set, and for those before.
@@ -145,6 +166,7 @@ Status TakeWriter::finish_segment(const std::string& reason) {
   done.files = std::move(*files);
   done.length = segment_->length();
   done.marks = segment_->marks();
+  done.tally = segment_->tally();
   add(std::move(done));
   segment_.reset();
   unsynced_ = false;
@@ -164,8 +186,17 @@ std::vector<take::Manifest::Mark> TakeWriter::marks() const {
   return all;
 }
 
+/// At which a minute has most sets.
+FrameRate TakeWriter::fastest() const {
+  FrameRate fastest = place_.rate;
+  for (const FinishedSegment& segment : finished_) {
+    if (segment.tally.rate().period() < fastest.period()) fastest = segment.tally.rate();
+  }
+  return fastest;
+}
+
 bool TakeWriter::may_be_deleted(const FinishedSegment& segment, const std::vector<take::Manifest::Mark>& marks) const {
-  return !near_mark(segment.first_set, segment.first_set + segment.sets - 1, marks, place_.rate);
+  return !near_mark(segment.first_set, segment.first_set + segment.sets - 1, marks, fastest());
 }
 
 std::uint64_t TakeWriter::deletable_bytes() const {
@@ -199,6 +230,7 @@ Status TakeWriter::sync(Instant now, std::int64_t utc_ns) {
   if (!synced) close_flight();  // nobody knows which of its bytes are on the disk
   if (!synced && segment_) {
     segment_.reset();
+    place_.after_error = true;
     auto done = recover_segment(place_, next_segment_ - 1, Trust::kDurable, "sync failed");
     if (done && *done) add(std::move(**done));
   }
@@ -222,10 +254,13 @@ Status TakeWriter::mark(const std::string& text, Instant now) {
 
 Status TakeWriter::use_calibration(const TakeCalibration& calibration) {
   const std::vector<std::uint8_t> id(calibration.id.begin(), calibration.id.end());
-  if (id == place_.calibration_id || place_.calibrations.size() >= take::kMostCalibrations) return {};
-  const std::string name = take::calibration_file(place_.calibrations.size() + 1);
-  const Status stored = create_durably(*place_.disk, place_.folder, place_.folder + "/" + name, calibration.json);
-  if (!stored) return stored;
+  if (id == place_.calibration_id || left_out_calibrations()) return {};
+  std::string name;  // empty: not stored
+  if (place_.calibrations.size() < take::kMostCalibrations) {
+    name = take::calibration_file(place_.calibrations.size() + 1);
+    const Status stored = create_durably(*place_.disk, place_.folder, place_.folder + "/" + name, calibration.json);
+    if (!stored) return stored;
+  }
   place_.calibration_id = id;
   place_.calibration_json = calibration.json;
   place_.calibrations.push_back({name, to_hex(calibration.id), calibration.first_set});
@@ -236,7 +271,7 @@ Status TakeWriter::use_calibration(const TakeCalibration& calibration) {
   return noted;
 }
 
-Result<take::Manifest> TakeWriter::end(const std::string& reason, std::uint64_t lost_sets) {
+Result<take::Manifest> TakeWriter::end(const std::string& reason, LostSets lost) {
   if (segment_ && !failed_) {
     if (const Status finished = finish_segment(reason); !finished) failed_ = true;
   }
@@ -246,13 +281,16 @@ Result<take::Manifest> TakeWriter::end(const std::string& reason, std::uint64_t 
     if (!done) return fail(done.error());
     if (*done) add(std::move(**done));
   }
-  take::Manifest manifest;
-  manifest.number = place_.number;
-  manifest.ended = reason;
-  manifest.lost_sets = lost_sets;
-  for (const FinishedSegment& segment : finished_) add_segment(manifest, segment, place_.rate);
-  manifest.deleted_sets = finished_sets_ - manifest.sets;
+  ManifestSum sum(place_.number, reason, heads_);
+  for (const FinishedSegment& segment : finished_) sum.add(segment);
+  take::Manifest manifest = sum.finish(finished_sets_);
   manifest.calibrations = place_.calibrations;
+  // The evidence does not know of those after the last set, nor of those before a segment that was deleted.
+  take::Gap rest;
+  rest.slow = lost.slow - std::min(lost.slow, manifest.gaps.slow);
+  rest.error = lost.error - std::min(lost.error, manifest.gaps.error);
+  if (rest.sets() != 0) take::add(manifest.gaps, rest);
+  manifest.lost_sets = manifest.gaps.slow + manifest.gaps.error;
   auto flight = finish_flight();
   if (!flight) return fail(flight.error());
   if (*flight) manifest.files.push_back(std::move(**flight));

@@ -12,6 +12,7 @@
 
 #include "firmware/record/recovery.h"
 #include "firmware/record/segment_writer.h"
+#include "firmware/record/take_manifest.h"
 #include "firmware/record/take_row.h"
 #include "hal/disk.h"
 #include "protocol/base/result.h"
@@ -19,6 +20,12 @@
 #include "protocol/take/documents.h"
 
 namespace nodal::firmware {
+
+/// Sets that the rig made and did not record, by its own count.
+struct LostSets {
+  std::uint64_t slow = 0;   ///< the disk or the board was too slow
+  std::uint64_t error = 0;  ///< by an error of the disk
+};
 
 /// Cuts the take into segments: after kLongestSegment or kLargestFile, when a head's format changes, and when a sync fails. A
 /// failed sync is never repeated, because the kernel forgets which bytes it could not write: the segment is cut to what was
@@ -46,8 +53,8 @@ class TakeWriter {
   /// Makes everything written durable. Errors: that of the sync; the take goes on.
   Status sync(Instant now, std::int64_t utc_ns);
   Status mark(const std::string& text, Instant now);
-  /// Stores a calibration, durably, and notes from which set on it is in force. One that is in force already, and those after
-  /// take::kMostCalibrations, are left out.
+  /// Stores a calibration, durably, and notes from which set on it is in force. One that is in force already is left out. After
+  /// take::kMostCalibrations it is noted that this one is not stored; the take goes on without those that follow.
   Status use_calibration(const TakeCalibration& calibration);
   /// Notes placed seams before the first set that is blended with them. At most kMostSeamsAhead may be for sets that are not written yet.
   void use_seams(SeamChange seams) { seams_ahead_.push_back(std::move(seams)); }
@@ -56,7 +63,7 @@ class TakeWriter {
   void write_flight(std::span<const std::uint8_t> record);
   /// Finishes all files and writes the manifest. After an error of the disk this may work or not; if not, the take is recovered
   /// at the next start.
-  Result<take::Manifest> end(const std::string& reason, std::uint64_t lost_sets);
+  Result<take::Manifest> end(const std::string& reason, LostSets lost = {});
   /// Deletes the oldest finished segment that is not near a mark, and returns its bytes; nothing if there is none.
   Result<std::optional<std::uint64_t>> delete_oldest();
 
@@ -66,14 +73,20 @@ class TakeWriter {
   /// Recorded, those that were deleted included.
   std::uint64_t sets() const { return finished_sets_ + (segment_ ? segment_->sets() : 0); }
   bool synced() const { return !unsynced_; }
+  /// A calibration was left out: sets cannot be rendered from here on as they were blended.
+  bool left_out_calibrations() const { return !place_.calibrations.empty() && !place_.calibrations.back().stored(); }
 
   static constexpr Duration kLongestSegment = Duration::seconds(60);
   static constexpr std::size_t kMostSeamsAhead = 64;
   static constexpr std::uint64_t kLargestFile = std::uint64_t{2} << 30;
+  /// Half of what a reader takes.
+  static constexpr std::uint64_t kLargestEvidence = take::kMaxEvidenceBytes / 2;
 
  private:
   Status note_seams(std::uint64_t set);
+  Status begin_segment(const TakeRow& row);
   Status finish_segment(const std::string& reason);
+  FrameRate fastest() const;
   void write_thumbnail(const TakeRow& row);
   void close_flight();
   Result<std::optional<take::Manifest::File>> finish_flight();
@@ -82,6 +95,7 @@ class TakeWriter {
   std::vector<take::Manifest::Mark> marks() const;
 
   TakePlace place_;
+  std::size_t heads_ = 0;
   std::unique_ptr<SegmentWriter> segment_;
   std::uint32_t next_segment_ = 0;
   std::deque<FinishedSegment> finished_;  ///< those that are not deleted

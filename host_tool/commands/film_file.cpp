@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <filesystem>
 #include <optional>
@@ -14,6 +15,7 @@
 
 #include "protocol/base/version.h"
 #include "protocol/files/open_file.h"
+#include "protocol/take/limits.h"
 #include "protocol/take/matroska_writer.h"
 
 namespace nodal::host {
@@ -23,6 +25,8 @@ struct FilmFile::State {
   int fd = -1;
   std::optional<take::MatroskaWriter> writer;  ///< once the first frame is there
   int width = 0, height = 0;
+  bool live = true;  ///< no offset was set
+  std::optional<std::int64_t> utc_offset_ns;
   std::uint64_t first_ns = 0;
   std::int64_t newest_ns = 0;
   std::uint64_t frames = 0;
@@ -35,6 +39,16 @@ struct FilmFile::State {
   std::size_t open_bytes = 0;
   bool created = false;  ///< there was no file of that name
   bool ended = false;
+
+  /// Nothing if it is not known, or before 1970.
+  std::optional<std::int64_t> utc_of(std::uint64_t frame_ns) const {
+    using std::chrono::duration_cast, std::chrono::nanoseconds, std::chrono::system_clock;
+    if (live) return duration_cast<nanoseconds>(system_clock::now().time_since_epoch()).count();
+    if (!utc_offset_ns) return std::nullopt;
+    const __int128 utc = static_cast<__int128>(*utc_offset_ns) + frame_ns;
+    if (utc < 0 || utc > take::kMaxUtcNs) return std::nullopt;
+    return static_cast<std::int64_t>(utc);
+  }
 
   Status write_cluster() {
     if (open.empty()) return {};
@@ -90,6 +104,7 @@ Status FilmFile::add(const ReceivedRaymap& raymap) {
   track.width = static_cast<int>(header.width());
   track.height = static_cast<int>(header.height());
   track.equirectangular = header.layout() == "equirectangular";
+  track.rate = FrameRate::make(header.rate_numerator(), header.rate_denominator());
   return add(track, header.mid_exposure_ns(), raymap.bytes);
 }
 
@@ -100,6 +115,7 @@ Status FilmFile::add(const take::VideoTrack& track, std::uint64_t now_ns, std::s
     film.height = track.height;
     take::VideoTrack ours = track;
     ours.writer = "nodal " NODAL_VERSION;
+    ours.utc_ns = film.utc_of(now_ns);
     film.writer.emplace(ours);
     film.first_ns = now_ns;
     if (::ftruncate(film.fd, 0) != 0 && errno != EINVAL) {  // EINVAL: a device or a pipe
@@ -122,6 +138,11 @@ Status FilmFile::add(const take::VideoTrack& track, std::uint64_t now_ns, std::s
   film.open.push_back({next.since_start, {frame.begin(), frame.end()}});
   film.open_bytes += frame.size();
   return {};
+}
+
+void FilmFile::set_utc_offset(std::optional<std::int64_t> offset_ns) {
+  state_->live = false;
+  state_->utc_offset_ns = offset_ns;
 }
 
 Status FilmFile::end() {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -32,6 +33,9 @@ class FilmFile {
   Status add(const ReceivedRaymap& raymap);
   /// The same for any frame. `track` is that of the first one; later, only its size is compared.
   Status add(const take::VideoTrack& track, std::uint64_t now_ns, std::span<const std::uint8_t> frame);
+  /// UTC minus the clock of the frames' times, ns; nothing if it is unknown. Without a call, the film's date is that of this
+  /// computer when the first frame is added.
+  void set_utc_offset(std::optional<std::int64_t> offset_ns);
   /// Writes the index and the duration. Nothing can be added after it.
   Status end();
 

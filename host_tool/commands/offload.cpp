@@ -44,8 +44,9 @@ Error advised(Error error) {
   return error;
 }
 
-/// Copies one take. Returns what `nodal offload --json` says of it.
-Result<Json> offload(Context& context, RigConnection& rig, std::uint64_t take, const OffloadOptions& options) {
+/// Copies one take. `json`, which has its number, gets what `nodal offload --json` says of a take that is copied, also if it then
+/// cannot be deleted.
+Status offload(Context& context, RigConnection& rig, std::uint64_t take, const OffloadOptions& options, Json& json) {
   const bool without_heads = !options.only.empty();
   auto copy = TakeCopy::begin(rig, take, options.to);
   if (!copy) return fail(copy.error());
@@ -56,12 +57,12 @@ Result<Json> offload(Context& context, RigConnection& rig, std::uint64_t take, c
         copy->run(without_heads, [&](std::uint64_t bytes, const std::string& file) { progress.update(bytes, file); });
     if (!copied) return fail(copied.error());
   }
-  Json json{{"take", take},
-            {"id", to_hex(copy->id())},
-            {"folder", copy->folder().string()},
-            {"bytes", copy->bytes(without_heads)},
-            {"fetched", copy->fetched()},
-            {"whole", !without_heads}};
+  json["id"] = to_hex(copy->id());
+  json["folder"] = copy->folder().string();
+  json["bytes"] = copy->bytes(without_heads);
+  json["fetched"] = copy->fetched();
+  json["whole"] = !without_heads;
+  json["deleted"] = false;
   std::string what =
       was_there ? "was there already" : fmt::format("{} copied and verified", show_bytes(copy->bytes(without_heads)));
   if (options.delete_after) {
@@ -69,12 +70,15 @@ Result<Json> offload(Context& context, RigConnection& rig, std::uint64_t take, c
     request.mutable_take_delete()->set_take(take);
     request.mutable_take_delete()->set_manifest_sha256(sha256_to_wire(copy->id()));
     const Result<wire::Reply> deleted = rig.ask(request);
-    if (!deleted) return fail(deleted.error());
+    if (!deleted) {
+      context.console().line(fmt::format("take {}: {}: {}", take, what, copy->folder().string()));
+      return fail(deleted.error().in("it is not deleted"));
+    }
     what += ", deleted from the rig";
+    json["deleted"] = true;
   }
-  json["deleted"] = options.delete_after;
   context.console().line(fmt::format("take {}: {}: {}", take, what, copy->folder().string()));
-  return json;
+  return {};
 }
 
 Status run_offload(Context& context, const OffloadOptions& options) {
@@ -83,24 +87,24 @@ Status run_offload(Context& context, const OffloadOptions& options) {
   if (!rig) return fail(rig.error());
   const auto takes = wanted_takes(**rig, options);
   if (!takes) return fail(takes.error());
-  Json done = Json::array();
+  Json done = Json::array(), failed = Json::array();
   std::optional<Error> problem;
   for (const std::uint64_t take : *takes) {
-    auto copied = offload(context, **rig, take, options);
-    if (copied) {
-      done.push_back(std::move(*copied));
-      continue;
-    }
+    Json json{{"take", take}};
+    const Status copied = offload(context, **rig, take, options, json);
+    if (json.contains("id")) done.push_back(json);
+    if (copied) continue;
     Error error = advised(copied.error().in(fmt::format("take {}", take)));
+    failed.push_back({{"take", take}, {"error", error.message}});
     // What concerns one take does not keep the others on the rig.
     const bool of_this_take = error.code == Errc::kNotFound || error.code == Errc::kWrongState ||
                               error.code == Errc::kChecksum || error.code == Errc::kBadFormat;
-    if (!of_this_take) return fail(error);
     if (problem) context.console().warning(problem->message);
     problem = std::move(error);
+    if (!of_this_take) break;
   }
+  context.console().document({{"takes", done}, {"failed", failed}});  // also what was done before an error
   if (problem) return fail(*problem);
-  context.console().document({{"takes", done}});
   if (takes->empty()) context.console().line("there are no finished takes; `nodal take list` lists them");
   return {};
 }

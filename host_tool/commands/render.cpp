@@ -76,9 +76,14 @@ class Sender {
  public:
   Sender(const RaymapConfig& raymap, bool jpeg) : raymap_(raymap), jpeg_(jpeg) {}
 
+  /// `rate`: of raymaps.
   Result<ReceivedRaymap> send(const render::RenderedRaymap& rendered, const media::TakeSet& set,
-                              const Sha256& calibration) {
+                              const Sha256& calibration, std::optional<FrameRate> rate) {
     ReceivedRaymap raymap{header(rendered, set, calibration), {}};
+    if (rate) {
+      raymap.header.set_rate_numerator(rate->numerator);
+      raymap.header.set_rate_denominator(rate->denominator);
+    }
     if (!jpeg_) {
       raymap.bytes = rendered.pixels.bytes;
       return raymap;
@@ -150,11 +155,10 @@ void tell_losses(Console& console, const render::TakeRender& render, const Rende
   if (done.undecodable != 0) {
     console.note(fmt::format("{} could not be decoded and are missing", counted(done.undecodable, "picture")));
   }
-  if (render.other_calibrations() != 0) {
-    console.note(fmt::format(
-        "note: {} recorded with another calibration than {}, which all raymaps here are made with",
-        counted(render.other_calibrations(), "segment") + (render.other_calibrations() == 1 ? " was" : " were"),
-        to_hex(render.calibration()).substr(0, 12)));
+  if (!render.is_of_take()) {
+    console.note(
+        fmt::format("note: all raymaps here are made with calibration {}, and none was when the take was recorded",
+                    to_hex(render.calibration()).substr(0, 12)));
   }
 }
 
@@ -214,10 +218,11 @@ Status run_render(Context& context, RenderArgs args) {
       if (!more) return fail(more.error());
       if (!*more || interrupted()) break;
       const media::TakeSet& set = (*render)->set();
-      const Result<ReceivedRaymap> made = sender.send(rendered, set, (*render)->calibration());
+      const Result<ReceivedRaymap> made = sender.send(rendered, set, (*render)->calibration(), (*render)->rate());
       if (!made) return fail(made.error());
       if (is_film(args.out) && !sink->film) sink = RaymapSink::film_of(args.out);
       if (!sink) return fail(sink.error());
+      if (sink->film && done.raymaps == 0) sink->film->set_utc_offset(folder->about().utc_offset_ns());
       const Result<std::string> stored = sink->store(*made, ++done.raymaps, console);
       if (!stored) return fail(stored.error());
       done.last = *stored;

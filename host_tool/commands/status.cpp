@@ -110,10 +110,13 @@ void show(Console& console, const wire::RigStatus& status, const std::string& na
   if (status.has_recording()) {
     const wire::Recording& takes = status.recording();
     row("take", takes.has_take() ? recording_text(takes) : "none is being recorded");
-    if (takes.lost_sets() + takes.lost_raymaps() != 0) {
-      row("", console.paint(Colour::kBad,
-                            fmt::format("{} and {} lost: the disk is too slow", counted(takes.lost_sets(), "set"),
-                                        counted(takes.lost_raymaps(), "raymap"))));
+    const std::uint64_t slow = takes.lost_sets() - std::min(takes.lost_sets(), takes.lost_by_errors());
+    if (slow + takes.lost_raymaps() != 0) {
+      row("", console.paint(Colour::kBad, fmt::format("{} and {} lost: the disk is too slow", counted(slow, "set"),
+                                                      counted(takes.lost_raymaps(), "raymap"))));
+    }
+    if (takes.lost_by_errors() != 0) {
+      row("", console.paint(Colour::kBad, counted(takes.lost_by_errors(), "set") + " lost by an error of the disk"));
     }
     if (!takes.problem().empty()) row("", console.paint(Colour::kWarning, takes.problem()));
   }

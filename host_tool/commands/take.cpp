@@ -1,6 +1,7 @@
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <ctime>
 #include <filesystem>
 #include <memory>
@@ -42,6 +43,13 @@ Json take_json(const wire::TakeEntry& take) {
             {"started_utc_ns", take.started_utc_ns()},
             {"sets", take.sets()},
             {"lost_sets", take.lost_sets()},
+            {"lost_by_errors", take.lost_by_errors()},
+            {"not_captured", take.not_captured()},
+            {"gaps", take.gaps()},
+            {"longest_gap_ns", take.longest_gap_ns()},
+            {"missing_pictures", take.missing_pictures()},
+            {"rate", {take.rate_numerator(), take.rate_denominator()}},
+            {"rates", take.rates()},
             {"deleted_sets", take.deleted_sets()},
             {"bytes", take.bytes()},
             {"length_ns", take.length_ns()},
@@ -49,6 +57,24 @@ Json take_json(const wire::TakeEntry& take) {
             {"ended", take.ended()}};
   if (!take.problem().empty()) json["problem"] = take.problem();
   return json;
+}
+
+/// Why sets are missing, and pictures of which heads: ", 150 sets not captured (the longest gap has 5.0 s)"; empty: nothing is.
+std::string missing_text(const wire::TakeEntry& take) {
+  std::string text;
+  const auto add = [&](std::uint64_t sets, const char* why) {
+    if (sets != 0) text += fmt::format(", {} {}", counted(sets, "set"), why);
+  };
+  add(take.lost_sets() - std::min(take.lost_sets(), take.lost_by_errors()), "lost by a slow disk");
+  add(take.lost_by_errors(), "lost by errors of the disk");
+  add(take.not_captured(), "not captured");
+  if (take.longest_gap_ns() != 0)
+    text += fmt::format(" (the longest gap has {})", show_duration(take.longest_gap_ns()));
+  for (int head = 0; head < take.missing_pictures_size(); ++head) {
+    if (take.missing_pictures(head) == 0) continue;
+    text += fmt::format(", {} of head {} missing", counted(take.missing_pictures(head), "picture"), head);
+  }
+  return text;
 }
 
 /// Writes a take's thumbnail as DIR/000042.jpg, and returns that name; empty: it has none.
@@ -92,10 +118,12 @@ Status list_takes(Context& context, const TakeOptions& options) {
     std::string state = take.state();
     if (!take.ended().empty() && take.ended() != "stopped") state += ", " + take.ended();
     if (take.deleted_sets() != 0) state += ", without the " + counted(take.deleted_sets(), "set") + " deleted for room";
+    state += missing_text(take);
     if (take.is_protected()) state += ", protected";
     if (!take.problem().empty()) state += ": " + context.console().paint(Colour::kBad, take.problem());
     table.row({std::to_string(take.number()), show_utc(take.started_utc_ns()), show_duration(take.length_ns()),
-               std::to_string(take.sets()), std::to_string(take.lost_sets()), show_bytes(take.bytes()), state});
+               std::to_string(take.sets()), std::to_string(take.lost_sets() + take.not_captured()),
+               show_bytes(take.bytes()), state});
   }
   context.console().document({{"takes", list}});
   if (list.empty()) {

@@ -15,8 +15,10 @@
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/offload/take_files.h"
+#include "protocol/base/raymap_rate.h"
 #include "protocol/calibration.h"
 #include "protocol/files/open_file.h"
+#include "protocol/take/tally.h"
 #include "stitch/media/take/take_folder.h"
 #include "stitch/media/ut_video.h"
 
@@ -79,12 +81,19 @@ class Csv {
 /// The films of a take's files: one for each head, and a further one when the format changes.
 class Films {
  public:
-  Films(fs::path to, FrameRate rate, std::string layout, std::string calibration)
-      : to_(std::move(to)), rate_(rate), layout_(std::move(layout)), calibration_(std::move(calibration)) {}
+  Films(fs::path to, const take::TakeDocument& about, std::string calibration)
+      : to_(std::move(to)), about_(about), calibration_(std::move(calibration)) {}
+
+  /// Of the files that are added next. A film has one rate, so another begins a further film.
+  void begin_segment(const take::wire::Begin& begin) {
+    rate_ = take::rate_of(begin, about_.rate);
+    const auto a_set = static_cast<int>(std::min(2U, begin.raymaps_a_set()));
+    raymaps_a_set_ = a_set == 0 ? about_.raymaps_a_set : a_set;
+  }
 
   Status add(const media::TakeStream& stream, std::uint64_t at_ns, std::span<const std::uint8_t> frame) {
     Film& film = films_[stream.head ? static_cast<int>(*stream.head) : -1];
-    if (!film.file || !same(film.stream, stream)) {
+    if (!film.file || !same(film.stream, stream) || !take::same_rate(film.rate, rate_)) {
       if (film.file) {
         if (const Status ended = film.file->end(); !ended) return ended;
       }
@@ -94,7 +103,9 @@ class Films {
       auto made = FilmFile::create((to_ / (name + ".mkv")).string());
       if (!made) return fail(made.error());
       film.file = std::move(*made);
+      film.file->set_utc_offset(about_.utc_offset_ns());
       film.stream = stream;
+      film.rate = rate_;
       ++count_;
     }
     return film.file->add(track_of(stream), at_ns, frame);
@@ -111,11 +122,12 @@ class Films {
   struct Film {
     std::unique_ptr<FilmFile> file;
     media::TakeStream stream;
+    FrameRate rate;
     int part = 0;
   };
   static bool same(const media::TakeStream& a, const media::TakeStream& b) {
     return a.format == b.format && a.width == b.width && a.height == b.height && a.coding == b.coding &&
-           a.fields == b.fields && a.lossless == b.lossless;
+           a.fields == b.fields && a.fields_apart == b.fields_apart && a.lossless == b.lossless;
   }
   take::VideoTrack track_of(const media::TakeStream& stream) const {
     take::VideoTrack track;
@@ -126,21 +138,24 @@ class Films {
     if (stream.lossless) {
       track.codec = media::kUtVideoCodec;
       track.fourcc.clear();
-      track.codec_private = media::ut_video_private(stream.format, stream.width, stream.height, stream.coding);
+      track.codec_private =
+          media::ut_video_private(stream.format, stream.width, stream.height, stream.coding, stream.fields);
     }
     track.width = stream.width;
     track.height = stream.height;
-    track.rate = rate_;
+    track.rate = stream.head ? rate_ : raymap_rate(rate_, raymaps_a_set_);
     track.fields = stream.fields;
+    track.fields_apart = stream.fields_apart;
     track.coding = stream.coding;
-    track.equirectangular = !stream.head && layout_ == "equirectangular";
+    track.equirectangular = !stream.head && about_.layout == "equirectangular";
     if (!calibration_.empty()) track.attachments.push_back({take::kCalibrationFile, "application/json", calibration_});
     return track;
   }
 
   const fs::path to_;
-  const FrameRate rate_;
-  const std::string layout_;
+  const take::TakeDocument& about_;
+  FrameRate rate_;
+  int raymaps_a_set_ = 1;
   const std::string calibration_;
   std::map<int, Film> films_;
   std::size_t count_ = 0;
@@ -184,7 +199,7 @@ Status run_export(Context& context, const ExportArgs& args) {
     if (!text) return fail(text.error());
     calibration = *text;
   }
-  Films films(to, folder->about().rate, folder->about().layout, std::move(calibration));
+  Films films(to, folder->about(), std::move(calibration));
   Csv sets(to / "sets.csv",
            "index,number,mid_exposure_ns,since_start_ns,genlock,pulse,spread_ns,drift_ppb,not_recorded_before");
   Csv frames(to / "frames.csv",
@@ -205,6 +220,7 @@ Status run_export(Context& context, const ExportArgs& args) {
     if (!first) first = told.mid_exposure_ns();
     if (segment != all.segment().evidence().begin.segment()) {
       segment = all.segment().evidence().begin.segment();
+      films.begin_segment(all.segment().evidence().begin);
       if (const Status added = add_raymaps(all.segment(), films); !added) return added;
     }
     sets.row(told.index(), told.number(), told.mid_exposure_ns(), told.mid_exposure_ns() - *first, told.genlock(),

@@ -10,6 +10,7 @@
 
 #include "host_tool/commands/take_argument.h"
 #include "host_tool/console/quantities.h"
+#include "protocol/take/tally.h"
 
 namespace nodal::host {
 namespace {
@@ -64,6 +65,78 @@ class SeamSummary {
   Duration first_change_{}, last_change_{};
 };
 
+/// What the evidence says about the sets that a take lacks, and its rates.
+class GapSummary {
+ public:
+  explicit GapSummary(FrameRate otherwise) : otherwise_(otherwise) {}
+
+  /// To be called with the evidence of each segment in turn.
+  void add(const take::Segment& segment) {
+    std::vector<take::Gap> inside;
+    const auto tally = take::tally_of(segment, otherwise_, [&](const take::Gap& gap) { note(inside, gap); });
+    if (const auto before = tally_.add(tally)) note(gaps_, *before);
+    for (const take::Gap& gap : inside) note(gaps_, gap);
+  }
+  const take::Tally& tally() const { return tally_; }
+
+  /// `first_ns`: middle of the take's first set.
+  std::vector<std::string> lines(std::int64_t first_ns) const {
+    std::vector<std::string> lines;
+    for (const take::Gap& gap : gaps_) {
+      std::string why;
+      const auto add = [&](std::uint64_t sets, const char* text) {
+        if (sets != 0) why += fmt::format("{}{} {}", why.empty() ? "" : ", ", counted(sets, "set"), text);
+      };
+      add(gap.slow, "lost: the disk or the board was too slow");
+      add(gap.error, "lost by an error of the disk");
+      add(gap.capture, "not captured");
+      lines.push_back(fmt::format("gap of {} at {}: {}", shown(gap.length.ns()), shown(gap.at_ns - first_ns), why));
+    }
+    if (tally_.gaps().count > gaps_.size())
+      lines.push_back(fmt::format("and {} more", counted(tally_.gaps().count - gaps_.size(), "gap")));
+    return lines;
+  }
+  Json json() const {
+    const take::Gaps& all = tally_.gaps();
+    Json rates = Json::array();
+    for (const take::RateChange& each : tally_.rates())
+      rates.push_back({{"set", each.set}, {"rate", {each.rate.numerator, each.rate.denominator}}});
+    return {{"rates", rates},
+            {"gaps",
+             {{"count", all.count},
+              {"slow", all.slow},
+              {"error", all.error},
+              {"capture", all.capture},
+              {"longest_ns", all.longest.ns()},
+              {"longest_before", all.longest_before}}}};
+  }
+
+ private:
+  static constexpr std::size_t kShown = 20;
+  static void note(std::vector<take::Gap>& gaps, const take::Gap& gap) {
+    if (gaps.size() < kShown) gaps.push_back(gap);
+  }
+  static std::string shown(std::int64_t ns) {
+    return show_duration(static_cast<std::uint64_t>(std::max<std::int64_t>(0, ns)));
+  }
+
+  const FrameRate otherwise_;
+  take::Tally tally_;
+  std::vector<take::Gap> gaps_;  ///< the first
+};
+
+/// "30000/1001 sets a second", "50 sets a second, from set 312 on 25".
+std::string rates_text(const std::vector<take::RateChange>& rates) {
+  std::string text;
+  for (const take::RateChange& each : rates) {
+    const std::string rate = each.rate.denominator == 1
+                                 ? std::to_string(each.rate.numerator)
+                                 : fmt::format("{}/{}", each.rate.numerator, each.rate.denominator);
+    text += text.empty() ? rate + " sets a second" : fmt::format(", from set {} on {}", each.set, rate);
+  }
+  return text;
+}
+
 std::string stored_as(const media::TakeStream& stream) {
   std::string text = fmt::format("{}x{} {}", stream.width, stream.height, pixel_format_name(stream.format));
   if (stream.lossless) text += " as Ut Video";
@@ -84,14 +157,18 @@ Status run_show(Context& context, const std::string& name) {
   media::TakeSets sets(*folder);
   media::TakeSet set;
   SeamSummary seams;
+  GapSummary gaps(about.rate);
+  std::optional<std::uint32_t> segment;
   std::int64_t first = 0;
   for (bool begun = false;; begun = true) {
     const Result<bool> more = sets.next(set);
     if (!more) return fail(more.error());
     if (!*more) break;
     if (!begun) first = set.mid_exposure.ns();
-    seams.add(sets.segment().evidence().seams, set.evidence.number(),
-              Duration::nanoseconds(set.mid_exposure.ns() - first));
+    const take::Segment& evidence = sets.segment().evidence();
+    if (segment != evidence.begin.segment()) gaps.add(evidence);
+    segment = evidence.begin.segment();
+    seams.add(evidence.seams, set.evidence.number(), Duration::nanoseconds(set.mid_exposure.ns() - first));
     const auto marked = starts.find(set.evidence.index());
     if (marked != starts.end()) marked->second = set.mid_exposure.ns() - first;
     for (const take::wire::Frame& frame : set.evidence.frames()) {
@@ -132,10 +209,17 @@ Status run_show(Context& context, const std::string& name) {
   console.line(fmt::format("take {} of rig {}, {}, {}, {}", manifest.number, about.rig, counted(manifest.sets, "set"),
                            length, show_bytes(manifest.bytes())));
   console.line(fmt::format("recorded by {}, mode {}; ended: {}", about.software, about.mode, manifest.ended));
-  if (manifest.lost_sets != 0) {
+  console.line(rates_text(gaps.tally().rates()));
+  if (const std::uint64_t lost = manifest.lost_sets - std::min(manifest.lost_sets, manifest.gaps.error); lost != 0) {
     console.line(
-        console.paint(Colour::kBad, fmt::format("{} lost: the disk was too slow", counted(manifest.lost_sets, "set"))));
+        console.paint(Colour::kBad, fmt::format("{} lost: the disk or the board was too slow", counted(lost, "set"))));
   }
+  if (manifest.gaps.error != 0) {
+    console.line(console.paint(Colour::kBad, counted(manifest.gaps.error, "set") + " lost by an error of the disk"));
+  }
+  if (const std::uint64_t none = gaps.tally().gaps().capture; none != 0)
+    console.line(console.paint(Colour::kBad, counted(none, "set") + " not captured"));
+  for (const std::string& line : gaps.lines(first)) console.line(console.paint(Colour::kBad, line));
   if (manifest.deleted_sets != 0) {
     console.line(
         fmt::format("{} deleted by the rig, to make room for newer ones", counted(manifest.deleted_sets, "set")));
@@ -143,7 +227,14 @@ Status run_show(Context& context, const std::string& name) {
   console.line(about.calibration_id.empty() ? "without a calibration"
                                             : "calibration " + about.calibration_id.substr(0, 12));
   for (const take::Manifest::Calibration& each : manifest.calibrations) {
-    console.line(fmt::format("calibration {} from the rig's set {} on", each.id.substr(0, 12), each.set));
+    if (each.stored()) {
+      console.line(fmt::format("calibration {} from the rig's set {} on", each.id.substr(0, 12), each.set));
+    } else {
+      console.line(console.paint(
+          Colour::kBad, fmt::format("from the rig's set {} on, calibrations are not in the take: it has as many as it "
+                                    "can have; those sets cannot be rendered as they were blended",
+                                    each.set)));
+    }
     json_calibrations.push_back({{"file", each.file}, {"id", each.id}, {"set", each.set}});
   }
   if (seams.recorded()) {
@@ -159,6 +250,7 @@ Status run_show(Context& context, const std::string& name) {
   }
   json["heads"] = json_heads;
   json["marks"] = json_marks;
+  json.update(gaps.json());
   json["later_calibrations"] = json_calibrations;
   console.document(json);
   return {};

@@ -91,16 +91,7 @@ Status run_verify(Context& context, const std::string& name) {
   const fs::path folder = name;
   std::error_code error;
   if (!fs::is_directory(folder, error)) return fail(Errc::kNotFound, name + ": there is no such folder");
-  const auto text = media::read_take_file(*take_files(folder), take::kManifestFile, take::kMaxManifestBytes);
-  if (!text && fs::exists(folder / (take::kManifestFile + ".part"), error)) {
-    return fail(Errc::kNotReady, name + ": the copy is not complete; the same `nodal offload` goes on with it");
-  }
-  if (!text && text.error().code == Errc::kNotFound && fs::exists(folder / take::kTakeFile, error)) {
-    return fail(Errc::kNotReady,
-                name +
-                    ": has no manifest: the take was not ended. The rig finishes it when nodald starts; copy it "
-                    "again then");
-  }
+  const auto text = media::read_manifest_file(*take_files(folder));
   if (!text) return fail(text.error());
   const auto manifest = take::parse_manifest({reinterpret_cast<const char*>(text->data()), text->size()},
                                              (folder / take::kManifestFile).string());

@@ -12,6 +12,7 @@
 #include "host_tool/offload/local_file.h"
 #include "host_tool/offload/take_fetch.h"
 #include "protocol/take/evidence.h"
+#include "stitch/media/take/take_files.h"
 
 namespace nodal::host {
 namespace {
@@ -20,7 +21,7 @@ namespace fs = std::filesystem;
 using Bytes = std::vector<std::uint8_t>;
 using take::PieceHashes;
 
-const std::string kPart = ".part";
+const std::string kPart(media::kPartSuffix);
 
 bool is_evidence(const std::string& name) { return name.starts_with("evidence-"); }
 bool is_video(const std::string& name) { return name.ends_with(".mkv"); }

@@ -7,6 +7,7 @@
 
 #include "protocol/base/sha256.h"
 #include "protocol/base/text.h"
+#include "protocol/base/units.h"
 
 namespace nodal::host {
 namespace {
@@ -181,6 +182,10 @@ Status check_and_clean(wire::RaymapHeader& header) {
   check.by_head(header.exposure_ns());
   check.by_head(header.gain_mdb());
   check.id(header.calibration_id());
+  if (!FrameRate::make(header.rate_numerator(), header.rate_denominator())) {
+    header.clear_rate_numerator();
+    header.clear_rate_denominator();
+  }
   return check.result();
 }
 

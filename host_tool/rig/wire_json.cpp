@@ -85,6 +85,7 @@ Json to_json(const wire::RigStatus& status, const std::string& rig_name, const s
                  {"length_ns", takes.length_ns()},
                  {"sets", takes.sets()},
                  {"lost_sets", takes.lost_sets()},
+                 {"lost_by_errors", takes.lost_by_errors()},
                  {"lost_raymaps", takes.lost_raymaps()},
                  {"jpeg_quality", takes.quality()},
                  {"leaves_out_raymaps", takes.leaves_out_raymaps()},

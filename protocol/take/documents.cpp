@@ -3,57 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
-#include "protocol/base/text.h"
-#include "protocol/strict_json.h"
+#include "protocol/take/json_fields.h"
+#include "protocol/take/limits.h"
 
 namespace nodal::take {
-namespace {
 
-using Json = nlohmann::json;
-
-/// A field of an object; errors name the file and the field.
-class JsonFields {
- public:
-  JsonFields(const Json& json, std::string where) : json_(json), where_(std::move(where)) {}
-
-  Result<std::uint64_t> number(const char* key, std::uint64_t most) const {
-    const auto at = json_.find(key);
-    if (at == json_.end()) return missing(key);
-    if (!at->is_number_unsigned() || at->get<std::uint64_t>() > most)
-      return wrong(key, fmt::format("not a number from 0 to {}", most));
-    return at->get<std::uint64_t>();
-  }
-  Result<std::string> text(const char* key, std::size_t most) const {
-    const auto at = json_.find(key);
-    if (at == json_.end()) return missing(key);
-    if (!at->is_string() || at->get_ref<const std::string&>().size() > most ||
-        !is_printable(at->get_ref<const std::string&>())) {
-      return wrong(key, fmt::format("not a text of at most {} bytes", most));
-    }
-    return at->get<std::string>();
-  }
-  Result<const Json*> list(const char* key, std::size_t most) const {
-    const auto at = json_.find(key);
-    if (at == json_.end()) return missing(key);
-    if (!at->is_array() || at->size() > most) return wrong(key, fmt::format("not a list of at most {}", most));
-    return &*at;
-  }
-  tl::unexpected<Error> wrong(const char* key, const std::string& how) const {
-    return fail(Errc::kBadValue, fmt::format("{}: {}: {}", where_, key, how));
-  }
-
- private:
-  tl::unexpected<Error> missing(const char* key) const {
-    return fail(Errc::kMissingField, fmt::format("{}: {} is missing", where_, key));
-  }
-  const Json& json_;
-  const std::string where_;
-};
-
-/// `shape`: every field that this version reads; others are left out.
-Result<Json> parse(const TextPieces& text, const std::string& file, std::size_t limit, const JsonShape& shape) {
+Result<Json> parse_document(const TextPieces& text, const std::string& file, std::size_t limit,
+                            const JsonShape& shape) {
   auto json = parse_strict_json(text, {.bytes = limit, .depth = 8}, shape);
   if (!json) return fail(json.error().in(file));
   if (!json->is_object()) return fail(Errc::kBadFormat, file + ": not a JSON object");
@@ -66,15 +23,16 @@ Result<Json> parse(const TextPieces& text, const std::string& file, std::size_t 
   return json;
 }
 
-/// Takes a value out of a Result, or ends the parser with its error.
-#define NODAL_TAKE(variable, result)                              \
-  auto variable##_result = (result);                              \
-  if (!variable##_result) return fail(variable##_result.error()); \
-  auto& variable = *variable##_result
+nlohmann::ordered_json rate_json(FrameRate rate) { return {rate.numerator, rate.denominator}; }
 
-constexpr std::uint64_t kMostNs = INT64_MAX;
-
-}  // namespace
+Result<FrameRate> rate_in(const Json& list, const JsonFields& fields) {
+  if (!list.is_array() || list.size() != 2 || !list[0].is_number_unsigned() || !list[1].is_number_unsigned()) {
+    return fields.wrong("rate", "not two numbers");
+  }
+  const auto rate = FrameRate::make(list[0].get<std::uint64_t>(), list[1].get<std::uint64_t>());
+  if (!rate) return fields.wrong("rate", "not a frame rate");
+  return *rate;
+}
 
 std::string take_json(const TakeDocument& take) {
   nlohmann::ordered_json json{{"take", take.number},
@@ -82,7 +40,9 @@ std::string take_json(const TakeDocument& take) {
                               {"rig", take.rig},
                               {"software", take.software},
                               {"started_utc_ns", take.started_utc_ns},
-                              {"rate", {take.rate.numerator, take.rate.denominator}},
+                              {"started_ns", take.started_ns},
+                              {"rate", rate_json(take.rate)},
+                              {"raymaps_a_set", take.raymaps_a_set},
                               {"mode", take.mode},
                               {"calibration", take.calibration_id},
                               {"layout", take.layout},
@@ -98,37 +58,40 @@ Result<TakeDocument> parse_take_json(std::string_view text, const std::string& f
                                              {"rig", value},
                                              {"software", value},
                                              {"started_utc_ns", value},
+                                             {"started_ns", value},
+                                             {"raymaps_a_set", value},
                                              {"rate", JsonShape::list(2, value)},
                                              {"mode", value},
                                              {"calibration", value},
                                              {"layout", value},
                                              {"raymap", JsonShape::list(2, value)},
                                              {"heads", JsonShape::list(kMaxHeads, value)}});
-  NODAL_TAKE(json, parse(one_piece(text), file, kMaxTakeJsonBytes, shape));
+  NODAL_TAKE(json, parse_document(one_piece(text), file, kMaxTakeJsonBytes, shape));
   const JsonFields fields(json, file);
   TakeDocument take;
-  NODAL_TAKE(number, fields.number("take", kMostNs));
-  NODAL_TAKE(rig, fields.text("rig", 256));
-  NODAL_TAKE(software, fields.text("software", 256));
-  NODAL_TAKE(started, fields.number("started_utc_ns", kMostNs));
+  NODAL_TAKE(number, fields.number("take", kMaxTakeNumber));
+  NODAL_TAKE(rig, fields.text("rig", kMaxTakeTextBytes));
+  NODAL_TAKE(software, fields.text("software", kMaxTakeTextBytes));
+  NODAL_TAKE(started, fields.number("started_utc_ns", static_cast<std::uint64_t>(kMaxUtcNs)));
+  // A nodald of before did not write these two.
+  NODAL_TAKE(started_ns, json.contains("started_ns")
+                             ? fields.number("started_ns", static_cast<std::uint64_t>(kMaxTimeNs))
+                             : Result<std::uint64_t>(0));
+  NODAL_TAKE(a_set, json.contains("raymaps_a_set") ? fields.number("raymaps_a_set", 2) : Result<std::uint64_t>(1));
   NODAL_TAKE(rate, fields.list("rate", 2));
   NODAL_TAKE(mode, fields.text("mode", 32));
   NODAL_TAKE(calibration, fields.text("calibration", 64));
-  NODAL_TAKE(layout, fields.text("layout", 256));
+  NODAL_TAKE(layout, fields.text("layout", kMaxTakeTextBytes));
   NODAL_TAKE(raymap, fields.list("raymap", 2));
   NODAL_TAKE(heads, fields.list("heads", kMaxHeads));
-  if (rate->size() != 2 || !(*rate)[0].is_number_unsigned() || !(*rate)[1].is_number_unsigned()) {
-    return fields.wrong("rate", "not two numbers");
-  }
-  const auto valid = FrameRate::make((*rate)[0].get<std::uint64_t>(), (*rate)[1].get<std::uint64_t>());
-  if (!valid) return fields.wrong("rate", "not a frame rate");
+  NODAL_TAKE(valid, rate_in(*rate, fields));
   constexpr std::uint64_t kMostPixels = 1 << 16;
   for (const Json& side : *raymap) {
     if (raymap->size() != 2 || !side.is_number_unsigned() || side.get<std::uint64_t>() > kMostPixels)
       return fields.wrong("raymap", "not a width and a height");
   }
   for (const Json& head : *heads) {
-    if (!head.is_string() || head.get_ref<const std::string&>().size() > 256 ||
+    if (!head.is_string() || head.get_ref<const std::string&>().size() > kMaxTakeTextBytes ||
         !is_printable(head.get_ref<const std::string&>())) {
       return fields.wrong("heads", "not a list of names");
     }
@@ -138,7 +101,9 @@ Result<TakeDocument> parse_take_json(std::string_view text, const std::string& f
   take.rig = rig;
   take.software = software;
   take.started_utc_ns = static_cast<std::int64_t>(started);
-  take.rate = *valid;
+  take.started_ns = static_cast<std::int64_t>(started_ns);
+  take.rate = valid;
+  take.raymaps_a_set = std::max(1, static_cast<int>(a_set));
   take.mode = mode;
   take.calibration_id = calibration;
   take.layout = layout;
@@ -149,168 +114,9 @@ Result<TakeDocument> parse_take_json(std::string_view text, const std::string& f
   return take;
 }
 
-std::uint64_t Manifest::bytes() const {
-  std::uint64_t sum = 0;
-  for (const File& file : files) sum += file.bytes;
-  return sum;
-}
-
-std::string manifest_json(const Manifest& manifest) {
-  nlohmann::ordered_json json{{"take", manifest.number},
-                              {"version", kTakeVersion},
-                              {"sets", manifest.sets},
-                              {"lost_sets", manifest.lost_sets},
-                              {"deleted_sets", manifest.deleted_sets},
-                              {"length_ns", manifest.length.ns()},
-                              {"ended", manifest.ended}};
-  nlohmann::ordered_json files = nlohmann::ordered_json::array();
-  for (const Manifest::File& file : manifest.files) {
-    files.push_back({{"name", file.name}, {"bytes", file.bytes}, {"xxh3", to_hex(file.digest)}});
-  }
-  nlohmann::ordered_json marks = nlohmann::ordered_json::array();
-  for (const Manifest::Mark& mark : manifest.marks) marks.push_back({{"set", mark.set}, {"text", mark.text}});
-  json["marks"] = std::move(marks);
-  if (!manifest.calibrations.empty()) {
-    nlohmann::ordered_json calibrations = nlohmann::ordered_json::array();
-    for (const Manifest::Calibration& each : manifest.calibrations)
-      calibrations.push_back({{"file", each.file}, {"id", each.id}, {"set", each.set}});
-    json["calibrations"] = std::move(calibrations);
-  }
-  json["files"] = std::move(files);
-  return json.dump(1) + "\n";
-}
-
-namespace {
-
-/// Takes the elements of a manifest's lists, one after the other. The first error is kept.
-class ManifestLists {
- public:
-  ManifestLists(Manifest& into, const std::string& file) : into_(into), file_(file) {}
-
-  void mark(const Json& json) {
-    add(json, "marks", [&](const JsonFields& entry) -> Status {
-      if (into_.marks.size() == kMostMarks) return too_many("marks", kMostMarks);
-      NODAL_TAKE(set, entry.number("set", std::uint64_t{1} << 48));
-      NODAL_TAKE(text, entry.text("text", kMaxMarkBytes));
-      into_.marks.push_back({set, text});
-      return {};
-    });
-  }
-  void calibration(const Json& json) {
-    add(json, "calibrations", [&](const JsonFields& entry) -> Status {
-      NODAL_TAKE(name, entry.text("file", 64));
-      NODAL_TAKE(id, entry.text("id", 64));
-      NODAL_TAKE(set, entry.number("set", kMostNs));
-      Manifest::Calibration calibration{name, id, set};
-      if (const Status good = check_next(calibration, into_.calibrations); !good) return fail(good.error().in(file_));
-      into_.calibrations.push_back(std::move(calibration));
-      return {};
-    });
-  }
-  void file(const Json& json) {
-    add(json, "files", [&](const JsonFields& entry) -> Status {
-      if (into_.files.size() == kMaxTakeFiles) return too_many("files", kMaxTakeFiles);
-      NODAL_TAKE(name, entry.text("name", 64));
-      NODAL_TAKE(bytes, entry.number("bytes", std::uint64_t{1} << 40));
-      NODAL_TAKE(xxh3, entry.text("xxh3", 32));
-      const auto digest = xxh128_of_hex(xxh3);
-      if (!digest) return entry.wrong("xxh3", "not 32 hexadecimal digits");
-      if (!is_take_file(name) || name == kManifestFile)
-        return entry.wrong("name", fmt::format("'{}' is no file of a take", name));
-      into_.files.push_back({name, bytes, *digest});
-      return {};
-    });
-  }
-
-  /// Errors: of an element; kBadValue for a file that is listed twice.
-  Status finish() const {
-    if (!status_) return status_;
-    std::vector<std::string_view> names;
-    for (const Manifest::File& each : into_.files) names.emplace_back(each.name);
-    std::ranges::sort(names);
-    const auto twice = std::ranges::adjacent_find(names);
-    if (twice == names.end()) return {};
-    return fail(Errc::kBadValue, fmt::format("{}: files: name: '{}' is there twice", file_, *twice));
-  }
-
- private:
-  template <class Read>
-  void add(const Json& json, const char* list, Read read) {
-    if (!status_) return;
-    if (!json.is_object()) {
-      status_ = fail(Errc::kBadValue, fmt::format("{}: {}: not a list of objects", file_, list));
-    } else {
-      status_ = read(JsonFields(json, fmt::format("{}: {}", file_, list)));
-    }
-  }
-  Status too_many(const char* list, std::size_t most) const {
-    return fail(Errc::kBadValue, fmt::format("{}: {}: not a list of at most {}", file_, list, most));
-  }
-
-  Manifest& into_;
-  const std::string& file_;
-  Status status_;
-};
-
-}  // namespace
-
-Result<Manifest> parse_manifest(const TextPieces& text, const std::string& file) {
-  Manifest manifest;
-  ManifestLists lists(manifest, file);
-  const JsonShape value = JsonShape::value(256);
-  const JsonShape mark = JsonShape::object({{"set", value}, {"text", value}});
-  const JsonShape calibration = JsonShape::object({{"file", value}, {"id", value}, {"set", value}});
-  const JsonShape each_file = JsonShape::object({{"name", value}, {"bytes", value}, {"xxh3", value}});
-  const JsonShape shape = JsonShape::object(
-      {{"version", value},
-       {"take", value},
-       {"sets", value},
-       {"lost_sets", value},
-       {"deleted_sets", value},
-       {"length_ns", value},
-       {"ended", value},
-       {"marks", JsonShape::stream(mark, [&](const Json& json) { lists.mark(json); })},
-       {"calibrations", JsonShape::stream(calibration, [&](const Json& json) { lists.calibration(json); })},
-       {"files", JsonShape::stream(each_file, [&](const Json& json) { lists.file(json); })}});
-  NODAL_TAKE(json, parse(text, file, kMaxManifestBytes, shape));
-  const JsonFields fields(json, file);
-  NODAL_TAKE(number, fields.number("take", kMostNs));
-  NODAL_TAKE(sets, fields.number("sets", std::uint64_t{1} << 48));
-  NODAL_TAKE(lost, fields.number("lost_sets", std::uint64_t{1} << 48));
-  // A nodald that could not delete segments did not write it.
-  NODAL_TAKE(deleted, json.contains("deleted_sets") ? fields.number("deleted_sets", std::uint64_t{1} << 48)
-                                                    : Result<std::uint64_t>(0));
-  NODAL_TAKE(length, fields.number("length_ns", kMostNs));
-  NODAL_TAKE(ended, fields.text("ended", 256));
-  for (const char* list : {"marks", "calibrations", "files"}) {
-    if (list == std::string_view("calibrations") && !json.contains(list)) continue;
-    if (const auto is_list = fields.list(list, 0); !is_list) return fail(is_list.error());
-  }
-  if (const Status good = lists.finish(); !good) return fail(good.error());
-  manifest.number = number;
-  manifest.sets = sets;
-  manifest.lost_sets = lost;
-  manifest.deleted_sets = deleted;
-  manifest.length = Duration::nanoseconds(static_cast<std::int64_t>(length));
-  manifest.ended = ended;
-  return manifest;
-}
-
-Result<Manifest> parse_manifest(std::string_view text, const std::string& file) {
-  return parse_manifest(one_piece(text), file);
-}
-
-std::string calibration_file(std::size_t number) { return fmt::format("calibration-{:04}.json", number); }
-
-Status check_next(const Manifest::Calibration& calibration, std::span<const Manifest::Calibration> before) {
-  const auto is_digit = [](char c) { return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f'); };
-  if (before.size() < kMostCalibrations && calibration.file == calibration_file(before.size() + 1) &&
-      calibration.id.size() == 64 && std::ranges::all_of(calibration.id, is_digit) &&
-      (before.empty() || before.back().set <= calibration.set)) {
-    return {};
-  }
-  return fail(Errc::kBadValue, fmt::format("calibrations: '{}' from set {} on, as number {}", calibration.file,
-                                           calibration.set, before.size() + 1));
+std::optional<std::int64_t> TakeDocument::utc_offset_ns() const {
+  if (started_utc_ns == 0 || started_ns == 0) return std::nullopt;
+  return started_utc_ns - started_ns;
 }
 
 bool is_take_file(std::string_view name) {

@@ -9,9 +9,11 @@
 #include <string_view>
 #include <vector>
 
+#include "protocol/base/gaps.h"
 #include "protocol/base/result.h"
 #include "protocol/base/units.h"
 #include "protocol/take/digest.h"
+#include "protocol/take/limits.h"
 
 namespace nodal::take {
 
@@ -24,8 +26,8 @@ inline constexpr std::size_t kMaxTakeFiles = 200'000;
 /// In one take.
 inline constexpr std::size_t kMostMarks = 10'000;
 inline constexpr std::size_t kMaxMarkBytes = 200;
-/// After the first.
-inline constexpr std::size_t kMostCalibrations = 100;
+/// After the first. What comes then is not stored, and the take says from which set on.
+inline constexpr std::size_t kMostCalibrations = 1000;
 
 /// File names in the folder of a take.
 inline const std::string kTakeFile = "take.json", kManifestFile = "manifest", kProtectedFile = "protected",
@@ -39,13 +41,18 @@ struct TakeDocument {
   std::string rig;                  ///< its name
   std::string software;             ///< that recorded it
   std::int64_t started_utc_ns = 0;  ///< since 1970 by the board's clock; 0: unknown
-  FrameRate rate;
-  std::string mode;            ///< how heads' pictures are stored: such as "jpeg"; "driver, raw" if heads differ
-  std::string calibration_id;  ///< 64 hexadecimal digits; empty: none was in force
-  std::string layout;          ///< of the raymaps; empty: they are not recorded
-  int raymap_width = 0;        ///< px; 0 without raymaps
+  std::int64_t started_ns = 0;      ///< the same moment by the rig's monotonic clock, which times the sets; 0: unknown
+  FrameRate rate;                   ///< in force when the take began; the evidence has changes
+  int raymaps_a_set = 1;            ///< 2: one of each field
+  std::string mode;                 ///< how heads' pictures are stored: such as "jpeg"; "driver, raw" if heads differ
+  std::string calibration_id;       ///< 64 hexadecimal digits; empty: none was in force
+  std::string layout;               ///< of the raymaps; empty: they are not recorded
+  int raymap_width = 0;             ///< px; 0 without raymaps
   int raymap_height = 0;
   std::vector<std::string> heads;  ///< names, by index
+
+  /// UTC minus the rig's monotonic clock, ns; nothing if it is unknown.
+  std::optional<std::int64_t> utc_offset_ns() const;
 };
 
 std::string take_json(const TakeDocument& take);
@@ -62,7 +69,7 @@ struct Manifest {
   };
   std::uint64_t number = 0;
   std::uint64_t sets = 0;          ///< in its files
-  std::uint64_t lost_sets = 0;     ///< that the disk was too slow for
+  std::uint64_t lost_sets = 0;     ///< that the disk was too slow for, or lost by an error
   std::uint64_t deleted_sets = 0;  ///< recorded, then deleted to make room for newer ones
   Duration length;                 ///< of the segments that it lists, together
   std::string ended;               ///< why: "stopped", "disk full", "recovered", ...
@@ -75,17 +82,25 @@ struct Manifest {
   std::vector<Mark> marks;
   /// One that was put in force after calibration.json.
   struct Calibration {
-    std::string file;       ///< "calibration-0001.json"
-    std::string id;         ///< 64 hexadecimal digits
-    std::uint64_t set = 0;  ///< the rig's number of the first set that is blended with it
+    std::string file;                              ///< "calibration-0001.json"; empty in the last: there were too many
+    std::string id;                                ///< 64 hexadecimal digits
+    std::uint64_t set = 0;                         ///< the rig's number of the first set that is blended with it
+    bool stored() const { return !file.empty(); }  ///< false: nor is any later one, and sets from this on have none
     friend bool operator==(const Calibration&, const Calibration&) = default;
   };
   std::vector<Calibration> calibrations;  ///< in order
+  // Of what was recorded; a manifest of an older nodald has none of them.
+  Gaps gaps;
+  std::vector<HeadGaps> heads;    ///< by index
+  std::vector<RateChange> rates;  ///< the first is that of the first set; at most kMaxRates
   std::vector<File> files;
 
   std::uint64_t bytes() const;
 };
 
+/// The same with what no reader accepts replaced: texts shortened and made printable, marks and rates above their number
+/// left out, numbers cut to their limits.
+Manifest within_limits(Manifest manifest);
 std::string manifest_json(const Manifest& manifest);
 /// Errors: as parse_take_json(); kBadValue for the name of a file that no take has, such as "../x".
 Result<Manifest> parse_manifest(std::string_view text, const std::string& file);

@@ -8,9 +8,11 @@
 
 #include "protocol/base/field.h"
 #include "protocol/base/image.h"
+#include "protocol/base/text.h"
 #include "protocol/base/units.h"
 #include "protocol/framing.h"
 #include "protocol/silence_protobuf.h"
+#include "protocol/take/limits.h"
 #include "protocol/take/seam_map.h"
 
 namespace nodal::take {
@@ -28,7 +30,7 @@ class Reader {
     if (record.has_begin()) return begin(record.begin());
     if (record.has_set()) return set(record.set());
     if (record.has_clusters()) return clusters(record.clusters(), end);
-    if (record.has_mark()) segment_.marks.push_back(record.mark());
+    if (record.has_mark()) mark(record.mark());
     if (record.has_calibration()) return calibration(record.calibration());
     if (record.has_seams()) return seams(record.seams());
     if (record.has_durable()) {
@@ -51,7 +53,7 @@ class Reader {
     if (begin.version() == 0 || files == 0 || files > kMaxSegmentFiles) {
       return fail(Errc::kBadFormat, fmt::format("version {} with {} files", begin.version(), files));
     }
-    if (begin.first_set() > kMostSets || begin.segment() > kMostSegments) {
+    if (begin.first_set() > kMaxSets || begin.segment() > kMaxSegments) {
       return fail(Errc::kBadFormat, fmt::format("segment {} from set {}", begin.segment(), begin.first_set()));
     }
     std::uint32_t heads = 0;
@@ -60,7 +62,7 @@ class Reader {
       const bool again = file.has_head() ? file.head() >= kMaxHeads || (heads >> file.head() & 1) != 0 : raymaps;
       const std::string name = file.has_head() ? head_file(file.head(), begin.segment()) : raymap_file(begin.segment());
       if (again || file.name() != name || !pixel_format_named(file.format()) || file.width() == 0 ||
-          file.height() == 0 || file.width() > kLargestSide || file.height() > kLargestSide ||
+          file.height() == 0 || file.width() > kMaxTakePictureSide || file.height() > kMaxTakePictureSide ||
           file.head_bytes() > kMaxFileBytes) {
         return fail(Errc::kBadFormat,
                     fmt::format("file '{}' ({} {}x{})", file.name(), file.format(), file.width(), file.height()));
@@ -88,10 +90,12 @@ class Reader {
     const std::uint64_t expected = segment_.begin.first_set() + segment_.sets.size() + open_.size();
     if (segment_.sets.size() + open_.size() == kMaxSegmentSets)
       return fail(Errc::kTooLarge, fmt::format("more than {} sets", kMaxSegmentSets));
-    if (set.index() != expected)
+    if (set.index() != expected || expected >= kMaxSets)
       return fail(Errc::kBadFormat, fmt::format("set {} where {} comes next", set.index(), expected));
-    if (set.since_start_ns() < newest_ns_ || set.since_start_ns() > kLongestNs) {
-      return fail(Errc::kBadFormat, fmt::format("set {} is {} ns after the first", set.index(), set.since_start_ns()));
+    if (set.since_start_ns() < newest_ns_ || set.since_start_ns() > kMaxTimeNs || set.mid_exposure_ns() < -kMaxTimeNs ||
+        set.mid_exposure_ns() > kMaxTimeNs) {
+      return fail(Errc::kBadFormat, fmt::format("set {} is {} ns after the first, at {} ns", set.index(),
+                                                set.since_start_ns(), set.mid_exposure_ns()));
     }
     newest_ns_ = set.since_start_ns();
     std::uint32_t seen = 0;
@@ -132,6 +136,8 @@ class Reader {
     for (const wire::Raymap& raymap : clusters.raymaps()) {
       if (!raymap_file) return fail(Errc::kBadFormat, "a raymap without a file of raymaps");
       if (const Status good = take_bytes(*raymap_file, raymap.at(), raymap.bytes()); !good) return good;
+      if (raymap.mid_exposure_ns() < -kMaxTimeNs || raymap.mid_exposure_ns() > kMaxTimeNs)
+        return fail(Errc::kBadFormat, fmt::format("a raymap at {} ns", raymap.mid_exposure_ns()));
       segment_.raymaps.push_back(raymap);
     }
     Segment::Row row;
@@ -156,6 +162,14 @@ class Reader {
     row.records = records_;
     segment_.rows.push_back(std::move(row));
     return {};
+  }
+
+  /// A mark is no reason to refuse the pictures, so a strange one is read as the nearest that there may be.
+  void mark(const wire::Mark& told) {
+    if (segment_.marks.size() == kMostMarks) return;
+    wire::Mark& mark = segment_.marks.emplace_back(told);
+    mark.set_set(std::clamp(told.set(), segment_.begin.first_set(), segment_.next_set() + open_.size()));
+    mark.set_text(printable(told.text(), kMaxMarkBytes));
   }
 
   Status calibration(const wire::Calibration& told) {
@@ -205,11 +219,6 @@ class Reader {
     }
     return {};
   }
-
-  static constexpr std::uint64_t kMostSets = std::uint64_t{1} << 48;
-  static constexpr std::uint32_t kMostSegments = 1U << 24;
-  static constexpr std::uint32_t kLargestSide = 65535;
-  static constexpr std::int64_t kLongestNs = INT64_MAX / 4;
 
   Segment& segment_;
   std::uint32_t records_ = 0;

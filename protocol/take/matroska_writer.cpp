@@ -17,8 +17,8 @@ constexpr ElementId kEbml = 0x1A45DFA3, kEbmlVersion = 0x4286, kEbmlReadVersion 
                     kDocTypeReadVersion = 0x4285, kCrc32 = 0xBF;
 constexpr ElementId kSegment = 0x18538067, kSeekHead = 0x114D9B74, kSeek = 0x4DBB, kSeekId = 0x53AB,
                     kSeekPosition = 0x53AC;
-constexpr ElementId kInfo = 0x1549A966, kTimestampScale = 0x2AD7B1, kDuration = 0x4489, kMuxingApp = 0x4D80,
-                    kWritingApp = 0x5741;
+constexpr ElementId kInfo = 0x1549A966, kTimestampScale = 0x2AD7B1, kDuration = 0x4489, kDateUtc = 0x4461,
+                    kMuxingApp = 0x4D80, kWritingApp = 0x5741;
 constexpr ElementId kTracks = 0x1654AE6B, kTrackEntry = 0xAE, kTrackNumber = 0xD7, kTrackUid = 0x73C5,
                     kTrackType = 0x83, kFlagLacing = 0x9C, kDefaultDuration = 0x23E383, kCodecId = 0x86,
                     kCodecPrivate = 0x63A2, kVideo = 0xE0, kFlagInterlaced = 0x9A, kFieldOrder = 0x9D,
@@ -34,8 +34,11 @@ constexpr ElementId kCues = 0x1C53BB6B, kCuePoint = 0xBB, kCueTime = 0xB3, kCueT
 constexpr std::size_t kTracksAt = MatroskaWriter::kSectorAt + MatroskaWriter::kSector;
 constexpr std::uint64_t kTrack = 1;
 constexpr std::uint64_t kProgressive = 2, kInterlaced = 1;
-// Of frames whose rows alternate between the fields.
-constexpr std::uint64_t kTopFirst = 9, kBottomFirst = 14;
+// RFC 9559, FieldOrder: of frames whose rows alternate between the fields, and of fields one after the other. FFmpeg's decoder of
+// MJPEG knows that the first JPEG is the bottom field by kBottomThenTop only.
+constexpr std::uint64_t kTopFirst = 9, kBottomFirst = 14, kTopThenBottom = 1, kBottomThenTop = 6;
+/// 2001-01-01, from which DateUTC counts, after 1970.
+constexpr std::int64_t kEpochNs = std::int64_t{978'307'200} * 1'000'000'000;
 constexpr std::uint64_t kFullRange = 2, kVideoRange = 1, kBt709 = 1, kBt601 = 5, kEquirectangular = 1;
 constexpr std::uint8_t kKeyFrame = 0x80;
 constexpr std::size_t kClusterHead = 12;                // its id and length
@@ -68,6 +71,11 @@ Bytes info_of(const VideoTrack& track, double duration_ticks) {
   put_text(info, kMuxingApp, "nodal");
   put_text(info, kWritingApp, track.writer.substr(0, 128));  // the sector has room for it
   if (duration_ticks > 0) put_float(info, kDuration, duration_ticks);
+  if (track.utc_ns) {
+    Bytes date;
+    put_big_endian(date, static_cast<std::uint64_t>(*track.utc_ns - kEpochNs), 8);
+    put_element(info, kDateUtc, date);
+  }
   Bytes element;
   put_element(element, kInfo, info);
   return element;
@@ -82,7 +90,9 @@ Bytes tracks_of(const VideoTrack& track) {
     put_number(video, kFlagInterlaced, kProgressive);
   } else {
     put_number(video, kFlagInterlaced, kInterlaced);
-    put_number(video, kFieldOrder, first_field(track.fields) == FieldParity::kTop ? kTopFirst : kBottomFirst);
+    const bool top = first_field(track.fields) == FieldParity::kTop;
+    put_number(video, kFieldOrder,
+               track.fields_apart ? (top ? kTopThenBottom : kBottomThenTop) : (top ? kTopFirst : kBottomFirst));
   }
   if (!track.fourcc.empty()) put_text(video, kColourSpace, track.fourcc);
   put_number(video, kPixelWidth, static_cast<std::uint64_t>(track.width));

@@ -33,10 +33,14 @@ struct VideoTrack {
   int height = 0;
   std::optional<FrameRate> rate{};  ///< nominal, if known; frames have their own times
   Fields fields = Fields::kProgressive;
+  /// Interlaced frames: each field is coded by itself, the one exposed first comes first. Otherwise their rows alternate.
+  bool fields_apart = false;
   /// How Y U V stand for R G B; as in JPEG if nothing else is said.
   ColourCoding coding{};
   bool equirectangular = false;  ///< a whole sphere: players with a view of it use it
   std::string writer;            ///< program and version, for people who find the file later
+  /// When the first frame was exposed, ns since 1970; empty: unknown.
+  std::optional<std::int64_t> utc_ns{};
   std::vector<Attachment> attachments{};
 };
 

@@ -124,6 +124,11 @@ constexpr int kFlags = 0;
 
 }  // namespace
 
+FieldParity first_field_of(std::span<const std::uint8_t> jpegs) {
+  const auto frame = read_segments(jpegs);
+  return frame && frame->bottom_field ? FieldParity::kBottom : FieldParity::kTop;
+}
+
 std::string_view decode_fault_text(DecodeFault fault) {
   switch (fault) {
     case DecodeFault::kNone: return "are good";

@@ -219,7 +219,8 @@ bool ut_video_codes(PixelFormat format, int width, int height) {
   return yuv && width % 2 == 0 && (!halves_rows(format) || height % 2 == 0);
 }
 
-std::vector<std::uint8_t> ut_video_private(PixelFormat format, int width, int height, ColourCoding coding) {
+std::vector<std::uint8_t> ut_video_private(PixelFormat format, int width, int height, ColourCoding coding,
+                                           Fields fields) {
   constexpr std::size_t kHeader = 40, kExtra = 16;
   std::vector<std::uint8_t> data(kHeader + kExtra);
   store(&data[0], static_cast<std::uint32_t>(data.size()));
@@ -230,7 +231,9 @@ std::vector<std::uint8_t> ut_video_private(PixelFormat format, int width, int he
   std::ranges::copy(fourcc_for(format, coding), data.begin() + 16);
   store(&data[kHeader], std::uint32_t{0x0100'00F0});  // the encoder's version: none of the original ones
   store(&data[kHeader + 8], static_cast<std::uint32_t>(kFrameEnd));
-  store(&data[kHeader + 12], std::uint32_t{1});  // Huffman codes, one slice
+  constexpr std::uint32_t kHuffman = 1, kInterlaced = 0x800;  // one slice
+  const bool marked = fields == Fields::kBottomFirst && height % (halves_rows(format) ? 4 : 2) == 0;
+  store(&data[kHeader + 12], marked ? kHuffman | kInterlaced : kHuffman);
   return data;
 }
 

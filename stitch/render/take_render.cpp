@@ -7,8 +7,10 @@
 #include <string>
 #include <utility>
 
+#include "protocol/base/raymap_rate.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/seam_map.h"
+#include "protocol/take/tally.h"
 #include "stitch/decode/frame_decoder.h"
 #include "stitch/sets/raymap_toml.h"
 #include "stitch/sets/rig_heads.h"
@@ -53,7 +55,7 @@ Result<std::unique_ptr<TakeRender>> TakeRender::make(const media::TakeFolder& fo
     if (const auto fits = sets::calibration_of(calibration, named, "take.json"); !fits)
       return fail(fits.error().in(from));
     const Sha256 id = calibration_id(calibration);
-    calibrations.push_back({std::move(calibration), id, first_set});
+    calibrations.push_back({std::move(calibration), id, first_set, true});
     return {};
   };
   const auto add_file = [&](const std::string& name, std::uint64_t first_set) -> Status {
@@ -69,14 +71,24 @@ Result<std::unique_ptr<TakeRender>> TakeRender::make(const media::TakeFolder& fo
   } else {
     const auto& later = folder.manifest().calibrations;
     if (folder.has(take::kCalibrationFile)) added = add_file(take::kCalibrationFile, 0);
-    for (std::size_t k = 0; k < later.size() && added; ++k) added = add_file(later[k].file, later[k].set);
+    for (std::size_t k = 0; k < later.size() && added; ++k) {
+      if (later[k].stored()) added = add_file(later[k].file, later[k].set);
+      else calibrations.push_back({{}, {}, later[k].set, false});
+    }
     if (added && calibrations.empty()) {
       return fail(Errc::kNotReady,
                   folder.shown(take::kCalibrationFile) + ": the take has no calibration; give one with --calibration");
     }
   }
   if (!added) return fail(added.error());
-  return std::unique_ptr<TakeRender>(new TakeRender(folder, std::move(options), std::move(calibrations)));
+  const bool given = options.calibration.has_value();
+  auto made = std::unique_ptr<TakeRender>(new TakeRender(folder, std::move(options), std::move(calibrations)));
+  if (given) {
+    const std::string id = to_hex(made->used_->id);
+    made->of_take_ = id == folder.about().calibration_id ||
+                     std::ranges::count(folder.manifest().calibrations, id, &take::Manifest::Calibration::id) > 0;
+  }
+  return made;
 }
 
 Result<bool> TakeRender::next(RenderedRaymap& into, const std::function<void(double)>& compiled) {
@@ -170,8 +182,13 @@ Status TakeRender::use_tables(const std::function<void(double)>& compiled) {
   const take::wire::Begin& begin = sets_.segment().evidence().begin;
   while (used_ != &calibrations_.back() && (used_ + 1)->first_set <= set_.evidence.number()) ++used_;
   if (segment_ == begin.segment() && compiled_ == used_) return {};
-  if (segment_ != begin.segment() && begin.calibration_id() != std::string(used_->id.begin(), used_->id.end()))
-    ++other_calibrations_;
+  if (!used_->stored) {
+    return fail(Errc::kNotReady,
+                folder_.shown(take::kManifestFile) + ": the calibrations from the rig's set " +
+                    std::to_string(used_->first_set) +
+                    " on are not in the take, because it has as many as it can have; render the sets before with --to, "
+                    "or give one with --calibration");
+  }
   segment_ = begin.segment();
 
   std::vector<sets::RigHead> heads;
@@ -238,6 +255,19 @@ std::size_t TakeRender::begin_set() {
   return faults.load();
 }
 
+std::optional<FrameRate> TakeRender::rate() {
+  const FrameRate sets = take::rate_of(sets_.segment().evidence().begin, folder_.about().rate);
+  return raymap_rate(sets, options_.raymap.raymaps_a_set());
+}
+
+/// How much later than the first the second field of a frame was exposed.
+Duration TakeRender::second_field() {
+  constexpr std::uint64_t kLongest = 1'000'000'000'000;  // ns
+  const std::uint64_t recorded = sets_.segment().evidence().begin.second_field_ns();
+  if (recorded != 0) return Duration::nanoseconds(static_cast<std::int64_t>(std::min(recorded, kLongest)));
+  return folder_.about().rate.period() / 2;
+}
+
 void TakeRender::blend(RenderedRaymap& into) {
   const RaymapConfig& raymap = options_.raymap;
   into.pixels.format = raymap.format;
@@ -257,7 +287,7 @@ void TakeRender::blend(RenderedRaymap& into) {
   if (const auto parity = blend_.table().sources[0].field) {
     into.field = static_cast<int>(next_field_);
     into.parity = *parity;
-    if (next_field_ == 1) into.mid_exposure = set_.mid_exposure + folder_.about().rate.period() / 2;
+    if (next_field_ == 1) into.mid_exposure = set_.mid_exposure + second_field();
   }
 }
 

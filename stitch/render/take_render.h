@@ -63,14 +63,17 @@ class TakeRender {
   const media::TakeSet& set() const { return set_; }
   /// Of the newest raymap.
   const Sha256& calibration() const { return used_->id; }
-  /// Segments that began with another calibration than that of their first raymap here.
-  std::size_t other_calibrations() const { return other_calibrations_; }
+  /// Of the newest raymap: at which raymaps came when it was recorded. Nothing if it is above what a FrameRate can be.
+  std::optional<FrameRate> rate();
+  /// Whether the rig used this calibration for any set of the take.
+  bool is_of_take() const { return of_take_; }
 
  private:
   struct Used {
     Calibration calibration;
     Sha256 id{};
     std::uint64_t first_set = 0;  ///< number of the first set that is blended with it
+    bool stored = true;           ///< false: the take has it not, nor any later one
   };
   TakeRender(const media::TakeFolder& folder, RenderOptions options, std::vector<Used> calibrations);
   Result<bool> next_set(const std::function<void(double)>& compiled);
@@ -80,6 +83,7 @@ class TakeRender {
   Status use_seams();
   Status place_seams(std::uint64_t period);
   void blend(RenderedRaymap& into);
+  Duration second_field();
 
   const media::TakeFolder& folder_;
   RenderOptions options_;
@@ -100,7 +104,7 @@ class TakeRender {
   std::optional<std::uint64_t> seams_period_;    ///< in which seams were placed last; empty: not yet with these tables
   std::size_t next_field_ = 0;                   ///< of the set that was read; 0: the next set comes first
   std::size_t undecodable_ = 0;
-  std::size_t other_calibrations_ = 0;
+  bool of_take_ = true;
 };
 
 }  // namespace nodal::render

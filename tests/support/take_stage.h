@@ -121,6 +121,7 @@ class TakeStage {
       set = {};
       set.number = next_++;
       set.mid_exposure = next_set_at_;
+      set.rate = options_.rate;
       set.mask = (1U << kStageHeads) - 1;
       for (std::size_t k = 0; k < 8; ++k) pixels_[k] = static_cast<std::uint8_t>(set.number >> (8 * k));
       for (std::size_t head = 0; head < kStageHeads; ++head) {

@@ -5,6 +5,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "protocol/base/result.h"
@@ -37,6 +38,12 @@ class TakeFiles {
   /// The name in messages to people: with the folder. Empty `name`: the folder itself.
   virtual std::string shown(const std::string& name) const = 0;
 };
+
+/// Ends the names of files of a copy that are not whole, or not compared with their hashes yet.
+inline constexpr std::string_view kPartSuffix = ".part";
+
+/// The manifest of a take. Errors: also kNotReady for a copy that is not complete, and for a take that was not ended.
+Result<std::vector<std::uint8_t>> read_manifest_file(TakeFiles& files);
 
 /// All of a file. Errors: those of TakeFiles; kTooLarge.
 Result<std::vector<std::uint8_t>> read_take_file(TakeFiles& files, const std::string& name, std::uint64_t limit);

@@ -5,8 +5,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "protocol/take/seam_map.h"
-#include "stitch/media/ut_video.h"
+#include "protocol/take/limits.h"
 
 namespace nodal::media {
 namespace {
@@ -17,24 +16,6 @@ constexpr std::string_view kEvidence = "evidence-";
 
 std::string_view text_of(const std::vector<std::uint8_t>& bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
-}
-
-Fields fields_named(std::string_view name) {
-  if (name == "top-first") return Fields::kTopFirst;
-  return name == "bottom-first" ? Fields::kBottomFirst : Fields::kProgressive;
-}
-
-TakeStream stream_of(const take::wire::File& file) {
-  TakeStream stream;
-  stream.file = file.name();
-  if (file.has_head()) stream.head = file.head();
-  stream.format = pixel_format_named(file.format()).value_or(PixelFormat::kMjpeg);  // read_evidence() has checked it
-  stream.width = static_cast<int>(file.width());
-  stream.height = static_cast<int>(file.height());
-  stream.coding = {.video_range = file.video_range(), .bt709 = file.bt709()};
-  stream.fields = fields_named(file.fields());
-  stream.lossless = file.lossless();
-  return stream;
 }
 
 Error differs(const std::string& name, const std::string& how) {
@@ -54,20 +35,29 @@ Result<std::vector<std::uint8_t>> read_take_file(TakeFiles& files, const std::st
   return bytes;
 }
 
+Result<std::vector<std::uint8_t>> read_manifest_file(TakeFiles& files) {
+  auto listed = read_take_file(files, take::kManifestFile, take::kMaxManifestBytes);
+  if (listed || listed.error().code != Errc::kNotFound) return listed;
+  if (files.open(std::string(take::kManifestFile) + std::string(kPartSuffix))) {
+    return fail(Errc::kNotReady,
+                files.shown("") + ": the copy is not complete; the same `nodal offload` goes on with it");
+  }
+  if (!files.open(take::kTakeFile)) return listed;
+  return fail(Errc::kNotReady, files.shown("") +
+                                   ": has no manifest: the take was not ended. The rig finishes it when nodald "
+                                   "starts; copy it again then");
+}
+
 Result<TakeFolder> TakeFolder::open(std::shared_ptr<TakeFiles> files) {
   TakeFolder take;
   take.files_ = std::move(files);
+  const auto listed = read_manifest_file(*take.files_);
   const auto about = read_take_file(*take.files_, take::kTakeFile, take::kMaxTakeJsonBytes);
+  if (!listed && listed.error().code != Errc::kNotFound) return fail(listed.error());
   if (!about) return fail(about.error());
+  if (!listed) return fail(listed.error());
   auto document = take::parse_take_json(text_of(*about), take.shown(take::kTakeFile));
   if (!document) return fail(document.error());
-  const auto listed = read_take_file(*take.files_, take::kManifestFile, take::kMaxManifestBytes);
-  if (!listed && listed.error().code == Errc::kNotFound) {
-    return fail(Errc::kNotReady, take.shown("") +
-                                     ": has no manifest: the take was not ended. The rig finishes it when nodald "
-                                     "starts; copy it again then");
-  }
-  if (!listed) return fail(listed.error());
   const std::string name = take.shown(take::kManifestFile);
   auto manifest = take::parse_manifest(text_of(*listed), name);
   if (!manifest) return fail(manifest.error());
@@ -120,11 +110,11 @@ Result<TakeSegment> TakeFolder::segment(std::size_t k, SetsBefore before) const 
   auto evidence = take::read_evidence(*bytes, path);
   if (!evidence) return fail(evidence.error());
   const auto wrong = [&](const std::string& what) { return fail(Errc::kBadFormat, path + ": " + what); };
-  if (evidence->begin.take() != about_.number || evidence->begin.segment() != segments_[k]) {
-    return wrong(fmt::format("is of take {}, segment {}", evidence->begin.take(), evidence->begin.segment()));
+  if (const Status good = check_segment(*evidence, segments_[k], about_, before); !good) {
+    return fail(good.error().in(path));
   }
   const std::uint64_t first_set = evidence->begin.first_set(), next = before.kept + before.deleted;
-  if (first_set < next || first_set - before.kept > manifest_.deleted_sets) {
+  if (first_set - before.kept > manifest_.deleted_sets) {
     return wrong(fmt::format("begins with set {} where {} comes next", first_set, next));
   }
   if (!evidence->end || evidence->good_bytes != bytes->size()) return wrong("has no end");
@@ -136,19 +126,6 @@ Result<TakeSegment> TakeFolder::segment(std::size_t k, SetsBefore before) const 
   segment.before_ = {before.kept, first_set - before.kept};
   segment.evidence_ = std::move(*evidence);
   if (const Status opened = segment.open_files(*files_, manifest_); !opened) return fail(opened.error());
-  for (const take::wire::Set& set : segment.evidence_.sets) {
-    for (const take::wire::Frame& frame : set.frames()) {
-      if (const Status good = segment.check_frame(frame, set.index()); !good) return fail(good.error().in(path));
-    }
-  }
-  for (const take::wire::Seams& seams : segment.evidence_.seams) {
-    if (const Status good = take::check_seams(seams, about_.heads.size()); !good) return fail(good.error().in(path));
-  }
-  for (const TakeStream& stream : segment.streams_) {
-    if (!stream.head || *stream.head < about_.heads.size()) continue;
-    return wrong(
-        fmt::format("has pictures of head {}, and take.json names {} heads", *stream.head, about_.heads.size()));
-  }
   return segment;
 }
 
@@ -173,31 +150,6 @@ Status TakeSegment::open_files(TakeFiles& files, const take::Manifest& manifest)
   return {};
 }
 
-Status TakeSegment::check_frame(const take::wire::Frame& frame, std::uint64_t set) const {
-  const TakeStream& stream = streams_[frame.file()];
-  const auto wrong = [&](std::uint64_t most) {
-    return fail(Errc::kBadFormat, fmt::format("set {}: {} bytes of {} at byte {}; a {} picture of {}x{} has {}", set,
-                                              frame.bytes(), stream.file, frame.at(), pixel_format_name(stream.format),
-                                              stream.width, stream.height, most));
-  };
-  if (stream.lossless && !ut_video_codes(stream.format, stream.width, stream.height)) {
-    return fail(Errc::kBadFormat,
-                fmt::format("set {}: {} has pictures of {} {}x{}, which Ut Video does not code", set, stream.file,
-                            pixel_format_name(stream.format), stream.width, stream.height));
-  }
-  const bool jpeg = stream.format == PixelFormat::kMjpeg;
-  const std::uint64_t expected = jpeg              ? kMaxTakePictureBytes
-                                 : stream.lossless ? ut_video_most_bytes(stream.format, stream.width, stream.height)
-                                                   : packed_size(stream.format, stream.width, stream.height);
-  if (jpeg || stream.lossless ? frame.bytes() == 0 || frame.bytes() > expected : frame.bytes() != expected)
-    return wrong(expected);
-  if (expected > kMaxTakePictureBytes) {
-    return fail(Errc::kTooLarge, fmt::format("set {}: a picture of {} has {} bytes; at most {} are read", set,
-                                             stream.file, expected, kMaxTakePictureBytes));
-  }
-  return {};
-}
-
 Status TakeSegment::load(File& file, std::uint64_t piece) {
   if (file.piece_number == piece) return {};
   file.piece_number.reset();
@@ -213,7 +165,7 @@ Status TakeSegment::load(File& file, std::uint64_t piece) {
 
 Status TakeSegment::read(std::uint32_t file, std::uint64_t at, std::uint64_t bytes, std::vector<std::uint8_t>& into) {
   File& from = files_.at(file);
-  if (bytes > kMaxTakePictureBytes || at > from.file->size() || bytes > from.file->size() - at) {
+  if (bytes > take::kMaxTakePictureBytes || at > from.file->size() || bytes > from.file->size() - at) {
     return fail(Errc::kBadFormat, fmt::format("{}: {} bytes at byte {} are not a picture", from.shown, bytes, at));
   }
   into.resize(static_cast<std::size_t>(bytes));

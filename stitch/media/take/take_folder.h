@@ -14,30 +14,10 @@
 #include "protocol/base/units.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
+#include "stitch/media/take/segment_rules.h"
 #include "stitch/media/take/take_files.h"
 
 namespace nodal::media {
-
-/// The largest picture that is read from a take: 64 MiB, 50 MB of which are 8192x4096 px in I420.
-inline constexpr std::uint64_t kMaxTakePictureBytes = std::uint64_t{64} << 20;
-
-/// The pictures of one file.
-struct TakeStream {
-  std::string file;                   ///< its name in the folder
-  std::optional<std::uint32_t> head;  ///< nothing: raymaps
-  PixelFormat format = PixelFormat::kMjpeg;
-  int width = 0;  ///< px
-  int height = 0;
-  ColourCoding coding;
-  Fields fields = Fields::kProgressive;
-  bool lossless = false;  ///< the file's frames are Ut Video, and `format` is that of the decoded pictures
-};
-
-/// How many sets of a take come before a segment.
-struct SetsBefore {
-  std::uint64_t kept = 0;     ///< in the segments before it
-  std::uint64_t deleted = 0;  ///< to make room for newer ones
-};
 
 /// One segment. Whatever is read is compared with the hashes in the evidence first.
 ///
@@ -64,7 +44,6 @@ class TakeSegment {
     std::optional<std::uint64_t> piece_number{};
   };
   Status open_files(TakeFiles& files, const take::Manifest& manifest);
-  Status check_frame(const take::wire::Frame& frame, std::uint64_t set) const;
   Status load(File& file, std::uint64_t piece);
 
   take::Segment evidence_;
@@ -75,7 +54,7 @@ class TakeSegment {
 
 /// Threading: thread-bound.
 /// Ownership: shares the files' folder.
-/// Errors: each names the file. kNotReady for a take that was not ended; kNotFound for what is missing, a symbolic link or a
+/// Errors: each names the file. kNotReady for a take that was not ended, and for a copy that is not complete; kNotFound for what is missing, a symbolic link or a
 ///   device; kBadFormat for what contradicts itself; kChecksum for bytes that differ from the manifest or the hashes; those
 ///   of take::parse_manifest() and take::read_evidence(); kTooLarge.
 class TakeFolder {

@@ -61,7 +61,7 @@ std::unique_ptr<hal::sim::SimDisk> marked_take() {
     }
     EXPECT_TRUE((*writer)->write(made.rows[k]));
   }
-  EXPECT_TRUE((*writer)->end("stopped", 0));
+  EXPECT_TRUE((*writer)->end("stopped"));
   return disk;
 }
 
@@ -100,7 +100,7 @@ TEST(Loop, OfARunningTake_TheOldestSegmentsGoAndThoseNearAMarkStay) {
   }
   EXPECT_EQ(before - (disk.total_bytes().value() - disk.free_bytes().value()), freed);
   EXPECT_EQ(segments_on(disk), (std::set<int>{3, 4, 5, 9})) << "the last one is being written";
-  const auto manifest = (*writer)->end("stopped", 0);
+  const auto manifest = (*writer)->end("stopped");
   ASSERT_TRUE(manifest) << manifest.error().text();
   EXPECT_EQ(check(disk, *manifest), 18U);
   EXPECT_EQ(manifest->deleted_sets, 30U);

@@ -40,6 +40,7 @@ inline Film film(int rows, int first_height = kTakeHeight, int sets_a_row = kSet
   std::uint64_t set = 100;
   for (int r = 0; r < rows; ++r) {
     TakeRow& row = film.rows.emplace_back();
+    row.rate = FrameRate::make(1'000, static_cast<std::uint64_t>(period.ms())).value();
     for (std::size_t head = 0; head < kTakeHeads; ++head) {
       const PixelFormat format = head == 2 ? PixelFormat::kMjpeg : PixelFormat::kGrey8;
       row.streams[head] = HeadStream{format, kTakeWidth, first_height, {}, Fields::kProgressive};
@@ -90,7 +91,7 @@ inline std::uint64_t record(hal::DiskPort& disk, const Film& film, bool end, Sta
     if (good) durable = (*writer)->sets();
   }
   if (failed) *failed = good;
-  if (good && end && (*writer)->end("stopped", 0)) durable = (*writer)->sets();
+  if (good && end && (*writer)->end("stopped")) durable = (*writer)->sets();
   return durable;
 }
 

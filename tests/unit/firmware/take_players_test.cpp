@@ -49,12 +49,13 @@ Bytes film(const Mode& mode) {
   if (mode.stored == TakeMode::kJpeg) track.codec = "V_MJPEG";
   if (mode.stored == TakeMode::kLossless) {
     track.codec = media::kUtVideoCodec;
-    track.codec_private = media::ut_video_private(mode.format, kWide, kHigh, {});
+    track.codec_private = media::ut_video_private(mode.format, kWide, kHigh, {}, mode.fields);
   }
   track.width = kWide;
   track.height = kHigh;
   track.rate = FrameRate{30, 1};
   track.fields = mode.fields;
+  track.fields_apart = mode.stored == TakeMode::kJpeg;
   track.attachments = {{take::kCalibrationFile, "application/json", "{\"heads\": []}"}};
   take::MatroskaWriter writer(track);
   Bytes file = writer.head();

@@ -56,7 +56,7 @@ std::uint64_t record_with_seams(hal::DiskPort& disk, bool end, bool deletes = fa
     if (deletes && k >= 15 && k % 5 == 2 && !(*writer)->delete_oldest()) return durable;
   }
   if (end) {
-    EXPECT_TRUE((*writer)->end("stopped", 0));
+    EXPECT_TRUE((*writer)->end("stopped"));
   }
   return durable;
 }
@@ -128,7 +128,7 @@ TEST(TakeSeams, AMapWithAHeadThatTheTakeDoesNotHave_IsRefusedByName) {
   const std::size_t pixels = static_cast<std::size_t>(sets::kSeamMapWidth * sets::kSeamMapWidth / 2);
   (*writer)->use_seams({101, std::make_shared<const std::vector<std::uint8_t>>(pixels, std::uint8_t{kTakeHeads})});
   for (const TakeRow& row : made.rows) ASSERT_TRUE((*writer)->write(row));
-  ASSERT_TRUE((*writer)->end("stopped", 0));
+  ASSERT_TRUE((*writer)->end("stopped"));
   const auto reel = open_take_reel(std::move(disk), "000042", "take", "a");
   ASSERT_FALSE(reel);
   const std::string& message = reel.error().message;

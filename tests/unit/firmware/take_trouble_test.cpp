@@ -172,7 +172,8 @@ TEST(TakeTrouble, ASyncFails_SaysHowManySetsAreLostAndRecordsOn) {
   const std::uint64_t lost = stage.report().lost_sets;
   EXPECT_GE(lost, 1U);
   EXPECT_LE(lost, 4U) << "of half a second";
-  EXPECT_NE(stage.problems()[0].find("take 1: " + std::to_string(lost) + " sets were lost, and a new segment begins"),
+  EXPECT_NE(stage.problems()[0].find("take 1: " + std::to_string(lost) +
+                                     " sets were lost by an error of the disk, and a new segment begins"),
             std::string::npos)
       << stage.problems()[0];
   ASSERT_TRUE(stage.ask(TakeRequest::Stop{}).result);

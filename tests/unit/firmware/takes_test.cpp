@@ -179,7 +179,7 @@ TEST(Takes, FailedSync_IsNotRepeatedAndANewSegmentBegins) {
   EXPECT_FALSE((*writer)->sync(Instant(), 0));
   EXPECT_EQ((*writer)->sets(), 8U) << "the two rows before the last good sync";
   for (; r < 8; ++r) ASSERT_TRUE((*writer)->write(made.rows[r]));
-  const auto manifest = (*writer)->end("stopped", 0);
+  const auto manifest = (*writer)->end("stopped");
   ASSERT_TRUE(manifest) << manifest.error().text();
   EXPECT_EQ(check(disk, *manifest), 24U);
 }
@@ -192,7 +192,7 @@ TEST(Takes, AMarkBeforeTheFirstSet_IsThatOfTheFirstSet) {
   EXPECT_TRUE((*writer)->mark("early", Instant()));
   for (const TakeRow& row : made.rows) ASSERT_TRUE((*writer)->write(row));
   EXPECT_TRUE((*writer)->mark("late", Instant()));
-  const auto manifest = (*writer)->end("stopped", 0);
+  const auto manifest = (*writer)->end("stopped");
   ASSERT_TRUE(manifest) << manifest.error().text();
   EXPECT_EQ(manifest->marks, (std::vector<take::Manifest::Mark>{{0, "early"}, {12, "late"}}));
   EXPECT_EQ(check(disk, *manifest), 12U);
@@ -210,7 +210,7 @@ TEST(Takes, DiskFull_WhatIsWholeIsKept) {
     ASSERT_FALSE(good);
     EXPECT_EQ(good.error().code, Errc::kDiskFull);
     disk.set_capacity(capacity + 10'000);  // the reserve
-    const auto manifest = (*writer)->end("disk full", 0);
+    const auto manifest = (*writer)->end("disk full");
     ASSERT_TRUE(manifest) << manifest.error().text();
     EXPECT_GT(check(disk, *manifest), 0U);
   }
@@ -224,7 +224,7 @@ TEST(Takes, AHeadChangesItsFormat_ANewSegmentBegins) {
   ASSERT_TRUE(writer);
   for (std::size_t r = 0; r < 3; ++r) ASSERT_TRUE((*writer)->write(made.rows[r]));
   for (std::size_t r = 3; r < 6; ++r) ASSERT_TRUE((*writer)->write(other.rows[r]));
-  const auto manifest = (*writer)->end("stopped", 0);
+  const auto manifest = (*writer)->end("stopped");
   ASSERT_TRUE(manifest) << manifest.error().text();
   EXPECT_EQ(manifest->files.size(), 13U) << "two segments of five files, and three documents";
   EXPECT_EQ(manifest->sets, 24U);

@@ -80,7 +80,7 @@ TEST_P(UtVideoKinds, FfmpegAndWeDecodeToTheSameBytes) {
 
   take::VideoTrack track;
   track.codec = kUtVideoCodec;
-  track.codec_private = ut_video_private(kind.format, kUtWidth, kUtHeight, {});
+  track.codec_private = ut_video_private(kind.format, kUtWidth, kUtHeight, {}, Fields::kProgressive);
   track.width = kUtWidth;
   track.height = kUtHeight;
   take::MatroskaWriter video(track);
