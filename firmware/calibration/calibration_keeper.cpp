@@ -8,8 +8,6 @@
 #include "stitch/table/meter_compiler.h"
 #include "stitch/table/tone_compiler.h"
 
-#include "firmware/calibration/calibration_signature.h"
-
 namespace nodal::firmware {
 namespace {
 
@@ -110,9 +108,9 @@ void CalibrationKeeper::load_at_start() {
 void CalibrationKeeper::start_next_good() {
   const CalibrationStore::Entry entry = to_try_.back();
   to_try_.pop_back();
-  auto calibration = load_permitted(*store_, config_.signers, entry.id);
-  Status begun = calibration ? begin(std::nullopt, std::move(*calibration), entry.id, false, {})
-                             : Status(fail(calibration.error()));
+  auto loaded = load_permitted(*store_, signature_rules(), entry.id);
+  Status begun =
+      loaded ? begin(std::nullopt, std::move(loaded->calibration), entry.id, false, {}) : Status(fail(loaded.error()));
   if (!begun) end(begun);
 }
 
@@ -159,30 +157,34 @@ Status CalibrationKeeper::start(const KeeperRequest& request) {
     return rehearsal_ ? rehearse(request) : install(request);
   if (const auto* wanted = std::get_if<KeeperRequest::Use>(&request.what)) {
     const auto found = store_->find(wanted->id_prefix);
-    return found ? use(request, found->id) : Status(fail(found.error()));
+    return found ? use(request, found->id, wanted->allow_older) : Status(fail(found.error()));
   }
-  if (store_->before()) return use(request, Sha256(*store_->before()));
+  // A rollback is to an older one by its name.
+  if (store_->before()) return use(request, Sha256(*store_->before()), true);
   return fail(Errc::kNotFound, "no earlier calibration is stored that the rig could go back to");
 }
 
 Status CalibrationKeeper::install(const KeeperRequest& request) {
   const auto& upload = std::get<KeeperRequest::Install>(request.what);
-  if (Status permitted = check_signature(config_.signers, {upload.signature, upload.json}); !permitted) {
-    return fail(permitted.error().in("calibration"));
-  }
+  const auto permitted = check_signature(signature_rules(), {upload.signature, upload.json});
+  if (!permitted) return fail(permitted.error().in("calibration"));
   auto calibration = parse_calibration(upload.json);
   if (!calibration) return fail(calibration.error().in("calibration"));
+  const Sha256 id = calibration_id(*calibration);
+  const bool known = store_->read(id).has_value();
+  if (const Status newest = check_generation(signature_rules(), *permitted, known); !newest && !upload.allow_older) {
+    return fail(newest.error().in("calibration"));
+  }
   if (auto fits = fit_to_rig(*calibration, config_.heads, request.heads); !fits) return fail(fits.error());
   std::optional<SignedDocument> original;
   if (config_.signers) original = SignedDocument{upload.signature, upload.json};
   if (upload.trial) return install_on_trial(request, std::move(*calibration), std::move(original), *upload.trial);
-  const Sha256 id = calibration_id(*calibration);
-  const bool known = store_->read(id).has_value();
   if (auto stored = store_->put(*calibration, original); !stored) {
     return fail(stored.error().in("storing calibration " + short_id(id)));
   }
   Status begun = begin(request.ticket, std::move(*calibration), id, !known, request.heads);
   if (!begun && !known) store_->remove(id);
+  if (begun) installing_->signed_generation = permitted->generation;
   return begun;
 }
 
@@ -217,7 +219,10 @@ Status CalibrationKeeper::end_trial(const KeeperRequest& request, const KeeperRe
   if (auto stored = store_->put(trial_.calibration(), trial_.original()); !stored) {
     return fail(stored.error().in("storing calibration " + short_id(id)));
   }
-  if (Status kept = store_->set_in_force(id); !kept) {
+  const auto permitted = check_signature(signature_rules(), trial_.original().value_or(SignedDocument{}));
+  Status kept = permitted ? store_->note_signed(permitted->generation) : Status(fail(permitted.error()));
+  if (kept) kept = store_->set_in_force(id);
+  if (!kept) {
     if (!known) store_->remove(id);
     return fail(kept.error().in("putting calibration " + short_id(id) + " in force"));
   }
@@ -255,10 +260,15 @@ void CalibrationKeeper::hand_over(sets::InstalledPtr installed) {
   NODAL_ASSERT(tables_out_.push(std::move(installed)));
 }
 
-Status CalibrationKeeper::use(const KeeperRequest& request, const Sha256& id) {
-  auto calibration = load_permitted(*store_, config_.signers, id);
-  if (!calibration) return fail(calibration.error());
-  return begin(request.ticket, std::move(*calibration), id, false, request.heads);
+Status CalibrationKeeper::use(const KeeperRequest& request, const Sha256& id, bool allow_older) {
+  auto loaded = load_permitted(*store_, signature_rules(), id);
+  if (!loaded) return fail(loaded.error());
+  if (const Status newest = check_generation(signature_rules(), loaded->permitted, true); !newest && !allow_older) {
+    return fail(newest.error().in("stored calibration " + short_id(id)));
+  }
+  const Status begun = begin(request.ticket, std::move(loaded->calibration), id, false, request.heads);
+  if (begun) installing_->signed_generation = loaded->permitted.generation;
+  return begun;
 }
 
 Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration calibration, const Sha256& id,
@@ -315,7 +325,9 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
                            delivered, std::move(seams));
   // At start the pointer on the disk is right already, unless a damaged calibration was skipped; then it is rewritten.
   if (!done.on_trial && (done.ticket || store_->in_force() != done.id || !store_->note().empty())) {
-    if (Status kept = store_->set_in_force(done.id); !kept) {
+    Status kept = store_->note_signed(done.signed_generation);
+    if (kept) kept = store_->set_in_force(done.id);
+    if (!kept) {
       if (done.ticket) return fail(kept.error().in("putting calibration " + short_id(done.id) + " in force"));
       report_.problem = kept.error().message;  // in force until the next start only
     }
@@ -356,7 +368,8 @@ void CalibrationKeeper::end(const Status& status) {
 }
 
 Result<KeeperAnswer::Listed> CalibrationKeeper::list() const {
-  KeeperAnswer::Listed listed{store_->entries(), report_.in_force, std::nullopt};
+  KeeperAnswer::Listed listed{store_->entries(), report_.in_force, std::nullopt, std::nullopt};
+  if (config_.signers) listed.signed_generation = store_->signed_generation();
   if (trial_.running()) {
     listed.on_trial.emplace(
         CalibrationStore::Entry{0, trial_.report().id, report_.name, trial_.calibration().heads.size(), ""});
@@ -387,6 +400,10 @@ void CalibrationKeeper::answer(std::uint64_t ticket, Result<Answered> result) {
     if (auto* done = std::get_if<KeeperAnswer::Done>(&*result)) done->in_force = report_.in_force;
   }
   NODAL_ASSERT(answers_.push(KeeperAnswer{ticket, std::move(result)}));
+}
+
+SignatureRules CalibrationKeeper::signature_rules() const {
+  return {config_.signers, config_.name, store_->signed_generation()};
 }
 
 void CalibrationKeeper::publish() { snapshot_.publish(report_); }
