@@ -182,9 +182,8 @@ Status CalibrationKeeper::install(const KeeperRequest& request) {
   if (auto stored = store_->put(*calibration, original); !stored) {
     return fail(stored.error().in("storing calibration " + short_id(id)));
   }
-  Status begun = begin(request.ticket, std::move(*calibration), id, !known, request.heads);
+  Status begun = begin(request.ticket, std::move(*calibration), id, !known, request.heads, permitted->generation);
   if (!begun && !known) store_->remove(id);
-  if (begun) installing_->signed_generation = permitted->generation;
   return begun;
 }
 
@@ -266,13 +265,11 @@ Status CalibrationKeeper::use(const KeeperRequest& request, const Sha256& id, bo
   if (const Status newest = check_generation(signature_rules(), loaded->permitted, true); !newest && !allow_older) {
     return fail(newest.error().in("stored calibration " + short_id(id)));
   }
-  const Status begun = begin(request.ticket, std::move(loaded->calibration), id, false, request.heads);
-  if (begun) installing_->signed_generation = loaded->permitted.generation;
-  return begun;
+  return begin(request.ticket, std::move(loaded->calibration), id, false, request.heads, loaded->permitted.generation);
 }
 
 Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration calibration, const Sha256& id,
-                                bool newly_stored, const HeadShapes& heads) {
+                                bool newly_stored, const HeadShapes& heads, std::uint64_t generation) {
   auto fitted = fit_to_rig(calibration, config_.heads, heads);
   if (!fitted) return fail(fitted.error());
   try {
@@ -281,7 +278,7 @@ Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration
     if (!job) return fail(job.error().in("calibration " + short_id(id)));
     if (Status fits = job->check_budget(); !fits) return fail(fits.error().in("calibration " + short_id(id)));
     installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), false, false,
-                                     std::make_shared<const std::string>(canonical_json(calibration))});
+                                     std::make_shared<const std::string>(canonical_json(calibration)), generation});
   } catch (const std::bad_alloc&) {
     return fail(out_of_memory(id));
   }
@@ -400,10 +397,6 @@ void CalibrationKeeper::answer(std::uint64_t ticket, Result<Answered> result) {
     if (auto* done = std::get_if<KeeperAnswer::Done>(&*result)) done->in_force = report_.in_force;
   }
   NODAL_ASSERT(answers_.push(KeeperAnswer{ticket, std::move(result)}));
-}
-
-SignatureRules CalibrationKeeper::signature_rules() const {
-  return {config_.signers, config_.name, store_->signed_generation()};
 }
 
 void CalibrationKeeper::publish() { snapshot_.publish(report_); }

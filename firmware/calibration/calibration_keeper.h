@@ -128,8 +128,8 @@ class CalibrationKeeper {
     bool on_trial = false;
     bool handed_over = false;                       ///< it is in tables_out_; the blend takes it between two sets
     std::shared_ptr<const std::string> document{};  ///< canonical form
-    std::optional<KeeperRequest> rehearsed{};       ///< an upload that is parsed and compiled elsewhere first
     std::uint64_t signed_generation = 0;            ///< of its signature; 0: none
+    std::optional<KeeperRequest> rehearsed{};       ///< an upload that is parsed and compiled elsewhere first
   };
   using Answered = std::variant<KeeperAnswer::Done, KeeperAnswer::Listed, KeeperAnswer::Document>;
 
@@ -149,7 +149,7 @@ class CalibrationKeeper {
   void go_back(std::optional<std::uint64_t> ticket);
   void hand_over(sets::InstalledPtr installed);
   Status begin(std::optional<std::uint64_t> ticket, Calibration calibration, const Sha256& id, bool newly_stored,
-               const HeadShapes& heads);
+               const HeadShapes& heads, std::uint64_t generation = 0);
   bool compile_some();
   bool compile_within_memory();
   Status put_in_force(Installation& done);
@@ -157,7 +157,7 @@ class CalibrationKeeper {
   Result<KeeperAnswer::Listed> list() const;
   Result<KeeperAnswer::Document> get(const std::string& id_prefix) const;
   void answer(std::uint64_t ticket, Result<Answered> result);
-  SignatureRules signature_rules() const;
+  SignatureRules signature_rules() const { return {config_.signers, config_.name, store_->signed_generation()}; }
   void publish();
 
   const RigConfig config_;
