@@ -159,8 +159,7 @@ Status CalibrationKeeper::start(const KeeperRequest& request) {
     const auto found = store_->find(wanted->id_prefix);
     return found ? use(request, found->id, wanted->allow_older) : Status(fail(found.error()));
   }
-  // A rollback is to an older one by its name.
-  if (store_->before()) return use(request, Sha256(*store_->before()), true);
+  if (store_->before()) return use(request, Sha256(*store_->before()), true);  // a rollback is to an older one
   return fail(Errc::kNotFound, "no earlier calibration is stored that the rig could go back to");
 }
 
@@ -172,7 +171,8 @@ Status CalibrationKeeper::install(const KeeperRequest& request) {
   if (!calibration) return fail(calibration.error().in("calibration"));
   const Sha256 id = calibration_id(*calibration);
   const bool known = store_->read(id).has_value();
-  if (const Status newest = check_generation(signature_rules(), *permitted, known); !newest && !upload.allow_older) {
+  const bool had = has_signature(*store_, signature_rules(), id, *permitted);
+  if (Status newest = check_generation(signature_rules(), *permitted, had); !newest && !upload.allow_older) {
     return fail(newest.error().in("calibration"));
   }
   if (auto fits = fit_to_rig(*calibration, config_.heads, request.heads); !fits) return fail(fits.error());

@@ -62,4 +62,10 @@ Result<LoadedCalibration> load_permitted(const CalibrationStore& store, const Si
   return LoadedCalibration{std::move(*calibration), *permitted};
 }
 
+bool has_signature(const CalibrationStore& store, const SignatureRules& rules, const Sha256& id,
+                   const Permitted& same) {
+  const auto stored = load_permitted(store, rules, id);
+  return stored && stored->permitted.generation == same.generation;
+}
+
 }  // namespace nodal::firmware

@@ -29,6 +29,9 @@ struct Permitted {
 /// rig. They say how to sign.
 Result<Permitted> check_signature(const SignatureRules& rules, const SignedDocument& original);
 
+/// Whether the calibration is stored with a signature of the same generation.
+bool has_signature(const CalibrationStore& store, const SignatureRules& rules, const Sha256& id, const Permitted& same);
+
 /// Refuses a generation below the highest, one that another calibration has (`known`: this one was permitted before), and
 /// a signature that names no rig and no generation. Errors: kBadValue, which names --allow-older.
 Status check_generation(const SignatureRules& rules, const Permitted& permitted, bool known);
