@@ -172,7 +172,7 @@ void add_drift(CLI::App& app, CommandLine& line) {
       "  nodal drift                            the running rig against its calibration in force\n"
       "  nodal drift --json | jq -r '.heads[] | select(.standing == \"moved\") | .name'\n"
       "  nodal drift rig.json cam*.png          the same from files; needs no rig\n"
-      "  nodal drift; [ $? = 8 ] && nodal register --trial      registers again only if a head has moved\n"
+      "  if nodal drift; [ $? = 8 ]; then nodal register --trial; fi      registers again only if a head has moved\n"
       "Exit code 0: all heads stand as calibrated; 8: a head has moved; 10: the pictures do not show whether one has.\n"
       "What most heads agree on decides which one has moved; of two that moved apart each is given half.\n");
   auto args = std::make_shared<DriftArgs>();
