@@ -86,7 +86,8 @@ Run::Explanation Run::explained(const Certainty& certainty) {
 
 Result<Run::Explanation> Run::check_cause(const Certainty& certainty) {
   Explanation found = explained(certainty);
-  if (certainty.parts_px < kVisiblePx) found.cause = Cause::kNone;
+  // A distance that explains most is a cause of its own, whatever is left to each part of the pictures.
+  if (certainty.parts_px < kVisiblePx && found.nearness <= 0) found.cause = Cause::kNone;
   cause_ = found.cause;
   if (cause_ == Cause::kNone) return found;
   if (cause_ == Cause::kNearThings) {

@@ -60,7 +60,14 @@ class LyingRigs : public RigTest {
   /// usual one on a busy machine.
   Finished against(std::function<void(ScriptedRig&, const wire::Request&)> respond, const std::string& words,
                    const std::string& timeout = "10s") {
-    rig_.respond = std::move(respond);
+    const bool of_genlock = words.starts_with("genlock");
+    rig_.respond = [respond = std::move(respond), of_genlock](ScriptedRig& rig, const wire::Request& request) {
+      if (!request.has_genlock() || of_genlock) return respond(rig, request);
+      wire::Reply rate;  // deadlines are made from it
+      rate.mutable_genlock()->set_rate_numerator(30);
+      rate.mutable_genlock()->set_rate_denominator(1);
+      rig.reply(request, rate);
+    };
 #ifdef __SANITIZE_ADDRESS__
     const std::string limit;  // the sanitizer needs terabytes of address space
 #else

@@ -119,7 +119,7 @@ TEST_F(LyingTakes, PiecesOfNothing_AreRefused) {
   server_->empty_pieces = 3;
   const Finished run = render();
   EXPECT_EQ(run.code, 3) << run.err;
-  EXPECT_NE(run.err.find("a piece of take.json without bytes"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("a piece of manifest without bytes"), std::string::npos) << run.err;
 }
 
 }  // namespace
