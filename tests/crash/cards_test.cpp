@@ -153,11 +153,9 @@ TEST(ForeignCards, WithTheMemoryOfASmallBoard_TheRigFilmsAndNamesWhatItCannotRea
     EXPECT_EQ(seen[1].state, "complete") << seen[1].problem;
     EXPECT_EQ(seen[2].state, "damaged");
     EXPECT_NE(seen[2].problem.find("manifest"), std::string::npos) << seen[2].problem;
-    EXPECT_EQ(seen[3].state, start == 1 ? "damaged" : "set aside") << seen[3].problem;
-    EXPECT_NE(seen[3].problem.find("evidence-0000"), std::string::npos) << seen[3].problem;
+    EXPECT_EQ(seen[3].state, "complete") << seen[3].problem;  // without the segment whose evidence is refused
     EXPECT_EQ(seen.size(), 3u + static_cast<std::size_t>(start));
   }
-  EXPECT_TRUE(fs::exists(card.file(3, take::kSetAsideFile)));
   EXPECT_GT(fs::file_size(card.file(3, "evidence-0000")), std::uint64_t{60} << 20) << "nothing of it is deleted";
 }
 

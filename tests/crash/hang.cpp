@@ -45,6 +45,12 @@ int fsync(int fd) {
   return next(fd);
 }
 
+int syncfs(int fd) {
+  static const auto next = real<int (*)(int)>("syncfs");
+  hang_if_told();
+  return next(fd);
+}
+
 int ppoll(void* fds, Count count, const struct timespec* timeout, const sigset_t* signals) {
   static const auto next = real<int (*)(void*, Count, const struct timespec*, const sigset_t*)>("ppoll");
   hang_if_told();
