@@ -64,7 +64,7 @@ canary(head_not_looked_for firmware/capture/capture_head.cpp
   "constexpr Duration kRetry = Duration::milliseconds(200)\;" "constexpr Duration kRetry = Duration::milliseconds(2600)\;")
 canary(calibration_not_synced firmware/storage/durable_file.cpp "if (done) done = disk.sync(*handle)\;" "")
 canary(told_and_not_kept firmware/calibration/calibration_keeper.cpp
-  "if (Status kept = store_->set_in_force(done.id)\; !kept)" "if (Status kept\; !kept)")
+  "if (kept) kept = store_->set_in_force(done.id)\;" "")
 canary(raymap_names_the_first firmware/picture/blender.cpp
   "blend_.installed()->id, {}, {}}\;"
   "[this] { static const Sha256 first = blend_.installed()->id\; return first\; }(), {}, {}}\;")
