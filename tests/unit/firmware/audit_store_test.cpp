@@ -45,6 +45,7 @@ std::string text_of(SimDisk& disk, const std::string& file) {
 }
 
 void put(SimDisk& disk, const std::string& file, const std::string& text) {
+  (void)disk.remove(file);
   const auto handle = disk.create(file);
   ASSERT_TRUE(handle);
   ASSERT_TRUE(disk.write(*handle, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}));

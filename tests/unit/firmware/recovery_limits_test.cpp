@@ -77,6 +77,7 @@ std::vector<wire::Record> records_of(const Bytes& bytes) {
 }
 
 void put(SimDisk& disk, const std::string& name, const Bytes& bytes) {
+  (void)disk.remove("000042/" + name);
   const auto file = disk.create("000042/" + name);
   RC_ASSERT(file.has_value());
   RC_ASSERT(disk.write(*file, bytes).has_value());

@@ -65,8 +65,8 @@ TEST(TakeDocumentLimits, AFieldIsMissing_IsRefused) {
 
 TEST(TakeDocumentLimits, ValuesAtTheirLimits_AreRead) {
   const std::string most(256, 'x');
-  for (const auto& [key, value] : Fields{{"take", "9223372036854775807"},
-                                         {"started_utc_ns", "9223372036854775807"},
+  for (const auto& [key, value] : Fields{{"take", "1099511627776"},
+                                         {"started_utc_ns", "4611686018427387903"},
                                          {"rig", '"' + most + '"'},
                                          {"rate", "[1000, 1]"},
                                          {"raymap", "[65536, 65536]"},
@@ -77,10 +77,10 @@ TEST(TakeDocumentLimits, ValuesAtTheirLimits_AreRead) {
 
 TEST(TakeDocumentLimits, ValuesBeyondTheirLimits_AreRefused) {
   const std::string more(257, 'x');
-  for (const auto& [key, value] : Fields{{"take", "9223372036854775808"},
+  for (const auto& [key, value] : Fields{{"take", "1099511627777"},
                                          {"take", "-1"},
                                          {"take", "\"7\""},
-                                         {"started_utc_ns", "9223372036854775808"},
+                                         {"started_utc_ns", "4611686018427387904"},
                                          {"rig", '"' + more + '"'},
                                          {"rig", "7"},
                                          {"rate", "[30000]"},

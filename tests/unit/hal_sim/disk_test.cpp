@@ -100,6 +100,7 @@ TEST(SimDiskCrash, OverwrittenInPlace_LosesTheOldOneWithSomeSeed) {
   for (std::uint64_t seed = 0; seed < kSeeds; ++seed) {
     SimDisk disk(seed);
     ASSERT_TRUE(replace_safely(disk, "a", kOld));
+    ASSERT_TRUE(disk.remove("a"));
     ASSERT_TRUE(write_file(disk, "a", kNew, false));
     const auto left = content(*disk.after_power_loss(seed), "a");
     lost += left != kOld && left != kNew;
