@@ -33,6 +33,7 @@ Rig::Rig(const RigConfig& config, const RigPorts& ports, const std::string& soft
 /// The recorder registers its outlets, so this comes before the first step.
 Stages Rig::stages(const RigConfig& config, const RigPorts& ports, const std::string& software) {
   Stages stages{capture_, blender_, encoder_, keeper_, settings_, audit_, ports.utc};
+  stages.heartbeats = ports.heartbeats;
   if (!config.takes || !ports.takes) return stages;
   recorder_.emplace(config, capture_.add_outlet(Recorder::kSets, false), encoder_);
   if (flight_) flight_log_ = std::make_unique<FlightLog>(*flight_, software, kSetsHeld);

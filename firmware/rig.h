@@ -24,6 +24,7 @@
 #include "hal/confined.h"
 #include "hal/disk.h"
 #include "hal/head.h"
+#include "hal/heartbeats.h"
 #include "hal/link.h"
 #include "hal/trigger.h"
 #include "hal/watchdog.h"
@@ -55,6 +56,7 @@ struct RigPorts {
   hal::ConfinedPort* recovery = nullptr;   ///< where takes are recovered; null: in step_takes()
   hal::ConfinedPort* rehearsal = nullptr;  ///< where calibrations are parsed and compiled first; null: nowhere
   TakeKeeper::UtcClock utc = [] { return std::int64_t{0}; };
+  hal::HeartbeatsPort* heartbeats = nullptr;  ///< of the threads that call the steps
 };
 
 /// Threading: one thread per step_ function, any number of threads for step_blend(); close() while no thread is in any of

@@ -122,6 +122,8 @@ bool Capture::run_commands(Instant now) {
       status = start_genlock(*start, now);
     } else if (const auto* exposing = std::get_if<ExposureChange>(&command->what)) {
       exposure_.set(exposing->applied_to(exposure_.report().settings));
+    } else if (const auto* end = std::get_if<LeaseEnd>(&command->what)) {
+      status = end_lease(end->lease);
     } else {
       stop_genlock(now);
     }
@@ -169,14 +171,26 @@ Status Capture::change_heads(const HeadChange& change) {
   }
   for (std::size_t i = 0; i < heads_.size(); ++i) {
     if ((change.heads & head_bit(i)) == 0) continue;
-    if (Status allowed = heads_[i].check(change.change); !allowed) return allowed;
+    Status allowed = heads_[i].check(change.change);
+    if (allowed && change.lease != 0) allowed = heads_[i].check_lease(change.lease);
+    if (!allowed) return allowed;
   }
   for (std::size_t i = 0; i < heads_.size(); ++i) {
     if ((change.heads & head_bit(i)) == 0) continue;
-    if (Status changed = heads_[i].change(change.change); !changed) return changed;
+    if (Status changed = heads_[i].change(change.change, change.lease); !changed) return changed;
     align_now_ = true;
   }
   return {};
+}
+
+/// Every head is restored, also after an error of another.
+Status Capture::end_lease(std::uint64_t lease) {
+  Status first;
+  for (CaptureHead& head : heads_) {
+    if (Status ended = head.end_lease(lease); !ended && first) first = std::move(ended);
+  }
+  align_now_ = true;
+  return first;
 }
 
 Status Capture::start_genlock(const GenlockStart& start, Instant now) {

@@ -32,13 +32,18 @@ namespace nodal::firmware {
 struct HeadChange {
   HeadMask heads = 0;
   SettingsChange change;
+  std::uint64_t lease = 0;  ///< not 0: temporary, until this lease ends
+};
+/// Undoes the temporary changes of a lease.
+struct LeaseEnd {
+  std::uint64_t lease = 0;
 };
 struct GenlockStart {
   std::optional<FrameRate> rate;
   std::optional<Duration> pulse_width;
 };
 struct GenlockStop {};
-using CaptureChange = std::variant<HeadChange, GenlockStart, GenlockStop, ExposureChange>;
+using CaptureChange = std::variant<HeadChange, GenlockStart, GenlockStop, ExposureChange, LeaseEnd>;
 /// A command from control to capture, and the answer.
 struct CaptureCommand {
   std::uint64_t ticket = 0;
@@ -120,6 +125,7 @@ class Capture {
 
   bool run_commands(Instant now);
   Status change_heads(const HeadChange& change);
+  Status end_lease(std::uint64_t lease);
   Status start_genlock(const GenlockStart& start, Instant now);
   void stop_genlock(Instant now);
   bool follow_light();

@@ -55,6 +55,13 @@ void SettingsChange::add(const SettingsChange& newer) {
   if (newer.gamma) gamma = newer.gamma;
 }
 
+void SettingsChange::remove(const SettingsChange& other) {
+  if (other.exposure) exposure.reset();
+  if (other.gain) gain.reset();
+  if (other.white_balance) white_balance.reset();
+  if (other.gamma) gamma.reset();
+}
+
 std::uint64_t FrameCounts::lost() const { return std::accumulate(losses.begin(), losses.end(), std::uint64_t{0}); }
 
 void FrameCounts::add(const FrameCounts& other) {
@@ -128,7 +135,7 @@ void CaptureHead::open(Instant) {
   report_.present = true;
   report_.problem.clear();
   ++report_.opened;
-  if (const Status requested = request(wanted_); !requested) report_.problem = requested.error().message;
+  if (const Status requested = request(wanted()); !requested) report_.problem = requested.error().message;
 }
 
 void CaptureHead::start(hal::TriggerMode mode, Instant now) {
@@ -189,14 +196,15 @@ std::optional<hal::FrameView> CaptureHead::take_frame() {
 /// Reports a head that does not apply requested settings: they differ from the settings in its frames for longer than the
 /// stated latency and kFramesOfGrace.
 void CaptureHead::watch_settings(const hal::HeadSettings& in_effect) {
-  if (matches(wanted_, in_effect)) {
+  const SettingsChange wanted = this->wanted();
+  if (matches(wanted, in_effect)) {
     report_.ignores.clear();
   } else if (++frames_since_request_ > report_.limits->control_latency_frames + kFramesOfGrace &&
              report_.ignores.empty()) {
     report_.ignores =
         "does not apply its settings: in effect " + microseconds(in_effect.exposure) + ", " + decibels(in_effect.gain);
-    if (wanted_.exposure) report_.ignores += "; requested " + microseconds(*wanted_.exposure);
-    if (wanted_.gain) report_.ignores += "; requested " + decibels(*wanted_.gain);
+    if (wanted.exposure) report_.ignores += "; requested " + microseconds(*wanted.exposure);
+    if (wanted.gain) report_.ignores += "; requested " + decibels(*wanted.gain);
   }
 }
 
@@ -232,10 +240,10 @@ void CaptureHead::release(hal::BufferSlot slot) {
   port_->release(slot);
 }
 
-void CaptureHead::missed_set() {
+void CaptureHead::missed_set(Duration period) {
   ++report_.missing_sets;
   if (missed_in_row_ < kMissedUntilSilent) ++missed_in_row_;
-  if (streaming() && ++sets_without_it_ >= kMissedUntilReported) report_.in_no_set = true;
+  if (streaming() && period * ++sets_without_it_ >= kInNoSet.at(period)) report_.in_no_set = true;
 }
 
 Status CaptureHead::check(const SettingsChange& change) const {
@@ -279,12 +287,57 @@ Status CaptureHead::request(const SettingsChange& change) {
   return fail(requested.error().in("head '" + name_ + "'"));
 }
 
-Status CaptureHead::change(const SettingsChange& change) {
+Status CaptureHead::change(const SettingsChange& change, std::uint64_t lease) {
+  const SettingsChange before = this->before(change);
   if (port_ && !gone_) {
     if (Status requested = request(change); !requested) return requested;
   }
+  if (lease != 0) {
+    if (!temporary_) temporary_ = Temporary{lease, {}, {}};
+    SettingsChange first = before;
+    first.remove(temporary_->change);  // it was temporary already
+    temporary_->before.add(first);
+    temporary_->change.add(change);
+    return {};
+  }
   wanted_.add(change);
+  if (!temporary_) return {};
+  temporary_->change.remove(change);
+  temporary_->before.remove(change);
+  if (temporary_->change.empty()) temporary_.reset();
   return {};
+}
+
+/// The present values of the fields that `change` has: the requested ones, else those of the newest frame, if there is one.
+SettingsChange CaptureHead::before(const SettingsChange& change) const {
+  SettingsChange all;
+  if (report_.counts.frames > 0) {
+    const hal::HeadSettings& now = report_.in_effect;
+    all = {now.exposure, now.gain, now.white_balance, now.gamma};
+  }
+  all.add(wanted_);
+  SettingsChange others = all;
+  others.remove(change);
+  all.remove(others);
+  return all;
+}
+
+SettingsChange CaptureHead::wanted() const {
+  SettingsChange all = wanted_;
+  if (temporary_) all.add(temporary_->change);
+  return all;
+}
+
+Status CaptureHead::check_lease(std::uint64_t lease) const {
+  if (!temporary_ || temporary_->lease == lease) return {};
+  return fail(Errc::kBusy, "head '" + name_ + "' has temporary settings of another host; try again later");
+}
+
+Status CaptureHead::end_lease(std::uint64_t lease) {
+  if (!temporary_ || temporary_->lease != lease) return {};
+  const SettingsChange before = std::exchange(temporary_, std::nullopt)->before;
+  wanted_.add(before);  // so that a head that is disconnected now gets it when it returns
+  return port_ && !gone_ ? request(before) : Status();
 }
 
 void CaptureHead::nudge(Duration by) {
@@ -296,15 +349,17 @@ void CaptureHead::nudge(Duration by) {
 }
 
 Exposure CaptureHead::pending_exposure() const {
-  const bool pending = wanted_.exposure && !matches({wanted_.exposure, {}, {}, {}}, report_.in_effect) &&
+  const std::optional<Exposure> exposure = wanted().exposure;
+  const bool pending = exposure && !matches({exposure, {}, {}, {}}, report_.in_effect) &&
                        frames_since_request_ <= report_.limits->control_latency_frames + kFramesOfGrace;
-  return pending ? *wanted_.exposure : report_.in_effect.exposure;
+  return pending ? *exposure : report_.in_effect.exposure;
 }
 
 bool CaptureHead::conserved() const { return report_.counts.conserved() && lent_ == report_.counts.held + in_flight_; }
 
 void CaptureHead::close() {
   NODAL_ASSERT(lent_ == 0);
+  if (temporary_) (void)end_lease(temporary_->lease);  // a camera may keep its settings
   if (port_) port_->stop();
   port_.reset();
   started_ = gone_ = report_.present = false;

@@ -9,6 +9,7 @@
 #include "firmware/config/config.h"
 #include "firmware/frame/frame_set.h"
 #include "hal/head.h"
+#include "protocol/base/frame_time.h"
 #include "protocol/base/result.h"
 
 namespace nodal::firmware {
@@ -22,6 +23,9 @@ struct SettingsChange {
 
   /// Fields that `newer` has replace this one's.
   void add(const SettingsChange& newer);
+  /// Fields that `other` has become empty.
+  void remove(const SettingsChange& other);
+  bool empty() const { return !exposure && !gain && !white_balance && !gamma; }
 };
 
 /// Invariant: frames = in_sets + held + sum of losses.
@@ -46,7 +50,7 @@ struct HeadReport {
   hal::HeadSettings in_effect;  ///< settings of the newest frame
   FrameCounts counts;
   std::uint64_t missing_sets = 0;         ///< sets closed without a frame of it
-  bool in_no_set = false;                 ///< it streams, and the last kMissedUntilReported sets have no frame of it
+  bool in_no_set = false;                 ///< it streams, and no set of the last kInNoSet has a frame of it
   std::optional<LossReason> newest_loss;  ///< since its newest frame in a set
   std::uint64_t opened = 0;               ///< how often its port was opened
   hal::HeadRecoveries recoveries;         ///< of all its ports
@@ -82,13 +86,18 @@ class CaptureHead {
   /// A held frame's set was closed; release() follows when the last reader has released the set.
   void put_in_set(Duration skew);
   void release(hal::BufferSlot slot);
-  /// A set was closed without a frame of this head.
-  void missed_set();
+  /// A set was closed without a frame of this head. `period`: of the frame rate in force.
+  void missed_set(Duration period);
 
   /// Checks a change against the head's limits without requesting it. A disconnected head has no limits.
   Status check(const SettingsChange& change) const;
-  /// Requests a change from the head. A disconnected head gets it when it returns.
-  Status change(const SettingsChange& change);
+  /// Requests a change from the head. A disconnected head gets it when it returns. A change with a lease is temporary: end_lease()
+  /// undoes it, unless a change without one has replaced it.
+  Status change(const SettingsChange& change, std::uint64_t lease = 0);
+  /// Errors: kBusy when the head has temporary settings of another lease.
+  Status check_lease(std::uint64_t lease) const;
+  /// Restores what the temporary settings of this lease changed. Without effect if it has none.
+  Status end_lease(std::uint64_t lease);
   /// Shifts its exposures in time, in free run; does nothing when the head does not stream.
   void nudge(Duration by);
   /// The requested exposure while the head may still apply it; after that, or without a request, the one in effect.
@@ -101,14 +110,17 @@ class CaptureHead {
   /// How often it was started.
   std::uint64_t starts() const { return starts_; }
   const HeadReport& report() const { return report_; }
-  /// Sets in a row without a frame of a streaming head until HeadReport::in_no_set: two seconds at 30 sets a second.
-  static constexpr int kMissedUntilReported = 60;
+  /// So many sets in a row without a frame of a streaming head, or more, are HeadReport::in_no_set.
+  static constexpr FrameTime kInNoSet{Duration::seconds(2), 4};
   void set_drift(std::optional<std::int32_t> ppb) { report_.drift_ppb = ppb; }
   bool conserved() const;
   /// Stops and destroys its port; every frame must have been released.
   void close();
 
  private:
+  /// The requested settings: those to keep, and the temporary ones above them.
+  SettingsChange wanted() const;
+  SettingsChange before(const SettingsChange& change) const;
   void open(Instant now);
   void start(hal::TriggerMode mode, Instant now);
   void vanish(const Error& why);
@@ -123,7 +135,12 @@ class CaptureHead {
   const std::string path_;
   const bool wired_;
   hal::HeadEnumerator& enumerator_;
-  SettingsChange wanted_;
+  SettingsChange wanted_;  ///< without the temporary ones
+  struct Temporary {
+    std::uint64_t lease = 0;
+    SettingsChange change, before;
+  };
+  std::optional<Temporary> temporary_;
   std::unique_ptr<hal::HeadPort> port_;
   bool started_ = false;
   bool restarting_ = false;

@@ -141,6 +141,7 @@ void Capture::close_oldest() {
   describe(open);
   clock_.follow(open.slot, set.mid_exposure);
   set.number = report_.sets++;
+  set.period = clock_.period();
   bool every_present = true;
   bool every_head = true;
   for (std::size_t i = 0; i < heads_.size(); ++i) {
@@ -150,7 +151,7 @@ void Capture::close_oldest() {
     }
     every_head = false;
     if (heads_[i].streaming()) every_present = false;
-    heads_[i].missed_set();
+    heads_[i].missed_set(clock_.period());
   }
   if (every_head) ++report_.full_sets;
   if (genlock_.aligning()) {

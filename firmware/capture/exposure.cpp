@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "protocol/base/result.h"
+
 namespace nodal::firmware {
 namespace {
 
@@ -59,6 +61,7 @@ ExposureOrder split(Stops stops, const ExposureRange& range) {
 }
 
 void ExposureControl::set(const ExposureSettings& settings) {
+  NODAL_ASSERT(!settings.anchor || *settings.anchor < kMaxHeads);
   report_.settings = settings;
   report_.settled = false;
   resting_ = 0;
@@ -125,7 +128,7 @@ void ExposureControl::limit_differences(HeadMask present) {
   const Stops step = report_.settings.difference;
   auto& goal = report_.goal;
   const auto anchor = report_.settings.anchor;
-  const bool anchored = anchor && *anchor < heads && (present & head_bit(*anchor)) != 0;
+  const bool anchored = anchor && (present & head_bit(*anchor)) != 0;
   for (std::size_t i = 0; anchored && i < heads; ++i) {
     if (apart[i][*anchor] >= kUnconnected) continue;
     const Stops most = step * apart[i][*anchor];

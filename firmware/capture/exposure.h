@@ -67,9 +67,9 @@ class ExposureControl {
     std::array<Stops, kMaxHeads> goal{};
   };
 
-  explicit ExposureControl(const ExposureSettings& settings) { report_.settings = settings; }
+  explicit ExposureControl(const ExposureSettings& settings) { set(settings); }
 
-  /// New settings. Exposures continue from their present values.
+  /// New settings, whose anchor is one of kMaxHeads heads. Exposures continue from their present values.
   void set(const ExposureSettings& settings);
   /// Takes the reading of the next metered set and returns the new settings of the heads. Only heads with a range get any.
   Orders step(const blend::SphereLight& seen, std::span<const std::optional<ExposureRange>, kMaxHeads> ranges);

@@ -5,7 +5,9 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
-#include <future>
+#include <exception>
+#include <mutex>
+#include <system_error>
 #include <thread>
 
 #include "firmware/daemon/device_heads.h"
@@ -17,10 +19,12 @@
 #include "hal/linux/clock.h"
 #include "hal/linux/disk.h"
 #include "hal/linux/link/socket_link.h"
+#include "hal/linux/thread/thread.h"
 #include "hal/linux/watchdog.h"
 #include "hal/sim/rig.h"
 #include "hal/sim/scene/response.h"
 #include "hal/sim/scene/scene.h"
+#include "protocol/files/open_file.h"
 #include "stitch/media/image_file.h"
 
 namespace nodal::daemon {
@@ -34,15 +38,11 @@ using firmware::SimConfig;
 constexpr int kHeadBuffers = static_cast<int>(firmware::kFramesAHead);
 
 Result<std::string> read_text(const std::filesystem::path& file, std::size_t limit) {
-  const auto closed = [](std::FILE* open) { std::fclose(open); };
-  const std::unique_ptr<std::FILE, decltype(closed)> in(std::fopen(file.c_str(), "rb"), closed);
-  if (!in) {
-    const int error = errno;
-    return fail(error == ENOENT ? Errc::kNotFound : Errc::kIo, file.string() + ": " + std::strerror(error));
-  }
+  const Result<FilePtr> in = open_to_read(file);
+  if (!in) return fail(in.error().in(file.string()));
   std::string text(limit + 1, '\0');
-  text.resize(std::fread(text.data(), 1, text.size(), in.get()));
-  if (std::ferror(in.get()) != 0) return fail(Errc::kIo, file.string() + ": " + std::strerror(errno));
+  text.resize(std::fread(text.data(), 1, text.size(), in->get()));
+  if (std::ferror(in->get()) != 0) return fail(Errc::kIo, file.string() + ": " + std::strerror(errno));
   if (text.size() > limit) {
     return fail(Errc::kTooLarge, file.string() + ": is over " + std::to_string(limit) + " bytes");
   }
@@ -284,15 +284,26 @@ std::vector<std::string> BoardPorts::notices() const {
 void BoardPorts::prepare() {
   if (!state_->sim) return;
   std::atomic<int> next{0};
+  std::mutex mutex;
+  std::exception_ptr failed;
   const auto prepare = [&] {
-    for (int head = next++; head < state_->sim->head_count(); head = next++) state_->sim->prepare(head);
+    try {
+      for (int head = next++; head < state_->sim->head_count(); head = next++) state_->sim->prepare(head);
+    } catch (...) {
+      const std::lock_guard lock(mutex);
+      failed = std::current_exception();
+    }
   };
-  std::vector<std::future<void>> others;
-  for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i) {
-    others.push_back(std::async(std::launch::async | std::launch::deferred, prepare));
+  std::vector<hal::Thread> others;
+  try {
+    for (unsigned i = 1; i < std::thread::hardware_concurrency(); ++i)
+      others.emplace_back("nodal-prepare", "", prepare);
+  } catch (const std::system_error&) {
+    // The threads that there are prepare all heads.
   }
   prepare();
-  for (std::future<void>& other : others) other.get();  // rethrows an exception of prepare()
+  others.clear();  // joins
+  if (failed) std::rethrow_exception(failed);
 }
 
 Status BoardPorts::open_store(const std::filesystem::path& folder) {

@@ -1,22 +1,22 @@
 #include "firmware/daemon/device_scanner.h"
 
-#include <future>
 #include <mutex>
 #include <system_error>
-#include <thread>
 #include <utility>
 
 #include "firmware/daemon/scan_report.h"
 #include "hal/linux/iidc/camera.h"
+#include "hal/linux/thread/thread.h"
 
 namespace nodal::daemon {
 
 std::vector<hal::v4l2::FoundDevice> MachineDevices::scan(std::chrono::milliseconds patience) {
   const auto until = std::chrono::steady_clock::now() + patience;
-  auto cameras = std::async(std::launch::async, [&] { return iidc_.list(patience); });
+  Result<std::vector<hal::iidc::CameraInfo>> found = fail(Errc::kInternal, "");
+  hal::Thread cameras("nodal-scan", "iidc:", [&] { found = iidc_.list(patience); });
   std::vector<hal::v4l2::FoundDevice> all =
       v4l2_.scan(std::chrono::duration_cast<std::chrono::milliseconds>(until - std::chrono::steady_clock::now()));
-  const auto found = cameras.get();
+  cameras.join();
   if (!found) {
     hal::v4l2::FoundDevice silent;
     silent.node = silent.port = "iidc:";
@@ -51,7 +51,7 @@ void DeviceScanner::begin() {
     shared_->result.reset();
   }
   try {
-    std::thread([shared = shared_] {
+    hal::Thread("nodal-scan", "", [shared = shared_] {
       const auto devices = shared->devices.scan(kScanWithin);
       firmware::DeviceList list{scan_text(devices), scan_json(devices)};
       const std::lock_guard lock(shared->mutex);

@@ -5,13 +5,16 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <exception>
 #include <new>
 #include <utility>
 
 #include "firmware/daemon/options.h"
+#include "hal/linux/link/signals.h"
 
 namespace nodal::daemon {
 namespace {
@@ -48,13 +51,24 @@ EndDeadline::~EndDeadline() {
 
 EndDeadline::Protection EndDeadline::protect(std::function<void()> make_safe) {
   // Starts the thread now and not in arm(), when the system may refuse to create one.
-  thread_ = std::thread([this] { wait_for_the_end(); });
+  thread_ = hal::Thread(
+      "nodal-end", [this] { return look(); }, [this] { wait(); });
   {
     const std::lock_guard lock(mutex_);
     make_safe_ = std::move(make_safe);
   }
   of_this_process = this;
   std::set_terminate([] { of_this_process->end_by_exception(); });
+  struct sigaction crash {};
+  crash.sa_handler = [](int signal) { of_this_process->end_by_crash(signal); };
+  crash.sa_flags = static_cast<int>(SA_RESETHAND);
+  for (int signal = 1; signal < SIGRTMIN; ++signal) {
+    struct sigaction now {};
+    ::sigaction(signal, nullptr, &now);
+    // Sanitizers have handlers of their own.
+    const bool own = hal::outcome_of(signal) == hal::SignalOutcome::kCrashes && now.sa_handler == SIG_DFL;
+    if (own) ::sigaction(signal, &crash, nullptr);
+  }
   return Protection(*this);
 }
 
@@ -71,11 +85,17 @@ void EndDeadline::arm(std::chrono::milliseconds at_most) {
   changed_.notify_one();
 }
 
-void EndDeadline::wait_for_the_end() {
+hal::Round EndDeadline::look() {
+  const std::lock_guard lock(mutex_);
+  if (ended_) return hal::Round::kEnd;
+  if (until_ && std::chrono::steady_clock::now() >= *until_) end_by_force();
+  return hal::Round::kSleep;
+}
+
+void EndDeadline::wait() {
   std::unique_lock lock(mutex_);
-  changed_.wait(lock, [this] { return ended_ || until_; });
-  if (ended_ || changed_.wait_until(lock, *until_, [this] { return ended_; })) return;
-  end_by_force();
+  if (until_) changed_.wait_until(lock, *until_, [this] { return ended_; });
+  else changed_.wait(lock, [this] { return ended_ || until_; });
 }
 
 /// Called with the lock held, so that the ports that make_safe_ uses are not destroyed meanwhile.
@@ -86,6 +106,17 @@ void EndDeadline::end_by_force() {
   say_line("nodald: did not end in time, because %s hangs; outputs are at their safe levels; ending by force\n",
            what_.load());
   ::_exit(kExitStageHung);
+}
+
+/// A signal handler: it never waits for the lock. The lock is held already after end_by_exception(), which calls abort().
+void EndDeadline::end_by_crash(int signal) {
+  if (mutex_.try_lock()) {
+    if (make_safe_) make_safe_();
+    char thread[16] = "a thread";
+    (void)::pthread_getname_np(::pthread_self(), thread, sizeof thread);
+    say_line("nodald: %s received SIG%s; outputs are at their safe levels\n", thread, ::sigabbrev_np(signal));
+  }
+  ::raise(signal);  // delivered when this handler returns, with the default action
 }
 
 /// Called on the thread that threw. The lock is never released, so that a second such thread waits for the end.

@@ -1,5 +1,5 @@
-// Ends nodald by force, with outputs at their safe levels: when a stage hangs, and when an exception leaves a thread's
-// function, as std::bad_alloc does.
+// Ends nodald by force, with outputs at their safe levels: when a stage hangs, when an exception leaves a thread's function,
+// as std::bad_alloc does, and when nodald crashes.
 #pragma once
 
 #include <atomic>
@@ -8,13 +8,16 @@
 #include <functional>
 #include <mutex>
 #include <optional>
-#include <thread>
+
+#include "hal/linux/thread/thread.h"
 
 namespace nodal::daemon {
 
 /// A thread waits while outputs are protected. If the process has not ended within the time given to arm(), the thread makes
 /// the outputs safe, prints on standard error which part hangs, and ends the process. The terminate handler does the same at
-/// once: with exit code kExitFailed after std::bad_alloc, by abort() otherwise. Neither allocates memory.
+/// once: with exit code kExitFailed after std::bad_alloc, by abort() otherwise. So does the handler of signals that report a
+/// crash (SignalOutcome::kCrashes), and lets the signal end the process; a stack overflow is not handled. None of them
+/// allocates memory.
 ///
 /// Threading: one object a process; made, armed and destroyed on main; waits_for() from any thread.
 /// Ownership: what protect() refers to lives as long as its Protection.
@@ -48,9 +51,11 @@ class EndDeadline {
   void finished(int exit_code) { finished_.store(exit_code); }
 
  private:
-  void wait_for_the_end();
+  hal::Round look();
+  void wait();
   [[noreturn]] void end_by_force();
   [[noreturn]] void end_by_exception();
+  void end_by_crash(int signal);
 
   std::mutex mutex_;
   std::condition_variable changed_;
@@ -59,7 +64,7 @@ class EndDeadline {
   std::function<void()> make_safe_;
   std::atomic<const char*> what_{"the rig"};
   std::atomic<int> finished_{-1};
-  std::thread thread_;
+  hal::Thread thread_;
 };
 
 }  // namespace nodal::daemon

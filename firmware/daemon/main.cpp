@@ -27,7 +27,10 @@
 #include "firmware/daemon/threads.h"
 #include "firmware/daemon/version.h"
 #include "hal/linux/gpio/system.h"
+#include "hal/linux/link/signals.h"
 #include "hal/linux/link/standard_descriptors.h"
+#include "hal/linux/thread/thread.h"
+#include "protocol/files/open_file.h"
 
 namespace nodal::daemon {
 namespace {
@@ -48,21 +51,12 @@ int give_up(const Error& error, int exit_code) {
 
 /// Resident memory in bytes, from the second number of /proc/self/statm; 0 when it cannot be read.
 std::uint64_t resident_bytes() {
-  std::FILE* file = std::fopen("/proc/self/statm", "r");
+  const Result<FilePtr> file = open_to_read("/proc/self/statm");
   if (!file) return 0;
   std::uint64_t all = 0;
   std::uint64_t resident = 0;
-  const int read = std::fscanf(file, "%" SCNu64 " %" SCNu64, &all, &resident);
-  std::fclose(file);
+  const int read = std::fscanf(file->get(), "%" SCNu64 " %" SCNu64, &all, &resident);
   return read == 2 ? resident * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)) : 0;
-}
-
-sigset_t stop_signals() {
-  sigset_t set;
-  sigemptyset(&set);
-  sigaddset(&set, SIGTERM);
-  sigaddset(&set, SIGINT);
-  return set;
 }
 
 std::string describe(const firmware::RigConfig& config) {
@@ -71,19 +65,18 @@ std::string describe(const firmware::RigConfig& config) {
                      config.raymap.width, config.raymap.height, pixel_format_name(config.raymap.format));
 }
 
-/// While nodald starts it has driven no output, so a signal may end it at once, also during a blocking call.
-void end_while_starting() {
+/// While nodald starts it drives no output and has no socket, so a signal may end it at once, also during a blocking call.
+void end_while_starting(const sigset_t& signals) {
   struct sigaction at_once {};
   at_once.sa_handler = [](int) { ::_exit(kExitFine); };
-  ::sigaction(SIGTERM, &at_once, nullptr);
-  ::sigaction(SIGINT, &at_once, nullptr);
-  const sigset_t signals = stop_signals();
+  for (int signal = 1; signal < SIGRTMIN; ++signal) {
+    if (sigismember(&signals, signal) == 1) ::sigaction(signal, &at_once, nullptr);
+  }
   ::pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
 }
 
 /// noexcept, like close() below: while the rig runs, an exception must call EndDeadline's terminate handler.
-void wait_for_signal(firmware::Rig& rig, EndDeadline& deadline) noexcept {
-  const sigset_t signals = stop_signals();
+void wait_for_signal(firmware::Rig& rig, const sigset_t& signals, EndDeadline& deadline) noexcept {
   const timespec second{1, 0};
   for (;;) {
     rig.control().set_resident_bytes(resident_bytes());
@@ -91,8 +84,8 @@ void wait_for_signal(firmware::Rig& rig, EndDeadline& deadline) noexcept {
     if (signal < 0) continue;
     deadline.arm(kEndWithin);
     deadline.waits_for("nodal-control");
-    const char* name = signal == SIGTERM ? "SIGTERM" : "SIGINT";
-    log_line(LogLevel::kInfo, std::string(name) + ": stopping");
+    const std::string name = hal::signal_name(signal);
+    log_line(LogLevel::kInfo, name + ": stopping");
     rig.control().ask_to_end(name);
     const auto until = std::chrono::steady_clock::now() + kFarewellWithin;
     while (!rig.control().ended() && std::chrono::steady_clock::now() < until) {
@@ -116,13 +109,15 @@ struct ConfinedPorts {
 
 /// Runs the rig until a signal arrives.
 void run_rig(BoardPorts& ports, TakesDisk& takes, const ConfinedPorts& confined, const Options& options,
-             const firmware::RigConfig& config, EndDeadline& deadline) {
+             const firmware::RigConfig& config, const sigset_t& signals, EndDeadline& deadline) {
   firmware::RigPorts rig_ports = ports.ports();
   rig_ports.takes = takes.to_write.get();
   rig_ports.takes_read = takes.to_read.get();
   rig_ports.recovery = confined.recovery.get();
   rig_ports.rehearsal = confined.rehearsal.get();
   rig_ports.utc = utc_ns;
+  hal::Heartbeats heartbeats;
+  rig_ports.heartbeats = &heartbeats;
   firmware::Rig rig(config, rig_ports, kSoftware);
   for (const std::string& address : ports.addresses()) log_line(LogLevel::kInfo, "hosts can connect at " + address);
 
@@ -141,7 +136,7 @@ void run_rig(BoardPorts& ports, TakesDisk& takes, const ConfinedPorts& confined,
   const int blend_threads = options.blend_threads > 0 ? options.blend_threads : static_cast<int>(cores);
   {
     const RigThreads threads(rig, ports.ports().clock, blend_threads, hooks);
-    wait_for_signal(rig, deadline);
+    wait_for_signal(rig, signals, deadline);
   }
   deadline.waits_for("closing the heads and the trigger");
   close(rig);
@@ -175,7 +170,7 @@ Status start_confined(const firmware::RigConfig& config, const std::filesystem::
 }
 
 int run(const Options& options, const firmware::RigConfig& config, const std::filesystem::path& base,
-        EndDeadline& deadline) {
+        const sigset_t& signals, EndDeadline& deadline) {
   ConfinedPorts confined;
   if (!options.check) {
     // Before devices and sockets are open, so that the processes have none of them.
@@ -205,6 +200,8 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
     if (!opened) return give_up(opened.error(), kExitCannotStart);
     takes = std::move(*opened);
   }
+  // From here on there are sockets to remove, and soon outputs are driven: wait_for_signal() takes the signals.
+  ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   if (const Status listening = (*ports)->listen(config); !listening) {
     return give_up(listening.error(), kExitCannotStart);
   }
@@ -212,11 +209,8 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
     log_line(LogLevel::kError, problem.text() + "; the rig runs without it until nodald is restarted");
   }
   for (const std::string& notice : (*ports)->notices()) log_line(LogLevel::kError, notice);
-  // From here on outputs are driven, and wait_for_signal() takes the signals.
-  const sigset_t signals = stop_signals();
-  ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   const EndDeadline::Protection protection = deadline.protect([&ports = **ports] { ports.make_safe(); });
-  run_rig(**ports, takes, confined, options, config, deadline);
+  run_rig(**ports, takes, confined, options, config, signals, deadline);
   return kExitFine;
 }
 
@@ -226,11 +220,11 @@ int start(int argc, char** argv, EndDeadline& deadline) {
   if (parsed.exit) return *parsed.exit;
   const Options& options = parsed.options;
   // Blocks the signals before the log's thread starts, so that it never receives one.
-  const sigset_t signals = stop_signals();
+  const sigset_t signals = hal::ending_signals();
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  std::signal(SIGPIPE, SIG_IGN);
+  hal::ignore_stray_signals();
   start_log(options.log_level);
-  end_while_starting();
+  end_while_starting(signals);
 
   if (options.scan) return scan(options);
   firmware::RigConfig config;
@@ -245,12 +239,10 @@ int start(int argc, char** argv, EndDeadline& deadline) {
     }
   }
   if (options.bridge) {
-    std::signal(SIGTERM, SIG_DFL);
-    std::signal(SIGINT, SIG_DFL);
     return run_bridge(options.socket.empty() ? config.links.unix_path : options.socket);
   }
   if (options.safe_levels) return make_lines_safe(config);
-  return run(options, config, base, deadline);
+  return run(options, config, base, signals, deadline);
 }
 
 /// The standard library throws these when the system refuses memory or a thread.

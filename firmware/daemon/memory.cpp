@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <cstdio>
 
+#include "protocol/files/open_file.h"
+
 namespace nodal::daemon {
 
 // Left to itself the C library keeps blocks as large as the largest that was ever freed among the small ones.
@@ -18,13 +20,12 @@ void keep_large_blocks_apart() {
 std::string explain_refused_memory() {
   constexpr std::uint64_t kMiB = 1 << 20;
   std::string text = "memory or a thread was refused";
-  if (std::FILE* const file = std::fopen("/proc/self/statm", "r")) {
+  if (const Result<FilePtr> file = open_to_read("/proc/self/statm")) {
     unsigned long pages = 0;
-    if (std::fscanf(file, "%lu", &pages) == 1) {
+    if (std::fscanf(file->get(), "%lu", &pages) == 1) {
       text += " with " + std::to_string(pages * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)) / kMiB) +
               " MiB of addresses in use";
     }
-    std::fclose(file);
   }
   rlimit limit{};
   const bool limited = ::getrlimit(RLIMIT_AS, &limit) == 0 && limit.rlim_cur != RLIM_INFINITY;

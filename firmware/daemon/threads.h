@@ -2,11 +2,11 @@
 
 #include <atomic>
 #include <functional>
-#include <thread>
 #include <vector>
 
 #include "firmware/daemon/bell.h"
 #include "firmware/rig.h"
+#include "hal/linux/thread/thread.h"
 
 namespace nodal::daemon {
 
@@ -36,17 +36,17 @@ class RigThreads {
  private:
   void start(int blend_threads);
   void stop();
-  void capture();
-  void blend();
-  void encode();
-  void place_seams();
-  void keep();
-  void control();
-  void record();
-  void takes();
-  void read_takes();
-  template <class Step, class After>
-  void step_by_bell(Bell& bell, Step step, After after);
+  void add_capture();
+  void add_blend();
+  void add_encode();
+  void add_seams();
+  void add_keeper();
+  void add_takes();
+  void add_control();
+  template <class AnyBell, class Step, class Sleep>
+  void add(const char* name, AnyBell& bell, Step step, Sleep sleep);
+  template <class Step>
+  void add(const char* name, Bell& bell, Step step);
   bool frame_path_empty() const;
 
   firmware::Rig& rig_;
@@ -56,7 +56,7 @@ class RigThreads {
   Bell blend_bell_, encode_bell_, seams_bell_, keeper_bell_, record_bell_, takes_bell_, read_bell_;
   struct Named {
     const char* name;
-    std::thread thread;
+    hal::Thread thread;
   };
   std::vector<Named> threads_;
 };

@@ -109,6 +109,7 @@ Result<CaptureChange> change_of(const wire::Command& from) {
     const wire::Command::Heads& heads = from.heads();
     HeadChange change;
     change.heads = heads.mask();
+    change.lease = heads.lease();
     if (heads.has_exposure_ns()) change.change.exposure = Exposure::of(Duration::nanoseconds(heads.exposure_ns()));
     if (heads.has_gain_mdb()) change.change.gain = Gain::millidecibels(heads.gain_mdb());
     if (heads.has_white_balance()) change.change.white_balance = balance_of(heads.white_balance());
@@ -144,6 +145,7 @@ Result<CaptureChange> change_of(const wire::Command& from) {
     return change;
   }
   if (from.genlock_stop()) return GenlockStop{};
+  if (from.lease_end() != 0) return LeaseEnd{from.lease_end()};
   return wrong("the command");
 }
 

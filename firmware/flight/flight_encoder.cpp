@@ -86,6 +86,7 @@ void put(const blend::SphereLight& light, wire::Light& to) {
 
 void put(const HeadChange& change, wire::Command::Heads& to) {
   to.set_mask(change.heads);
+  to.set_lease(change.lease);
   if (change.change.exposure) to.set_exposure_ns(change.change.exposure->duration().ns());
   if (change.change.gain) to.set_gain_mdb(change.change.gain->mdb());
   if (change.change.white_balance) to.set_white_balance(in_one(*change.change.white_balance));
@@ -113,6 +114,8 @@ void put(const CaptureCommand& command, wire::Command& to) {
     if (start->pulse_width) put.set_pulse_width_ns(start->pulse_width->ns());
   } else if (const auto* program = std::get_if<ExposureChange>(&command.what)) {
     put(*program, *to.mutable_program());
+  } else if (const auto* end = std::get_if<LeaseEnd>(&command.what)) {
+    to.set_lease_end(end->lease);
   } else {
     to.set_genlock_stop(true);
   }

@@ -72,6 +72,7 @@ struct FrameSet {
   Instant mid_exposure;      ///< median over its frames; for interlaced frames, over their first fields
   FrameRate rate;            ///< at which sets come now
   Duration second_field;     ///< interlaced frames: exposure of the second field minus that of the first
+  Duration period;           ///< from set to set, by the frame rate in force
   HeadMask mask = 0;
   std::array<hal::FrameView, kMaxHeads> frames;
   SyncEvidence sync;

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <span>
 
+#include "protocol/base/frame_time.h"
 #include "protocol/base/units.h"
 
 namespace nodal::firmware {
@@ -51,7 +52,8 @@ class RecentTimes {
   std::atomic<std::uint64_t> count_{0};
 };
 
-/// The rate of an event over the last three seconds.
+/// The rate of an event over the last three seconds; or, when these have fewer than kFew events, over the last kEvents of them,
+/// measured from event to event, so that a rate of one in 1000 s is exact as well.
 ///
 /// Threading: thread-bound.
 /// Ownership: none. Allocates nothing.
@@ -60,28 +62,48 @@ class RecentRate {
  public:
   /// `total` is the number of events until `now`. Call it at least four times a second.
   void observe(std::uint64_t total, Instant now) {
-    if (count_ > 0 && now - at_[(count_ - 1) % kKept] < kEvery) return;
-    at_[count_ % kKept] = now;
-    total_[count_ % kKept] = total;
-    ++count_;
+    now_ = now;
+    if (events_.count == 0 || total != events_.newest().total) events_.add(now, total);
+    if (window_.count == 0 || now - window_.newest().at >= kEvery) window_.add(now, total);
   }
-  /// Events per 1000 seconds; 0 before the second observation.
+  /// Events per 1000 seconds; 0 before the second event. Falls when events no longer come.
   std::uint32_t millihertz() const {
-    if (count_ < 2) return 0;
-    const std::size_t newest = (count_ - 1) % kKept;
-    const std::size_t oldest = count_ > kKept ? count_ % kKept : 0;
-    const std::int64_t span = (at_[newest] - at_[oldest]).ns();
-    if (span <= 0) return 0;
-    const auto events = static_cast<std::int64_t>(total_[newest] - total_[oldest]);
-    return static_cast<std::uint32_t>(events * 1'000'000 / (span / 1'000'000));
+    if (window_.count > 1 && window_.events() >= kFew) return per_1000_s(window_.events(), window_.span());
+    if (events_.count < 2 || events_.events() == 0) return 0;
+    const Duration apart = events_.span() / events_.events();
+    const Duration since = now_ - events_.newest().at;
+    if (since > kForgotten.at(apart)) return 0;
+    return per_1000_s(events_.events(), events_.span() + (since > kLate.at(apart) ? since : Duration()));
   }
 
  private:
-  static constexpr std::size_t kKept = 13;  ///< 12 intervals of kEvery: three seconds
+  struct Moment {
+    Instant at;
+    std::uint64_t total = 0;
+  };
+  template <std::size_t kKept>
+  struct Ring {
+    std::array<Moment, kKept> moments{};
+    std::size_t count = 0;
+
+    void add(Instant at, std::uint64_t total) { moments[count++ % kKept] = {at, total}; }
+    const Moment& newest() const { return moments[(count - 1) % kKept]; }
+    const Moment& oldest() const { return moments[count > kKept ? count % kKept : 0]; }
+    std::int64_t events() const { return static_cast<std::int64_t>(newest().total - oldest().total); }
+    Duration span() const { return newest().at - oldest().at; }
+  };
+  static std::uint32_t per_1000_s(std::int64_t events, Duration span) {
+    return span.ms() <= 0 ? 0 : static_cast<std::uint32_t>(events * 1'000'000 / span.ms());
+  }
+
+  static constexpr std::size_t kEvents = 32;
+  static constexpr std::int64_t kFew = 40;
   static constexpr Duration kEvery = Duration::milliseconds(250);
-  std::array<Instant, kKept> at_{};
-  std::array<std::uint64_t, kKept> total_{};
-  std::size_t count_ = 0;
+  static constexpr FrameTime kLate{Duration::milliseconds(500), 2};
+  static constexpr FrameTime kForgotten{Duration::seconds(3), 4};
+  Ring<13> window_;  ///< 12 intervals of kEvery: three seconds
+  Ring<kEvents> events_;
+  Instant now_;
 };
 
 }  // namespace nodal::firmware

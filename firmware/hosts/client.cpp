@@ -109,7 +109,8 @@ bool Client::pump_in(Instant now) {
     end(*late, now);
     return true;
   }
-  if (now - heard_ > kPingEvery && now - pinged_ > kPingEvery) {
+  const Duration ping_every = leases ? kLeasePingEvery : kPingEvery;
+  if (now - heard_ > ping_every && now - pinged_ > ping_every) {
     session_.ping();
     pinged_ = now;
   }

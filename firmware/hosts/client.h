@@ -66,6 +66,8 @@ class Client {
   /// When it last sent a request, or bytes of its pulls and uploads last moved.
   Instant idle_since() const { return used_; }
   Instant since() const { return since_; }
+  /// How long nothing was received from it.
+  Duration silence(Instant now) const { return now - heard_; }
   bool has_requested() const { return has_requested_; }
   std::uint64_t number() const { return number_; }
   const std::string& peer() const { return link_->peer(); }
@@ -90,6 +92,7 @@ class Client {
   std::optional<wire::Request> held;  ///< its next request, while its stage has the most commands of this host
   std::uint64_t dropped = 0;          ///< raymaps dropped on streams that have ended
   std::uint64_t lossless_ended = 0;   ///< lossless pulls that ended because they were too slow
+  bool leases = false;                ///< it may have temporary settings, which end when it is silent for kLeaseSilent
 
   static constexpr Duration kHelloWithin = Duration::seconds(2);  ///< from the connection to the hello
   /// The deadline of a protocol frame, from its first byte to its last: this, and one second more for each kSlowestBytes
@@ -101,6 +104,9 @@ class Client {
   /// A silent host is pinged, and closed when it does not answer. Long, because `nodal` may compute between requests.
   static constexpr Duration kPingEvery = Duration::seconds(30);
   static constexpr Duration kSilentFor = Duration::seconds(300);
+  /// Of a host with temporary settings: the longest silence, before which it is pinged.
+  static constexpr Duration kLeaseSilent = Duration::seconds(10);
+  static constexpr Duration kLeasePingEvery = kLeaseSilent / 4;
 
  private:
   void finish(const Error& why);

@@ -51,6 +51,7 @@ bool Control::step(Instant now) {
   busy |= frame_sender_.step(clients_, frame_sets_.order.highest(), now);
   busy |= take_sender_.step(clients_, now);
   for (const auto& client : clients_) busy |= client->pump_out(now);
+  watch_leases(now);
   drop_finished();
   operation_.end_step(Publisher::lossless_wanted(clients_), now);
   end(now);
@@ -76,8 +77,9 @@ void Control::end(Instant now) {
 wire::Hello Control::hello(Access access) const {
   wire::Hello hello = make_hello(software_);
   hello.set_rig_name(config_.name);
-  for (const char* feature : {"audit", "audit-since", "calibration", "calibration-trial", "exposure",
-                              "exposure-programs", "frame-sets", "genlock", "hosts", "raymap-jpeg", "raymap-raw"}) {
+  for (const char* feature :
+       {"audit", "audit-since", "calibration", "calibration-trial", "exposure", "exposure-programs", "frame-sets",
+        "genlock", "hosts", "raymap-jpeg", "raymap-raw", "temporary-settings"}) {
     hello.add_features(feature);
   }
   if (scan_ != nullptr) hello.add_features("devices");
@@ -86,6 +88,16 @@ wire::Hello Control::hello(Access access) const {
   if (access == Access::kView) hello.add_features("view-only");
   if (const auto& in_force = operation_.keeper().in_force) hello.set_calibration_id(sha256_to_wire(*in_force));
   return hello;
+}
+
+/// Temporary settings end with the host that made them: when its link ends, and when it does not answer pings.
+void Control::watch_leases(Instant now) {
+  for (const auto& client : clients_) {
+    const bool over = client->finished() || client->silence(now) > Client::kLeaseSilent;
+    if (!client->leases || !over) continue;
+    client->leases = false;
+    operation_.end_lease(client->number(), client->who());
+  }
 }
 
 void Control::drop_finished() {

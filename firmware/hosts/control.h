@@ -84,6 +84,7 @@ class Control {
   };
 
   void drop_finished();
+  void watch_leases(Instant now);
   bool serve_all(Instant now);
   bool serve(Client& client, Instant now);
   bool has_room(const Client& client, const wire::Request& request) const;

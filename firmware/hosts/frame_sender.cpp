@@ -11,7 +11,7 @@ const FrameSender::Copy* FrameSender::free_copy() const {
   return found == copies_.end() ? nullptr : &*found;
 }
 
-Result<StreamId> FrameSender::start(Client& client, const HeadShapes& heads, Instant now) {
+Result<StreamId> FrameSender::start(Client& client, const HeadShapes& heads, Duration period, Instant now) {
   const auto copy = std::ranges::find_if(copies_, &Copy::free);
   NODAL_ASSERT(copy != copies_.end());
   if (!copy->memory) copy->memory = std::make_shared<std::vector<std::uint8_t>>();
@@ -22,7 +22,8 @@ Result<StreamId> FrameSender::start(Client& client, const HeadShapes& heads, Ins
   if (!stream) return stream;
   sets_.drop_waiting();  // older than the request
   sets_.set_open(true);
-  copy->transfer = Transfer{client.number(), client.access(), *stream, now, std::move(set), false, false};
+  copy->transfer =
+      Transfer{client.number(), client.access(), *stream, now, kPatience.at(period), std::move(set), false, false};
   client.frame_set = *stream;
   return stream;
 }
@@ -82,10 +83,10 @@ bool FrameSender::step(Copy& copy, const Clients& clients, Instant now) {
     send(*client, transfer.set, transfer.stream);
     return true;
   }
-  if (now - transfer.since <= kPatience) return false;
+  if (now - transfer.since <= transfer.patience) return false;
   client->session().close_stream(
       transfer.stream,
-      Error{Errc::kOverload, "no frame set could be copied within " + std::to_string(kPatience.ms() / 1000) +
+      Error{Errc::kOverload, "no frame set could be copied within " + std::to_string(transfer.patience.ms() / 1000) +
                                  " s: no frames arrive, or the blend has a backlog; `nodal status` shows which"});
   end(copy, clients);
   return true;

@@ -13,6 +13,7 @@
 #include "firmware/hosts/publisher.h"
 #include "firmware/hosts/set_copy.h"
 #include "firmware/picture/blender.h"
+#include "protocol/base/frame_time.h"
 #include "protocol/base/result.h"
 
 namespace nodal::firmware {
@@ -35,13 +36,14 @@ class FrameSender {
 
   /// Whether a copy is free for another request.
   bool has_room() const { return free_copy() != nullptr; }
-  /// Opens the stream for the set. Only while has_room(). `heads`: the format of each head.
-  Result<StreamId> start(Client& client, const HeadShapes& heads, Instant now);
+  /// Opens the stream for the set. Only while has_room(). `heads`: the format of each head; `period`:
+  /// of the frame rate in force.
+  Result<StreamId> start(Client& client, const HeadShapes& heads, Duration period, Instant now);
   /// True when it did something. `waiting`: the highest access of the hosts that wait for their turn.
   bool step(const Clients& clients, std::optional<Access> waiting, Instant now);
 
   static constexpr OutletSpec kSets{"frame-sets", OutletPolicy::kLatest, 1, 1};
-  static constexpr Duration kPatience = Duration::seconds(3);
+  static constexpr FrameTime kPatience{Duration::seconds(3), 6};
   static constexpr Duration kSlowest = Duration::seconds(120);  ///< ten heads of 2048x1024: 30 MB, at 250 KB/s
   static constexpr Duration kGrace = Duration::seconds(5);      ///< longest pause of a link
   static constexpr std::size_t kMaxCopies = 3;
@@ -54,6 +56,7 @@ class FrameSender {
     Access access = Access::kView;
     StreamId stream = 0;
     Instant since;  ///< when it began to wait for a set; when sent: to be sent
+    Duration patience;
     SetCopy set;
     bool copied = false;
     bool sent = false;

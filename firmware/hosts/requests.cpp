@@ -161,8 +161,8 @@ bool Control::reply_to_scans(Instant now) {
 /// Makes the request a command; reply_to_commands() sends the answer.
 Status Control::command(Client& client, const wire::Request& request, Instant now) {
   const Requester requester = requester_of(client);
-  Result<Command> wanted =
-      request.has_upload_commit() ? commit_command(request.upload_commit()) : command_of(request, config_);
+  Result<Command> wanted = request.has_upload_commit() ? commit_command(request.upload_commit())
+                                                       : command_of(request, config_, client.number());
   if (!wanted) {
     if (changes_rig(request)) operation_.note_refused(requester, kind_of(request).name, wanted.error(), now);
     return fail(wanted.error());
@@ -172,8 +172,11 @@ Status Control::command(Client& client, const wire::Request& request, Instant no
     if (!unread) operation_.note_refused(requester, kind_of(request).name, unread.error(), now);
     if (!unread) return unread;
   }
+  const auto* change = std::get_if<CaptureChange>(&*wanted);
+  const bool ends_lease = change && std::holds_alternative<LeaseEnd>(*change);
   const auto ticket = operation_.ask(requester, std::move(*wanted), now);
   if (!ticket) return fail(ticket.error());
+  if (request.has_head_set() && request.head_set().temporary()) client.leases = !ends_lease;
   if (kind_of(request).turn == Turn::kCalibrations) calibration_ = *ticket;
   await(client, request, *ticket);
   return {};
@@ -200,7 +203,7 @@ Result<Command> Control::commit_command(const wire::UploadCommit& commit) {
 
 Result<StreamId> Control::start_work(Client& client, const wire::Request& request, Instant now) {
   // These share what they need in turns; pulls do not.
-  if (request.has_frame_set()) return frame_sender_.start(client, operation_.head_shapes(), now);
+  if (request.has_frame_set()) return frame_sender_.start(client, operation_.head_shapes(), operation_.period(), now);
   if (request.has_take_read()) {
     auto begun = take_sender_.start(client, request.take_read(), now);
     if (begun) operation_.note_take_read(requester_of(client), request.take_read().take(), now);

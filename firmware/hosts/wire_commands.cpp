@@ -24,7 +24,7 @@ Stops stops_of(std::uint32_t thousandths) {
   return static_cast<Stops>((std::min(thousandths, kMost) * std::uint64_t{kStop} + 500) / 1000);
 }
 
-Result<Command> head_command(const wire::HeadSetRequest& request, const RigConfig& config) {
+Result<Command> head_command(const wire::HeadSetRequest& request, const RigConfig& config, std::uint64_t host) {
   if (request.heads_size() > kMaxHeads) {
     return fail(Errc::kBadValue, std::to_string(request.heads_size()) + " heads are named; a rig has at most " +
                                      std::to_string(kMaxHeads));
@@ -51,6 +51,8 @@ Result<Command> head_command(const wire::HeadSetRequest& request, const RigConfi
     constexpr std::uint32_t kMost = std::numeric_limits<std::int32_t>::max();
     change.gamma = hal::Gamma::thousandths(static_cast<std::int32_t>(std::min(request.gamma(), kMost)));
   }
+  if (request.temporary() && change.empty()) return CaptureChange(LeaseEnd{host});
+  if (request.temporary()) command.lease = host;
   return CaptureChange(command);
 }
 
@@ -121,9 +123,9 @@ Command disk_test_command(const wire::DiskTest& request) {
 
 }  // namespace
 
-Result<Command> command_of(const wire::Request& request, const RigConfig& config) {
+Result<Command> command_of(const wire::Request& request, const RigConfig& config, std::uint64_t host) {
   switch (request.what_case()) {
-    case wire::Request::kHeadSet: return head_command(request.head_set(), config);
+    case wire::Request::kHeadSet: return head_command(request.head_set(), config, host);
     case wire::Request::kExposure: return exposure_command(request.exposure(), config);
     case wire::Request::kGenlock: return genlock_command(request.genlock());
     case wire::Request::kCalibrationList: return CalibrationCommand(KeeperRequest::List{});

@@ -129,6 +129,7 @@ std::string values_before(const Command& command, const CaptureReport& capture, 
   if (!change) return calibration_text(keeper.in_force) + (keeper.trial ? " on trial" : "");
   if (const auto* heads = std::get_if<HeadChange>(change)) return heads_before(*heads, capture);
   if (const auto* exposure = std::get_if<ExposureChange>(change)) return text_of(capture.exposure.settings, *exposure);
+  if (std::holds_alternative<LeaseEnd>(*change)) return "temporary settings";
   return std::string(genlock_state_name(capture.genlock.state)) + ", " + text_of(capture.genlock.rate);
 }
 
@@ -149,7 +150,10 @@ std::string values_after(const Command& command, const RigConfig& config, const 
     return calibration_text(in_force) + (install && install->trial ? " on trial" : "");
   }
   const CaptureChange& change = std::get<CaptureChange>(command);
-  if (const auto* heads = std::get_if<HeadChange>(&change)) return heads_after(*heads, config.heads.size());
+  if (const auto* heads = std::get_if<HeadChange>(&change)) {
+    return heads_after(*heads, config.heads.size()) + (heads->lease != 0 ? ", temporary" : "");
+  }
+  if (std::holds_alternative<LeaseEnd>(change)) return "as before";
   if (const auto* exposure = std::get_if<ExposureChange>(&change)) return text_of(exposure->applied_to({}), *exposure);
   const auto* start = std::get_if<GenlockStart>(&change);
   return start ? text_of(*start) : "stop";

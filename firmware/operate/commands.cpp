@@ -80,10 +80,9 @@ Status check(const GenlockStart& start, const RigConfig& config) {
 }
 
 Status check(const KeeperRequest::Install& install) {
-  if (!install.trial || (*install.trial >= Duration::seconds(1) && *install.trial <= Duration::seconds(3600))) {
-    return {};
-  }
-  return fail(Errc::kBadValue, "a trial lasts 1 s to 1 hour");
+  constexpr Duration kLongest = Duration::seconds(24 * 3600);  // a trial takes several sets, also at one set in 1000 s
+  if (!install.trial || (*install.trial >= Duration::seconds(1) && *install.trial <= kLongest)) return {};
+  return fail(Errc::kBadValue, "a trial lasts 1 s to 24 hours");
 }
 
 }  // namespace
@@ -99,7 +98,8 @@ std::string_view command_name(const Command& command) {
   if (const auto* change = std::get_if<CaptureChange>(&command)) {
     return std::visit(
         Overloaded{[](const HeadChange&) { return "head_set"; }, [](const GenlockStart&) { return "genlock"; },
-                   [](const GenlockStop&) { return "genlock"; }, [](const ExposureChange&) { return "exposure"; }},
+                   [](const GenlockStop&) { return "genlock"; }, [](const ExposureChange&) { return "exposure"; },
+                   [](const LeaseEnd&) { return "head_set"; }},
         *change);
   }
   if (const auto* take = std::get_if<TakeCommand>(&command)) {
@@ -137,7 +137,7 @@ bool changes_rig(const Command& command) {
 Status check(const Command& command, const RigConfig& config) {
   if (const auto* change = std::get_if<CaptureChange>(&command)) {
     return std::visit(Overloaded{[&](const auto& values) { return check(values, config); },
-                                 [](const GenlockStop&) { return Status(); }},
+                                 [](const GenlockStop&) { return Status(); }, [](const LeaseEnd&) { return Status(); }},
                       *change);
   }
   if (const auto* take = std::get_if<TakeCommand>(&command)) {

@@ -34,7 +34,7 @@ Error no_such_head(std::uint64_t head, const RigConfig& config);
 
 /// The author of a command.
 struct Requester {
-  enum class Kind : std::uint8_t { kHost, kButton, kStoredSettings, kConfiguration };
+  enum class Kind : std::uint8_t { kHost, kButton, kStoredSettings, kConfiguration, kLease };
 
   Kind kind = Kind::kHost;
   std::uint64_t host = 0;  ///< the host's number, for kHost

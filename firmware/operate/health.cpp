@@ -9,12 +9,13 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr Duration kSettling = Duration::seconds(5);
+constexpr FrameTime kSettling{Duration::seconds(5), 4};
 constexpr Duration kLossShown = Duration::seconds(10);
 
 std::string hertz(std::uint32_t millihertz) {
   char text[32];
-  std::snprintf(text, sizeof text, "%u.%02u", millihertz / 1000, millihertz % 1000 / 10);
+  if (millihertz < 100) std::snprintf(text, sizeof text, "0.%03u", millihertz);
+  else std::snprintf(text, sizeof text, "%u.%02u", millihertz / 1000, millihertz % 1000 / 10);
   return text;
 }
 
@@ -56,7 +57,8 @@ std::string too_slow(const HealthInputs& inputs) {
     shed = "; hosts get 1 of " + std::to_string(inputs.shed.publish_every) + " raymaps";
   if (inputs.shed.preview_every > 1) shed += ", 1 of " + std::to_string(inputs.shed.preview_every) + " sets is blended";
   const std::uint64_t enough = std::uint64_t{inputs.rate_wanted_millihertz} * 95 / 100;
-  const bool slow = inputs.blending > kSettling && inputs.rate_millihertz > 0 && inputs.rate_millihertz < enough;
+  const bool slow = inputs.blending > kSettling.at(inputs.capture.genlock.rate.period()) &&
+                    inputs.rate_millihertz > 0 && inputs.rate_millihertz < enough;
   if (!slow) return shed.empty() ? "" : "the board is overloaded" + shed;
   return hertz(inputs.rate_millihertz) + " raymaps a second are made instead of " +
          hertz(inputs.rate_wanted_millihertz) + "; the board is too slow for this raymap size, or busy" + shed;
@@ -79,6 +81,43 @@ std::string take_trouble(const RigConfig& config, const HealthInputs& inputs) {
   return left_out.empty() ? takes.problem : left_out;
 }
 
+/// How long a thread may be at one piece of work, and what it means if it is longer.
+struct Patience {
+  std::string_view thread;  ///< begin of its name; empty: any other
+  Duration at_most;
+  Condition condition = Condition::kThreadSilent;
+};
+constexpr std::array kPatience{
+    Patience{"nodal-takes", kDiskAnswersWithin, Condition::kDiskSilent},
+    Patience{"nodal-read", kDiskAnswersWithin, Condition::kDiskSilent},
+    Patience{"nodal-record", Supervisor::kStuckAfter, Condition::kStageHangs},
+    // A table of many rays takes its time, and so does a card with the store.
+    Patience{"nodal-keeper", Duration::seconds(120), Condition::kThreadSilent},
+    // Waits for a host; see AnswerThread.
+    Patience{"nodal-cable", Duration::seconds(1'000'000'000), Condition::kThreadSilent},
+    // A device's call takes some seconds at most: uvcvideo waits 5 s for each control.
+    Patience{"", Duration::seconds(15), Condition::kThreadSilent},
+};
+
+const Patience& patience_for(const hal::Heartbeat& thread) {
+  return *std::find_if(kPatience.begin(), kPatience.end(),
+                       [&](const Patience& row) { return thread.name.starts_with(row.thread); });
+}
+
+/// The first thread of this condition that is silent; null if there is none.
+const hal::Heartbeat* silent_thread(const std::vector<hal::Heartbeat>& threads, Condition condition) {
+  const auto silent = std::find_if(threads.begin(), threads.end(), [&](const hal::Heartbeat& thread) {
+    const Patience& patience = patience_for(thread);
+    return patience.condition == condition && thread.busy > patience.at_most;
+  });
+  return silent == threads.end() ? nullptr : &*silent;
+}
+
+std::string at_one_call(const hal::Heartbeat& thread) {
+  return "the thread '" + thread.name + "' has been at one call for over " +
+         std::to_string(patience_for(thread).at_most.ms() / 1000) + " s";
+}
+
 /// The row of a condition. It holds in every state but kStopping, which is final.
 struct Row {
   RigState to;
@@ -96,8 +135,9 @@ constexpr std::array<Row, kConditions> kTable = [] {
   row(Condition::kNoCalibration, RigState::kNoCalibration, kServe);
   row(Condition::kNoFrames, RigState::kIdle, kServe);
   for (const Condition worse :
-       {Condition::kHeadMissing, Condition::kGenlockLost, Condition::kHoldover, Condition::kUnfitFrames,
-        Condition::kStoreTrouble, Condition::kHeadTrouble, Condition::kTakeTrouble, Condition::kTooSlow}) {
+       {Condition::kDiskSilent, Condition::kHeadMissing, Condition::kGenlockLost, Condition::kHoldover,
+        Condition::kUnfitFrames, Condition::kStoreTrouble, Condition::kHeadTrouble, Condition::kTakeTrouble,
+        Condition::kThreadSilent, Condition::kTooSlow}) {
     row(worse, RigState::kDegraded, kServe);
   }
   row(Condition::kHealthy, RigState::kRunning, kServe);
@@ -135,6 +175,9 @@ Diagnosis diagnose(const RigConfig& config, const HealthInputs& inputs) {
   const auto found = [](Condition condition, std::string sentence) {
     return Diagnosis{condition, std::move(sentence)};
   };
+  if (const auto* stuck = silent_thread(inputs.threads, Condition::kStageHangs)) {
+    return found(Condition::kStageHangs, at_one_call(*stuck));
+  }
   if (!inputs.keeper.ready) {
     return found(Condition::kStoreUnread,
                  inputs.keeper.activity.empty() ? "reading the calibration store" : inputs.keeper.activity);
@@ -145,9 +188,10 @@ Diagnosis diagnose(const RigConfig& config, const HealthInputs& inputs) {
                                                : inputs.keeper.problem);
   }
   std::string absent = absent_heads(config, inputs.capture);
-  if (inputs.since_last_set > kSilence) {
+  if (inputs.since_last_set > kSilence.at(inputs.capture.genlock.rate.period())) {
     return found(Condition::kNoFrames, no_frames(config, inputs.capture));
   }
+  if (disk_is_silent(inputs.threads)) return found(Condition::kDiskSilent, "the takes' disk does not answer");
   if (!absent.empty()) return found(Condition::kHeadMissing, std::move(absent));
   if (inputs.capture.genlock.state == GenlockState::kLost) {
     return found(Condition::kGenlockLost, "the genlock is lost: heads are no longer exposed together");
@@ -169,8 +213,15 @@ Diagnosis diagnose(const RigConfig& config, const HealthInputs& inputs) {
   if (!inputs.undecodable.empty()) return found(Condition::kHeadTrouble, std::string(inputs.undecodable));
   if (std::string trouble = take_trouble(config, inputs); !trouble.empty())
     return found(Condition::kTakeTrouble, std::move(trouble));
+  if (const auto* silent = silent_thread(inputs.threads, Condition::kThreadSilent)) {
+    return found(Condition::kThreadSilent, at_one_call(*silent));
+  }
   if (std::string slow = too_slow(inputs); !slow.empty()) return found(Condition::kTooSlow, std::move(slow));
   return {};
+}
+
+bool disk_is_silent(const std::vector<hal::Heartbeat>& threads) {
+  return silent_thread(threads, Condition::kDiskSilent) != nullptr;
 }
 
 void Supervisor::end(std::string reason) {

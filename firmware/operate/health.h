@@ -14,7 +14,9 @@
 #include "firmware/operate/shedding.h"
 #include "firmware/picture/blender.h"
 #include "firmware/record/take_keeper.h"
+#include "hal/heartbeats.h"
 #include "hal/watchdog.h"
+#include "protocol/base/frame_time.h"
 
 namespace nodal::firmware {
 
@@ -29,18 +31,20 @@ enum class Condition : std::uint8_t {
   kStageHangs,     ///< a stage has work and makes no progress
   kStoreUnread,    ///< calibrations are being read
   kNoCalibration,  ///< no calibration is in force
-  kNoFrames,       ///< no set for 1.5 s
+  kNoFrames,       ///< no set for kSilence
+  kDiskSilent,     ///< the disk of the takes does not answer
   kHeadMissing,
   kGenlockLost,
   kHoldover,
   kUnfitFrames,  ///< frames have a format that the calibration is not for
   kStoreTrouble,
   kHeadTrouble,
-  kTakeTrouble,  ///< the disk loses something of the take, or ended it
-  kTooSlow,      ///< fewer raymaps than frame sets, or some of the work is shed
+  kTakeTrouble,   ///< the disk loses something of the take, or ended it
+  kThreadSilent,  ///< another thread is at one piece of work for too long
+  kTooSlow,       ///< fewer raymaps than frame sets, or some of the work is shed
   kHealthy,
 };
-inline constexpr std::size_t kConditions = 14;
+inline constexpr std::size_t kConditions = 16;
 
 /// The actions of a transition.
 struct Actions {
@@ -67,7 +71,8 @@ struct HealthInputs {
   ShedLevel shed;
   const std::string& settings_problem;  ///< SettingsWriter::problem(), or AuditLog::problem()
   const TakeReport* takes;              ///< null: the rig records nothing
-  Duration since_lost_set;              ///< of a take, because the disk was too slow
+  Duration since_lost_set;              ///< of a take, by the disk
+  const std::vector<hal::Heartbeat>& threads;
   const std::string& undecodable;       ///< a sentence about a head whose newest frame could not be decoded, or empty
 };
 
@@ -81,10 +86,15 @@ struct Diagnosis {
 };
 Diagnosis diagnose(const RigConfig& config, const HealthInputs& inputs);
 
-/// Without a frame set for this long, the rig counts as without frames.
-inline constexpr Duration kSilence = Duration::milliseconds(1500);
+/// Without a frame set for this long, the rig counts as without frames. A set that waits for a head that has just fallen silent
+/// closes 2.5 periods late.
+inline constexpr FrameTime kSilence{Duration::milliseconds(1500), 4};
 /// "no frames arrive", and the missing heads or what is wrong with the first head that has a problem.
 std::string no_frames(const RigConfig& config, const CaptureReport& capture);
+
+/// Whether the disk of the takes does not answer: a thread of it is at one call for over kDiskAnswersWithin.
+bool disk_is_silent(const std::vector<hal::Heartbeat>& threads);
+inline constexpr Duration kDiskAnswersWithin = Duration::seconds(5);
 
 struct Health {
   std::string_view state = "starting";                    ///< rig_state_name()

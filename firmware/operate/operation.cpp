@@ -43,6 +43,7 @@ void Operation::begin_step(Instant now) {
   watch_takes(now);
   tell_takes_the_calibration();
   watch_trial(now);
+  end_leases(now);
   read_settings();
   restore_settings(now);
 }
@@ -79,8 +80,10 @@ Result<Ticket> Operation::ask(const Requester& requester, Command command, Insta
   Status asked = check(command, config_);
   if (asked) asked = hand_over(ticket, std::move(command));
   if (!asked) {
-    // restore_settings() retries when the queue is full, so that is not audited as a failure.
-    if (requester.kind != Requester::Kind::kStoredSettings || asked.error().code != Errc::kBusy) {
+    // restore_settings() and end_leases() retry when the queue is full, so that is not audited as a failure.
+    const bool retried =
+        requester.kind == Requester::Kind::kStoredSettings || requester.kind == Requester::Kind::kLease;
+    if (!retried || asked.error().code != Errc::kBusy) {
       audit(open, keeper_->in_force, asked, now);
     }
     return fail(asked.error());
@@ -149,7 +152,7 @@ void Operation::take_capture_answers(std::vector<Answer>& answers, Instant now) 
       // "manual" and has to switch back, also to a program that came from rig.toml.
       exposure->program = answer->exposure.settings.program;
       outcome = answer->exposure;
-    } else if (!std::holds_alternative<HeadChange>(change)) {
+    } else if (!std::holds_alternative<HeadChange>(change) && !std::holds_alternative<LeaseEnd>(change)) {
       outcome = answer->genlock;
     }
     if (open.requester.kind != Requester::Kind::kStoredSettings) {
@@ -271,6 +274,18 @@ void Operation::watch_trial(Instant now) {
   on_trial_.reset();
 }
 
+void Operation::end_lease(std::uint64_t host, const std::string& name) {
+  leases_to_end_[host] = "end of the temporary settings of " + name;
+}
+
+/// Commands of these hosts that are on their way to the stage come before. Asks again in the next step when the queue is full.
+void Operation::end_leases(Instant now) {
+  std::erase_if(leases_to_end_, [&](const auto& lease) {
+    const auto& [host, who] = lease;
+    return ask({Requester::Kind::kLease, 0, who}, CaptureChange(LeaseEnd{host}), now).has_value();
+  });
+}
+
 /// Takes the stored settings when the store has read them.
 void Operation::read_settings() {
   if (restoring_) return;
@@ -315,7 +330,7 @@ void Operation::write_settings(Instant now) {
 void Operation::step_panel(Instant now) {
   const bool on = takes_ ? takes_->recording.has_value() : capture_->genlock.state != GenlockState::kOff;
   const bool rolling = on && !supervisor_.actions().end;
-  const auto action = panel_.step({health().state, rolling, capture_->sets}, now);
+  const auto action = panel_.step({health().state, rolling, capture_->sets, period()}, now);
   if (action) act(*action, now);
   while (auto problem = panel_.take_problem()) news_.say(NewsKind::kRig, std::move(*problem));
 }

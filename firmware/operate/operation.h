@@ -27,6 +27,7 @@
 #include "firmware/record/take_reader.h"
 #include "firmware/storage/audit_store.h"
 #include "firmware/storage/settings_store.h"
+#include "hal/heartbeats.h"
 #include "hal/watchdog.h"
 
 namespace nodal::firmware {
@@ -40,8 +41,9 @@ struct Stages {
   SettingsStore& settings;
   AuditStore& audit;
   AuditLog::UtcClock utc;
-  TakeKeeper* takes = nullptr;        ///< null: the rig records nothing
-  TakeReader* take_reader = nullptr;  ///< null if `takes` is
+  TakeKeeper* takes = nullptr;                ///< null: the rig records nothing
+  TakeReader* take_reader = nullptr;          ///< null if `takes` is
+  hal::HeartbeatsPort* heartbeats = nullptr;  ///< null: every stage runs on one thread, in tests
 };
 
 /// Passes commands with a ticket to the stages that carry them out, and returns the answers when they arrive. Every change
@@ -82,6 +84,9 @@ class Operation {
   /// Number of all commands whose answers take_answers() has not returned yet.
   std::size_t unanswered() const { return open_.size() + unstored_.size() + unrecorded_.size(); }
 
+  /// The host's session ended or fell silent: its temporary settings are undone. `name`: for the audit log.
+  void end_lease(std::uint64_t host, const std::string& name);
+
   /// Starts the end of the rig, for this reason. Any thread; call it once.
   void ask_to_end(std::string reason);
   bool asked_to_end() const { return end_asked_.load(std::memory_order_acquire); }
@@ -98,6 +103,8 @@ class Operation {
   News& news() { return news_; }
   std::uint32_t rate_millihertz() const { return rate_.millihertz(); }  ///< of raymaps
   std::uint32_t rate_wanted_millihertz() const;
+  /// Of the frame rate in force.
+  Duration period() const { return capture_->genlock.rate.period(); }
   /// Frame sets that the blend missed because its queue was full.
   std::uint64_t sets_missed_by_blend() const;
   /// The known formats of the heads.
@@ -138,11 +145,13 @@ class Operation {
   void watch_takes(Instant now);
   void start_take_at_boot(Instant now);
   void tell_takes_the_calibration();
+  void end_leases(Instant now);
   void read_settings();
   void restore_settings(Instant now);
   void write_settings(Instant now);
   void watch(bool lossless, Instant now);
   void watch_frames(Condition condition, Instant now);
+  void watch_disk();
   void shed(bool lossless, Instant now);
   void watch_seams();
   void watch_stability(Instant now);
@@ -168,6 +177,7 @@ class Operation {
 
   Ticket next_ticket_ = 1;
   std::map<Ticket, Open> open_;
+  std::map<std::uint64_t, std::string> leases_to_end_;  ///< by host; who ends it, for the audit log
   std::vector<Answer> unstored_;  ///< answers about settings that wait for the result of the write
   /// Answers about important changes that wait until their entries are on the disk.
   struct Unrecorded {
@@ -191,6 +201,8 @@ class Operation {
   std::optional<Instant> newest_lost_set_;
   bool seams_refused_told_ = false;
   bool frames_arrive_ = true;  ///< as last logged by watch_frames()
+  std::vector<hal::Heartbeat> threads_;
+  bool disk_silent_ = false;  ///< as last logged by watch_disk()
   std::uint64_t adopted_ = 0;
   Instant steady_since_;
   RecentRate rate_;

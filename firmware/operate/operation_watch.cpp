@@ -1,12 +1,14 @@
 // The part of Operation that assesses and reports the rig's state.
 #include "firmware/operate/operation.h"
 
+#include <utility>
+
 namespace nodal::firmware {
 namespace {
 
 constexpr Duration kJudgeEvery = Duration::milliseconds(50);
-constexpr Duration kPause = Duration::milliseconds(
-    500);  ///< after such a pause of the sets, the measured rate does not reflect the board's speed
+/// After such a pause of the sets, the measured rate does not reflect the board's speed.
+constexpr FrameTime kPause{Duration::milliseconds(500), 3};
 
 }  // namespace
 
@@ -34,7 +36,7 @@ void Operation::watch(bool lossless, Instant now) {
   const std::uint64_t blended = stages_.blender.counts().blended.load(std::memory_order_relaxed);
   rate_.observe(blended, now);
   const std::uint64_t adopted = stages_.blender.counts().adopted.load(std::memory_order_relaxed);
-  if (adopted != adopted_ || now - newest_set_ > kPause) steady_since_ = now;
+  if (adopted != adopted_ || now - newest_set_ > kPause.at(period())) steady_since_ = now;
   adopted_ = adopted;
   shed(lossless, now);
   std::string undecodable;
@@ -46,11 +48,13 @@ void Operation::watch(bool lossless, Instant now) {
   if (lost > sets_lost_by_disk_) newest_lost_set_ = now;
   sets_lost_by_disk_ = lost;
   const Duration since_lost_set = newest_lost_set_ ? now - *newest_lost_set_ : Duration::seconds(1'000'000);
+  if (stages_.heartbeats) stages_.heartbeats->read(threads_);
+  watch_disk();
   const std::string& store_problem = settings_writer_.problem().empty() ? audit_.problem() : settings_writer_.problem();
-  const Diagnosis found =
-      diagnose(config_, {*capture_, *keeper_, rate_wanted_millihertz(), rate_.millihertz(),
-                         stages_.blender.counts().unfit_frames.load(std::memory_order_relaxed), now - newest_set_,
-                         now - steady_since_, shedding_.level(), store_problem, takes_, since_lost_set, undecodable});
+  const Diagnosis found = diagnose(
+      config_, {*capture_, *keeper_, rate_wanted_millihertz(), rate_.millihertz(),
+                stages_.blender.counts().unfit_frames.load(std::memory_order_relaxed), now - newest_set_,
+                now - steady_since_, shedding_.level(), store_problem, takes_, since_lost_set, threads_, undecodable});
   const std::string_view before = health().state;
   supervisor_.step({{"capture", stages_.capture.steps(), false},
                     {"blend", stages_.blender.progress(), stages_.blender.idle()},
@@ -66,10 +70,17 @@ void Operation::watch(bool lossless, Instant now) {
 /// Logs when frames stop and start while no calibration is in force. Otherwise the rig's state reports it.
 void Operation::watch_frames(Condition condition, Instant now) {
   if (condition != Condition::kNoCalibration || supervisor_.state() == RigState::kStopping) return;
-  const bool arrive = now - newest_set_ <= kSilence;
+  const bool arrive = now - newest_set_ <= kSilence.at(period());
   if (arrive == frames_arrive_) return;
   frames_arrive_ = arrive;
   news_.say(NewsKind::kRig, arrive ? "frames arrive" : no_frames(config_, *capture_));
+}
+
+/// Logs when the takes' disk stops answering and answers again, whatever else the rig's state reports.
+void Operation::watch_disk() {
+  const bool silent = disk_is_silent(threads_);
+  if (std::exchange(disk_silent_, silent) == silent) return;
+  news_.say(NewsKind::kRig, silent ? "the takes' disk does not answer" : "the takes' disk answers again");
 }
 
 /// Logs the first placed seams that were refused; the status counts them.
@@ -96,7 +107,7 @@ std::uint64_t Operation::sets_missed_by_blend() const {
 }
 
 void Operation::shed(bool lossless, Instant now) {
-  shedding_.step(capture_->sets, sets_missed_by_blend(), now - steady_since_ < kPause, now);
+  shedding_.step(capture_->sets, sets_missed_by_blend(), now - steady_since_ < kPause.at(period()), period(), now);
   const ShedLevel& level = shedding_.level();
   stages_.encoder.set_every(lossless ? 1 : level.publish_every);
   stages_.blender.set_every(level.preview_every);

@@ -84,7 +84,7 @@ std::optional<PanelAction> Panel::settle(bool rolling, Instant now) {
 }
 
 bool Panel::tally_lamp(const PanelView& view, Instant now) {
-  if (!view.rolling || !newest_set_ || now - *newest_set_ > kSilent) return false;
+  if (!view.rolling || !newest_set_ || now - *newest_set_ > kSilent.at(view.period)) return false;
   if (marked_ && now - *marked_ < kMarkShown) return lit(kMarkBeats, now - *marked_);
   return true;
 }

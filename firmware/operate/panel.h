@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "hal/pin.h"
+#include "protocol/base/frame_time.h"
 #include "protocol/base/units.h"
 
 namespace nodal::firmware {
@@ -27,6 +28,7 @@ struct PanelView {
   std::string_view state;  ///< Health::state
   bool rolling = false;    ///< a take is recorded, or, in a rig that records nothing, the genlock runs
   std::uint64_t sets = 0;  ///< number of frame sets so far
+  Duration period;         ///< of the frame rate in force
 };
 
 /// One button. In a rig that records, `rolling` means that a take is being recorded; in others, that the genlock runs:
@@ -50,7 +52,7 @@ class Panel {
   static constexpr Duration kSettle = Duration::milliseconds(20);
   static constexpr Duration kHold = Duration::milliseconds(1500);
   static constexpr Duration kLease = Duration::milliseconds(500);
-  static constexpr Duration kSilent = Duration::milliseconds(500);
+  static constexpr FrameTime kSilent{Duration::milliseconds(500), 4};
   static constexpr Duration kMarkShown = Duration::milliseconds(600);
 
   explicit Panel(const PanelPins& pins)

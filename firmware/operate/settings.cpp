@@ -135,7 +135,7 @@ std::variant<GenlockStart, GenlockStop> read_genlock(TomlReader reader) {
 
 void Settings::remember(const CaptureChange& change) {
   if (const auto* heads = std::get_if<HeadChange>(&change)) {
-    for (std::size_t i = 0; i < kMaxHeads; ++i) {
+    for (std::size_t i = 0; heads->lease == 0 && i < kMaxHeads; ++i) {
       if ((heads->heads & head_bit(i)) == 0) continue;
       if (!heads_[i]) heads_[i].emplace();
       heads_[i]->add(heads->change);
@@ -145,7 +145,7 @@ void Settings::remember(const CaptureChange& change) {
     exposure_->add(*exposure);
   } else if (const auto* start = std::get_if<GenlockStart>(&change)) {
     genlock_ = *start;
-  } else {
+  } else if (std::holds_alternative<GenlockStop>(change)) {
     genlock_ = GenlockStop{};
   }
 }

@@ -4,9 +4,9 @@
 
 namespace nodal::firmware {
 
-void Shedding::step(std::uint64_t sets, std::uint64_t not_taken, bool excused, Instant now) {
+void Shedding::step(std::uint64_t sets, std::uint64_t not_taken, bool excused, Duration period, Instant now) {
   excused_ = excused_ || excused;
-  if (window_ && now - *window_ < kWindow) return;
+  if (window_ && now - *window_ < kWindow.at(period)) return;
   const std::uint64_t came = sets - sets_;
   const std::uint64_t lost = not_taken - not_taken_;
   const bool judged = window_ && !excused_;

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "protocol/base/frame_time.h"
 #include "protocol/base/units.h"
 
 namespace nodal::firmware {
@@ -28,12 +29,13 @@ inline constexpr std::array<ShedLevel, 6> kShedLevels{{{1, 1}, {2, 1}, {4, 1}, {
 /// Errors: none.
 class Shedding {
  public:
-  static constexpr Duration kWindow = Duration::seconds(1);
+  static constexpr FrameTime kWindow{Duration::seconds(1), 4};
   static constexpr int kPatience = 5;
   static constexpr int kMostPatience = 80;
 
   /// `sets` and `not_taken` are totals since the start. `excused`: this window does not reflect the board's speed.
-  void step(std::uint64_t sets, std::uint64_t not_taken, bool excused, Instant now);
+  /// `period`: of the frame rate in force.
+  void step(std::uint64_t sets, std::uint64_t not_taken, bool excused, Duration period, Instant now);
   const ShedLevel& level() const { return kShedLevels[level_]; }
 
  private:

@@ -109,7 +109,7 @@ void Recorder::begin_end() {
 bool Recorder::not_for_still(const FrameSet& set) {
   if (!still_) return false;
   if (!still_since_) still_since_ = set.mid_exposure;
-  const bool waited = set.mid_exposure - *still_since_ >= kStillWaits;
+  const bool waited = set.mid_exposure - *still_since_ >= kStillWaits.at(set.period);
   if (still_taken_) {
     if (waited) begin_end();
     return true;
@@ -190,6 +190,8 @@ void Recorder::record(const FrameSet& set) {
     still_since_ = set.mid_exposure;
     if (still_ && raymaps_) still_taken_ = Still{set.number, raymaps_a_set_};
     else if (still_) begin_end();
+    // The next set belongs to another row in any case: this one goes to the disk now, and not when that set comes.
+    else if (set.period >= kLongestRow) close_row(false);
     return;
   }
   row_->sets.pop_back();

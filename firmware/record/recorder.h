@@ -16,6 +16,7 @@
 #include "firmware/record/head_coder.h"
 #include "firmware/record/picture_ring.h"
 #include "firmware/record/take_row.h"
+#include "protocol/base/frame_time.h"
 #include "protocol/base/spsc_ring.h"
 
 namespace nodal::firmware {
@@ -75,7 +76,7 @@ class Recorder {
   /// For so long after a head's first picture, a picture of another format is a placeholder; later it starts a segment.
   static constexpr Duration kFormatStays = Duration::seconds(1);
   /// A still waits so long for a set with all heads, and then for its raymaps; it ends without them.
-  static constexpr Duration kStillWaits = Duration::seconds(2);
+  static constexpr FrameTime kStillWaits{Duration::seconds(2), 3};
 
  private:
   bool obey();

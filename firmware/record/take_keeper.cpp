@@ -107,7 +107,7 @@ void TakeKeeper::tell_to_end(const std::string& reason) {
 }
 
 void TakeKeeper::end_late_still(Instant now) {
-  if (writing_ && still_ && now - report_.since >= kStillWithin) tell_to_end("still");
+  if (writing_ && still_ && now - report_.since >= kStillWithin.at(period_)) tell_to_end("still");
 }
 
 /// Bytes that the heads deliver in a second, by their formats and by the newest recorded set.
@@ -189,6 +189,7 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
   next_sync_ = now + kSyncEvery;
   begin_flight();
   still_ = start.still;
+  period_ = start.rate.value_or(rate_).period();
   reason_ = start.still ? "still" : "";
   const bool told = recorder_.orders().push({RecordOrder::Kind::kBegin, number, raymaps, start.still});
   NODAL_ASSERT(told);

@@ -149,8 +149,8 @@ class TakeKeeper {
   static constexpr Duration kLeastLoopRoom = Duration::seconds(150);
   /// Left free for finishing the files.
   static constexpr std::uint64_t kReserveBytes = std::uint64_t{64} << 20;
-  /// A still ends after this time, whatever it has; the recorder ends it earlier when sets come.
-  static constexpr Duration kStillWithin = Duration::seconds(6);
+  /// A still ends after this time, whatever it has; the recorder ends it earlier when sets come. The host waits longer.
+  static constexpr FrameTime kStillWithin{Duration::seconds(6), 9};
   /// [takes] when_full = "loop": room is made when the disk has less than for so long, beside what finishing needs.
   static constexpr Duration kLoopAhead = Duration::seconds(5);
   static constexpr int kRowsAStep = 4;
@@ -234,6 +234,7 @@ class TakeKeeper {
   std::vector<std::uint64_t> ejecting_;  ///< tickets of Eject that wait for the same, and for the end of a read
   std::uint64_t ejected_take_ = 0;       ///< the take that ended for them
   bool still_ = false;                   ///< the take is a still
+  Duration period_;                      ///< of the frame rate when the take began
   bool ending_ = false;                  ///< the recorder was told to end
   std::string reason_;                   ///< why
   std::string cause_;                    ///< why the take ended without a request; empty: it did not

@@ -164,9 +164,9 @@ double Genlock::lateness_us(const FrameSet& set) const {
 void Genlock::estimate(HeadEstimate& head, double skew_us, Instant at, double pulse_late_us) {
   constexpr double kNoise = clock_spec::kTimestampVarianceUs2;
   const Duration since = at - std::exchange(head.newest, at);
-  bool jumped = !head.known || since < Duration() || (aligned_ && since > kHistoryValid);
+  bool jumped = !head.known || since < Duration() || (aligned_ && since > kHistoryValid.at(settings_.rate.period()));
   if (!jumped) {
-    head.skew.predict(seconds_of(since), clock_spec::kDriftNoisePpm2PerS);
+    head.skew.predict(seconds_of(aligned_ ? since : std::min(since, kLongestPeriod)), clock_spec::kDriftNoisePpm2PerS);
     const double off = skew_us - head.skew.offset_us();
     jumped = off * off > kSigmas * kSigmas * (head.skew.variance_us2() + kNoise);
     // A head that runs free does not wait for a late pulse, so its skew is smaller by the delay.

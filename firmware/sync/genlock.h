@@ -12,6 +12,7 @@
 #include "firmware/sync/phase_line.h"
 #include "firmware/sync/pulse_watch.h"
 #include "hal/trigger.h"
+#include "protocol/base/frame_time.h"
 #include "protocol/base/result.h"
 
 namespace nodal::firmware {
@@ -142,7 +143,11 @@ class Genlock {
 
  private:
   /// After this time without an exposure, a head that runs free may have been restarted with any phase.
-  static constexpr Duration kHistoryValid = Duration::seconds(1);
+  static constexpr FrameTime kHistoryValid{Duration::seconds(1), 3};
+  /// The filter of a head that follows pulses assumes no longer period. A head that loses its trigger at a lower rate is elsewhere
+  /// by more than the noise of a timestamp at the next pulse already, which counts as a jump; for one that follows, its estimate
+  /// would never become certain enough for a lock.
+  static constexpr Duration kLongestPeriod = Duration::milliseconds(200);
   /// Offsets are means of 16 sets, whose error is a quarter of that of one set: 50 us instead of 200.
   static constexpr std::int64_t kMean = 16;
   static constexpr double kSigmas = 3;  ///< standard deviations that count as certain

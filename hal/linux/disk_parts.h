@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "hal/file_name.h"
+#include "hal/linux/thread/thread.h"
 #include "protocol/base/result.h"
 
 namespace nodal::hal::linux_os {
@@ -39,7 +40,7 @@ inline Status check_name(const std::string& name) {
 
 template <class Call>
 auto again_when_interrupted(Call call) {
-  for (;;) {
+  for (beat();;) {  // a piece of work may make many calls
     const auto result = call();
     if (result >= 0 || errno != EINTR) return result;
   }

@@ -8,11 +8,13 @@
 #include <cerrno>
 #include <chrono>
 #include <cstring>
+#include <filesystem>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "protocol/base/version.h"
+#include "protocol/files/open_file.h"
 #include "protocol/take/limits.h"
 #include "protocol/take/matroska_writer.h"
 
@@ -88,10 +90,11 @@ FilmFile::~FilmFile() {
 Result<std::unique_ptr<FilmFile>> FilmFile::create(const std::string& name) {
   auto state = std::make_unique<State>();
   state->name = name;
-  state->fd = ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-  state->created = state->fd >= 0;
-  if (!state->created) state->fd = ::open(name.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666);
-  if (state->fd < 0) return fail(Errc::kIo, fmt::format("{}: {}", name, std::strerror(errno)));
+  std::error_code unknown;
+  state->created = !std::filesystem::exists(name, unknown);
+  const Result<int> opened = open_descriptor_to_write(name);
+  if (!opened) return fail(opened.error().code, fmt::format("{}: {}", name, opened.error().message));
+  state->fd = *opened;
   return std::unique_ptr<FilmFile>(new FilmFile(std::move(state)));
 }
 

@@ -27,6 +27,8 @@ Status run_latency(Context& context, const std::string& name) {
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
   if (!rig) return fail(rig.error());
   if (const Status there = require_feature(**rig, "frame-sets", "`nodal heads latency`"); !there) return there;
+  // A rig without it would keep an exposure that is set for the measurement only.
+  if (const Status there = require_feature(**rig, "temporary-settings", "`nodal heads latency`"); !there) return there;
   wire::Request request;
   request.mutable_heads();
   const Result<wire::Reply> reply = (*rig)->ask(request);

@@ -12,8 +12,10 @@
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/rig/bulk_item.h"
+#include "host_tool/rig/frame_period.h"
 #include "host_tool/rig/rig_input.h"
 #include "host_tool/rig/wire_json.h"
+#include "protocol/base/frame_time.h"
 
 namespace nodal::host {
 namespace {
@@ -176,14 +178,18 @@ class Pull {
 
   /// Runs until there are enough raymaps, the time is up, Ctrl-C, or the rig closes the stream.
   Status run() {
+    const Result<Duration> period = frame_period(rig_);
+    if (!period) return fail(period.error());
+    const Duration remind_after = kRemindAfter.at(*period);
     const double until =
         args_.seconds.empty() ? 0 : now_s() + static_cast<double>(parse_duration(args_.seconds)->ns()) / 1e9;
     while (!enough() && (until == 0 || now_s() < until) && !console_.output_gone()) {
-      const Result<std::optional<Event>> event = rig_.next_event_of(stream_, kRemindAfter);
+      const Result<std::optional<Event>> event = rig_.next_event_of(stream_, remind_after);
       if (interrupted()) break;
       if (!event) return fail(event.error());
       if (!*event) {
-        console_.note("no raymap for 10 s; `nodal status` says why (no calibration? genlock stopped?)");
+        console_.note(fmt::format("no raymap for {}; `nodal status` says why (no calibration? genlock stopped?)",
+                                  show_duration(static_cast<std::uint64_t>(remind_after.ns()))));
         continue;
       }
       const Result<bool> more = take(**event);
@@ -199,7 +205,7 @@ class Pull {
   }
 
  private:
-  static constexpr Duration kRemindAfter = Duration::seconds(10);
+  static constexpr FrameTime kRemindAfter{Duration::seconds(10), 4};
 
   /// Prints the summary. Ctrl-C is the normal end of --continuous; with any other pull it means incomplete (`early`).
   Status conclude(bool early) {

@@ -5,6 +5,7 @@
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/report/sync_report.h"
+#include "host_tool/rig/frame_period.h"
 #include "host_tool/rig/rig_input.h"
 
 namespace nodal::host {
@@ -27,14 +28,16 @@ Result<std::vector<std::string>> head_names(RigConnection& rig) {
 
 /// Collects the timing data of sets until there are enough, Ctrl-C, or the rig closes the stream.
 Status collect(RigConnection& rig, StreamId stream, const SyncArgs& args, Console& console, SyncReport& report) {
+  const Result<Duration> within = patience_for_sets(rig);
+  if (!within) return fail(within.error());
   Progress progress(console, "set", args.sets);
   while (report.sets() < args.sets) {
-    const Result<std::optional<Event>> event = rig.next_event_of(stream, rig.patience());
+    const Result<std::optional<Event>> event = rig.next_event_of(stream, *within);
     if (interrupted()) break;
     if (!event) return fail(event.error());
     if (!*event) {
       return fail(Errc::kTimeout, fmt::format("no set for {}; `nodal status` says why",
-                                              show_duration(static_cast<std::uint64_t>(rig.patience().ns()))));
+                                              show_duration(static_cast<std::uint64_t>(within->ns()))));
     }
     if (const auto* closed = std::get_if<StreamClosed>(&**event)) {
       if (closed->error) return fail(*closed->error);

@@ -134,9 +134,13 @@ Status list_takes(Context& context, const TakeOptions& options) {
   return {};
 }
 
-/// Sends the request; the line names the take that the rig answers with.
-Status ask_about_take(Context& context, const wire::Request& request, const char* done) {
-  const Result<wire::Reply> reply = context.ask(request);
+/// Sends the request; the line names the take that the rig answers with. `for_a_set`: the answer comes after the next frame sets,
+/// which at a low rate takes longer than --timeout.
+Status ask_about_take(Context& context, const wire::Request& request, const char* done, bool for_a_set = false) {
+  Result<std::unique_ptr<RigConnection>> rig = context.connect();
+  if (!rig) return fail(rig.error());
+  const Result<wire::Reply> reply =
+      for_a_set ? (*rig)->ask_long(request, [](const wire::RigStatus&) {}) : (*rig)->ask(request);
   if (!reply) return fail(reply.error());
   note_not_recorded(context.console(), *reply);
   context.console().document({{"take", reply->take().take()}});
@@ -153,7 +157,7 @@ Status run_start(Context& context) {
 Status run_still(Context& context) {
   wire::Request request;
   request.mutable_take_start()->set_still(true);
-  return ask_about_take(context, request, "take {} is a still: one set, on the disk");
+  return ask_about_take(context, request, "take {} is a still: one set, on the disk", true);
 }
 
 Status run_stop(Context& context) {

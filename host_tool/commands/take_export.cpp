@@ -2,8 +2,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <map>
 #include <memory>
 #include <optional>
@@ -17,6 +17,7 @@
 #include "host_tool/offload/take_files.h"
 #include "protocol/base/raymap_rate.h"
 #include "protocol/calibration.h"
+#include "protocol/files/open_file.h"
 #include "protocol/take/tally.h"
 #include "stitch/media/take/take_folder.h"
 #include "stitch/media/ut_video.h"
@@ -34,22 +35,32 @@ struct ExportArgs {
 /// A table as CSV (RFC 4180): names and texts of takes are quoted where they must be.
 class Csv {
  public:
-  Csv(const fs::path& file, std::string_view titles) : name_(file.string()), out_(file, std::ios::binary) {
-    out_ << titles << "\r\n";
+  /// end() returns why the file could not be made or written.
+  Csv(const fs::path& file, std::string_view titles) : name_(file.string()) {
+    Result<FilePtr> out = open_to_write(file);
+    if (out) out_ = std::move(*out);
+    else made_ = fail(out.error().in(name_));
+    put(titles);
+    put("\r\n");
   }
   template <class... Cells>
   void row(const Cells&... cells) {
     bool first = true;
-    ((out_ << (std::exchange(first, false) ? "" : ",") << cell(cells)), ...);
-    out_ << "\r\n";
+    ((put(std::exchange(first, false) ? "" : ","), put(cell(cells))), ...);
+    put("\r\n");
   }
   Status end() {
-    out_.close();
-    if (!out_) return fail(Errc::kIo, name_ + ": cannot be written; is the disk full?");
+    if (!made_) return made_;
+    good_ = std::fflush(out_.get()) == 0 && good_;
+    out_.reset();
+    if (!good_) return fail(Errc::kIo, name_ + ": cannot be written; is the disk full?");
     return {};
   }
 
  private:
+  void put(std::string_view text) {
+    good_ = made_ && std::fwrite(text.data(), 1, text.size(), out_.get()) == text.size() && good_;
+  }
   static std::string cell(const std::string& text) {
     if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
     std::string quoted = "\"";
@@ -62,7 +73,9 @@ class Csv {
   }
 
   std::string name_;
-  std::ofstream out_;
+  FilePtr out_;
+  Status made_;
+  bool good_ = true;
 };
 
 /// The films of a take's files: one for each head, and a further one when the format changes.

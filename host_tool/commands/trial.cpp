@@ -6,13 +6,16 @@
 
 #include "host_tool/console/interrupt.h"
 #include "host_tool/input/live_frames.h"
+#include "host_tool/rig/frame_period.h"
 #include "host_tool/rig/upload.h"
+#include "protocol/base/frame_time.h"
 #include "stitch/registration/drift.h"
 
 namespace nodal::host {
 namespace {
 
 constexpr int kTrialUploadAttempts = 4;
+constexpr int kTrialPeriods = 40;
 constexpr double kLeastFall = 0.001;  // share of the objective; repeating the same calibration must not count as better
 
 /// Ends the trial on the rig in its destructor, unless it has been ended before.
@@ -56,6 +59,9 @@ Result<TrialVerdict> try_out(Context& context, const Calibration& tried, int set
   const Result<Calibration> before = calibration_in_force(**rig);
   if (!before) return fail(before.error());
   if (document.empty()) document = to_json(tried);
+  const Result<Duration> period = frame_period(**rig);
+  if (!period) return fail(period.error());
+  limit = FrameTime{limit, kTrialPeriods}.at(*period);
   const Reconnect connect = [&context] { return context.connect(); };
   const Result<Uploaded> uploaded =
       upload(connect, {document.begin(), document.end()}, kTrialUploadAttempts, context.console(), limit, signature);

@@ -17,7 +17,7 @@ struct TrialVerdict {
 /// Uploads `tried` on trial, pulls `sets` frame sets that the rig blended with it, and compares the differences between
 /// heads that remain under it and under the calibration in force: on the same frames, from which neither was made. If
 /// `tried` has the lower objective it is kept, else the rig reverts. If this program, its link or the rig's power fail,
-/// the rig reverts by itself `limit` after the swap. `document` is the file of `tried` and `signature` that file's
+/// the rig reverts by itself `limit` after the swap, or 40 frame periods, if these are longer. `document` is the file of `tried` and `signature` that file's
 /// signature; without them `tried` is serialized and sent unsigned.
 ///
 /// Errors: kUnsupported for a rig without trials; those of upload(), of pull_frame_sets() and of the evaluation. After

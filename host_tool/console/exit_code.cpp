@@ -1,7 +1,5 @@
 #include "host_tool/console/exit_code.h"
 
-#include <csignal>
-
 namespace nodal::host {
 
 bool answered(ExitCode code) {
@@ -21,10 +19,10 @@ ExitCode exit_code_of(Errc code) {
   }
 }
 
-ExitCode exit_code_of_signal(int signal) { return signal == SIGTERM ? ExitCode::kTerminated : ExitCode::kInterrupted; }
+ExitCode exit_code_of_signal(int signal) { return static_cast<ExitCode>(128 + signal); }
 
-const std::array<ExitCodeHelp, 14>& exit_code_help() {
-  static const std::array<ExitCodeHelp, 14> help{{
+const std::array<ExitCodeHelp, 15>& exit_code_help() {
+  static const std::array<ExitCodeHelp, 15> help{{
       {ExitCode::kOk, "done"},
       {ExitCode::kFailed, "an internal error of Nodal (9xx)"},
       {ExitCode::kUsage, "the command line cannot be understood"},
@@ -36,6 +34,7 @@ const std::array<ExitCodeHelp, 14>& exit_code_help() {
       {ExitCode::kJudged, "the result of a check is negative: heads have moved, or a trial was no better"},
       {ExitCode::kOutputLost, "standard output could not be written: full, or closed"},
       {ExitCode::kCannotTell, "a check could not tell: what it was given does not determine the result"},
+      {ExitCode::kHungUp, "the terminal was closed (SIGHUP) before the work was done"},
       {ExitCode::kInterrupted, "Ctrl-C came before the work was done"},
       {ExitCode::kReaderGone, "the reader of standard output went away, as | head does"},
       {ExitCode::kTerminated, "SIGTERM came before the work was done"},

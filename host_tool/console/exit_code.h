@@ -21,6 +21,7 @@ enum class ExitCode : int {
   kOutputLost = 9,   ///< standard output could not be written
   kCannotTell = 10,  ///< the command judges something, and what it was given does not determine the result
   // 128 + the signal's number, as shells report a program that a signal ended.
+  kHungUp = 129,       ///< the terminal was closed (SIGHUP) before the work was done
   kInterrupted = 130,  ///< Ctrl-C (SIGINT) before the work was done
   kReaderGone = 141,   ///< the reader of standard output closed the pipe (SIGPIPE), as `| head` does
   kTerminated = 143,   ///< SIGTERM before the work was done
@@ -30,7 +31,7 @@ enum class ExitCode : int {
 bool answered(ExitCode code);
 /// By the hundreds of the error number.
 ExitCode exit_code_of(Errc code);
-/// For a command that SIGINT or SIGTERM stopped.
+/// For a command that this signal stopped: 128 + signal, also without a name above.
 ExitCode exit_code_of_signal(int signal);
 
 struct ExitCodeHelp {
@@ -38,6 +39,6 @@ struct ExitCodeHelp {
   std::string_view meaning;
 };
 /// All codes, each with one line for --help and the manual page.
-const std::array<ExitCodeHelp, 14>& exit_code_help();
+const std::array<ExitCodeHelp, 15>& exit_code_help();
 
 }  // namespace nodal::host

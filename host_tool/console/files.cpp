@@ -11,6 +11,8 @@
 #include <optional>
 #include <utility>
 
+#include "protocol/files/open_file.h"
+
 namespace nodal::host {
 namespace {
 
@@ -21,6 +23,10 @@ tl::unexpected<Error> system_error(const std::string& path, int number) {
     case ENOENT: return fail(Errc::kNotFound, path + ": there is no such file or folder");
     default: return fail(Errc::kIo, fmt::format("{}: {}", path, std::strerror(number)));
   }
+}
+
+tl::unexpected<Error> not_opened(const std::string& path, const Error& error) {
+  return error.code == Errc::kNotFound ? system_error(path, ENOENT) : fail(error.in(path));
 }
 
 /// A descriptor that is closed at the end of its scope.
@@ -96,8 +102,9 @@ std::string unescaped(std::string text) {
 }  // namespace
 
 Result<std::string> read_file(const std::string& path, std::size_t limit) {
-  Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  if (file.get() < 0) return system_error(path, errno);
+  const Result<int> opened = open_descriptor_to_read(path);
+  if (!opened) return not_opened(path, opened.error());
+  const Descriptor file(*opened);
   std::string content;
   char buffer[65536];
   while (true) {
@@ -117,8 +124,9 @@ Status write_file(const std::string& path, std::span<const std::uint8_t> bytes, 
   struct stat info {};
   if (::stat(path.c_str(), &info) == 0 && !S_ISREG(info.st_mode)) {
     if (S_ISDIR(info.st_mode)) return system_error(path, EISDIR);
-    Descriptor device(::open(path.c_str(), O_WRONLY | O_CLOEXEC));
-    if (device.get() < 0) return system_error(path, errno);
+    const Result<int> opened = open_descriptor_to_write(path);
+    if (!opened) return not_opened(path, opened.error());
+    Descriptor device(*opened);
     int wrong = write_all(device.get(), bytes);
     if (const int at_close = device.close(); wrong == 0) wrong = at_close;
     return wrong == 0 ? Status{} : system_error(path, wrong);

@@ -6,6 +6,7 @@
 #include <csignal>
 #include <string>
 
+#include "hal/linux/link/signals.h"
 #include "host_tool/console/console.h"
 #include "host_tool/console/exit_code.h"
 
@@ -13,7 +14,6 @@ namespace nodal::host {
 namespace {
 
 volatile std::sig_atomic_t interrupt_seen = 0;
-bool undoes = false;
 
 /// The output of the signal handler while an EndsAtOnce exists, prepared because the handler must not allocate.
 struct Farewell {
@@ -41,18 +41,17 @@ void watch_interrupts() {
   action.sa_handler = note_interrupt;
   sigemptyset(&action.sa_mask);
   action.sa_flags = static_cast<int>(SA_RESETHAND);  // no SA_RESTART: the signal interrupts a wait
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-  signal(SIGPIPE, SIG_IGN);
-  signal(SIGXFSZ, SIG_IGN);
+  const sigset_t ending = hal::ending_signals();
+  for (int signal = 1; signal < SIGRTMIN; ++signal) {
+    if (sigismember(&ending, signal) == 1) sigaction(signal, &action, nullptr);
+  }
+  hal::ignore_stray_signals();
 }
 
-bool interrupted() { return interrupt_seen != 0 && !undoes; }
+bool interrupted() { return interrupt_seen != 0; }
 
 int interrupting_signal() { return interrupt_seen; }
-
-UndoesDespiteInterrupts::UndoesDespiteInterrupts() { undoes = true; }
-UndoesDespiteInterrupts::~UndoesDespiteInterrupts() { undoes = false; }
+std::string interrupt_name() { return interrupt_seen == SIGINT ? "Ctrl-C" : hal::signal_name(interrupt_seen); }
 
 EndsAtOnce::EndsAtOnce(const Console& console) {
   const Error error{Errc::kCancelled, "stopped by a signal before the work was done"};

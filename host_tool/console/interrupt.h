@@ -1,32 +1,23 @@
-// Ctrl-C: for loops that wait for a rig, a request to finish properly; for a computation, an immediate end.
+// Ctrl-C, a closed terminal and other signals that end a program (hal::SignalOutcome::kEnds): for loops that wait for a rig, a
+// request to finish properly; for a computation, an immediate end.
 #pragma once
+
+#include <string>
 
 namespace nodal::host {
 
 class Console;
 
-/// From now on the first SIGINT or SIGTERM is only recorded; a second one ends the program at once. Also ignores
-/// SIGPIPE and SIGXFSZ, so that a closed pipe and an exceeded file size limit become errors of write().
+/// From now on the first of these signals is only recorded; a second one of the same kind ends the program at once. Signals of
+/// kIgnored are ignored, so that a closed pipe and an exceeded file size limit become errors of write().
 void watch_interrupts();
 bool interrupted();
-/// The received signal, SIGINT or SIGTERM; 0 if there was none.
+/// The received signal; 0 if there was none.
 int interrupting_signal();
+/// "Ctrl-C", "SIGHUP": for messages, after interrupted().
+std::string interrupt_name();
 
-/// While an object exists, interrupted() is false, for requests that undo something after Ctrl-C. A second signal still ends
-/// the program at once.
-///
-/// Threading: created and destroyed on the main thread, one at a time.
-/// Ownership: none.
-/// Errors: none.
-class [[nodiscard]] UndoesDespiteInterrupts {
- public:
-  UndoesDespiteInterrupts();
-  ~UndoesDespiteInterrupts();
-  UndoesDespiteInterrupts(const UndoesDespiteInterrupts&) = delete;
-  UndoesDespiteInterrupts& operator=(const UndoesDespiteInterrupts&) = delete;
-};
-
-/// While an object exists, the first SIGINT or SIGTERM ends the program at once, with a sentence and its exit code.
+/// While an object exists, the first such signal ends the program at once, with a sentence and its exit code.
 ///
 /// Threading: created and destroyed on the main thread, one at a time.
 /// Ownership: none.

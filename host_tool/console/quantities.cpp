@@ -172,7 +172,9 @@ std::string show_white_balance(std::uint32_t red_q12, std::uint32_t blue_q12) {
   return fmt::format("{:.2f}, {:.2f}", red_q12 / 4096.0, blue_q12 / 4096.0);
 }
 
-std::string show_rate(std::uint32_t millihertz) { return fmt::format("{:.2f}", millihertz / 1000.0); }
+std::string show_rate(std::uint32_t millihertz) {
+  return fmt::format("{:.{}f}", millihertz / 1000.0, millihertz > 0 && millihertz < 100 ? 3 : 2);
+}
 
 std::string show_bytes(std::uint64_t bytes) {
   const auto value = static_cast<double>(bytes);

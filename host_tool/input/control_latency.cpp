@@ -2,25 +2,29 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
-#include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/input/live_frames.h"
+#include "host_tool/rig/frame_period.h"
 
 namespace nodal::host {
 namespace {
 
 constexpr int kSettleFrames = 12;  ///< until the brightness is measured
-constexpr double kAmbiguous =
-    0.1;  ///< of a period: closer to a frame's begin than this, a request may be before or after it
+/// Closer to a frame's begin than this part of a period, and than this time, a request may be before or after it. The time is what
+/// timestamps and the way of a request are off by; at a low rate a tenth of a period would be most of the time after a set.
+constexpr double kAmbiguous = 0.1;
+constexpr double kAmbiguousNs = 3e6;
 constexpr int kSettleTries = 200;  ///< frame sets; a head may miss some
 
 /// Which frame after the request it is, or nothing if timestamps are too uncertain to tell. Negative: before.
 std::optional<int> frame_after(double begin_ns, double request_ns, double period_ns) {
   const double frames = (begin_ns - request_ns) / period_ns;
   const double whole = std::floor(frames);
-  if (std::abs(frames) > 1e6 || frames - whole < kAmbiguous || frames - whole > 1 - kAmbiguous) return std::nullopt;
+  const double ambiguous = std::min(kAmbiguous, kAmbiguousNs / period_ns);
+  if (std::abs(frames) > 1e6 || frames - whole < ambiguous || frames - whole > 1 - ambiguous) return std::nullopt;
   return static_cast<int>(whole);
 }
 
@@ -29,13 +33,12 @@ class Measurement {
   Measurement(RigConnection& rig, const wire::HeadState& head) : rig_(rig), head_(head) {}
 
   Status prepare() {
-    wire::Request request;
-    request.mutable_genlock();
-    const Result<wire::Reply> reply = rig_.ask(request);
-    if (!reply) return fail(reply.error());
-    const auto rate = FrameRate::make(reply->genlock().rate_numerator(), reply->genlock().rate_denominator());
-    if (!rate) return fail(Errc::kBadFormat, "the rig sent an invalid frame rate");
-    period_ns_ = static_cast<double>(rate->period().ns());
+    const Result<Duration> period = frame_period(rig_);
+    if (!period) return fail(period.error());
+    period_ns_ = static_cast<double>(period->ns());
+    const Result<Duration> within = patience_for_sets(rig_);
+    if (!within) return fail(within.error());
+    within_ = *within;
     result_.exposure_ns = head_.exposure_ns();
     const std::uint64_t half = head_.exposure_ns() / 2;
     const std::uint64_t twice = 2 * head_.exposure_ns();
@@ -79,11 +82,21 @@ class Measurement {
     return result_;
   }
 
-  /// Returns when the head got the exposure.
+  /// The rig restores the head's exposure, as it does by itself when this program ends in any way.
+  Status restore() {
+    wire::Request request;
+    request.mutable_head_set()->set_temporary(true);
+    const Result<wire::Reply> reply = rig_.ask(request);
+    return reply ? Status() : fail(reply.error());
+  }
+
+ private:
+  /// Returns when the head got the exposure, which it has only temporarily.
   Result<double> set(std::uint64_t exposure_ns) {
     wire::Request request;
     request.mutable_head_set()->add_heads(head_.index());
     request.mutable_head_set()->set_exposure_ns(exposure_ns);
+    request.mutable_head_set()->set_temporary(true);
     const Result<wire::Reply> reply = rig_.ask(request);
     if (!reply) return fail(reply.error());
     if (reply->done().at_ns() == 0) {
@@ -93,7 +106,6 @@ class Measurement {
     return static_cast<double>(reply->done().at_ns());
   }
 
- private:
   double begin_of(const HeadSample& sample) const {
     return static_cast<double>(sample.mid_exposure_ns) + static_cast<double>(head_.skew_ns()) -
            static_cast<double>(sample.exposure_ns) / 2;
@@ -104,7 +116,7 @@ class Measurement {
     const Result<double> at = set(exposure_ns);
     if (!at) return fail(at.error());
     for (int i = 0; i < kSettleTries; ++i) {
-      const Result<std::optional<HeadSample>> sample = sample_head(rig_, head_.index());
+      const Result<std::optional<HeadSample>> sample = sample_head(rig_, head_.index(), within_);
       if (!sample) return fail(sample.error());
       if (*sample && begin_of(**sample) > *at + kSettleFrames * period_ns_) return (*sample)->brightness;
     }
@@ -131,7 +143,7 @@ class Measurement {
         std::sqrt(static_cast<double>(result_.exposure_ns) * static_cast<double>(result_.stepped_ns));
     const bool short_is_new = stepped == (result_.stepped_ns < result_.exposure_ns);
     for (int i = 0; i < kSettleTries; ++i) {
-      const Result<std::optional<HeadSample>> sample = sample_head(rig_, head_.index());
+      const Result<std::optional<HeadSample>> sample = sample_head(rig_, head_.index(), within_);
       if (!sample) return fail(sample.error());
       if (!*sample) continue;
       if (begin_of(**sample) < *at) continue;
@@ -157,6 +169,7 @@ class Measurement {
   RigConnection& rig_;
   const wire::HeadState& head_;
   double period_ns_ = 0;
+  Duration within_;  ///< for a frame set
   ControlLatency result_;
 };
 
@@ -167,15 +180,8 @@ Result<ControlLatency> measure_control_latency(RigConnection& rig, const wire::H
   Measurement measurement(rig, head);
   if (const Status prepared = measurement.prepare(); !prepared) return fail(prepared.error());
   Result<ControlLatency> measured = measurement.run(progress);
-  const UndoesDespiteInterrupts scope;
-  const Result<double> restored = measurement.set(head.exposure_ns());
-  if (!restored && (measured || restored.error().code != Errc::kWrongState)) {
-    // kWrongState: an exposure program sets the exposures, so the first change was refused, too.
-    return fail(restored.error().code,
-                fmt::format("{}{}; the exposure may not be restored: nodal head set {} --exposure {}us",
-                            measured ? "" : measured.error().message + "; ", restored.error().message, head.name(),
-                            head.exposure_ns() / 1000));
-  }
+  if (!measured) return measured;
+  if (const Status restored = measurement.restore(); !restored) return fail(restored.error());
   return measured;
 }
 

@@ -42,11 +42,10 @@ inline constexpr int kFewestLatencySteps = 4;  ///< so that a latency that varie
 inline constexpr int kLongestLatency = 30;     ///< frames
 inline constexpr double kLeastLevels = 4;      ///< of 255, by which the picture must change
 
-/// Halves and restores the exposure of a head repeatedly (doubles it, when it cannot be halved), and finally restores it, also
-/// after Ctrl-C and errors. `progress`: called with the number of steps.
+/// Halves and restores the exposure of a head repeatedly (doubles it, when it cannot be halved). The changes are temporary: the rig
+/// undoes them when the conversation ends, however this program ends. `progress`: called with the number of steps.
 /// Errors: kUnsupported for a head whose exposure cannot be changed, or a rig that does not say when it changed; kWrongState
-/// if its picture does not change enough; kTimeout if nothing changes within kLongestLatency; those of the rig. An error of
-/// the restoration names the command that repeats it.
+/// if its picture does not change enough; kTimeout if nothing changes within kLongestLatency; those of the rig.
 Result<ControlLatency> measure_control_latency(RigConnection& rig, const wire::HeadState& head,
                                                const std::function<void(int)>& progress);
 

@@ -7,6 +7,7 @@
 
 #include "host_tool/console/quantities.h"
 #include "host_tool/rig/bulk_item.h"
+#include "host_tool/rig/frame_period.h"
 #include "host_tool/rig/rig_input.h"
 #include "protocol/base/sha256.h"
 #include "stitch/decode/frame_decoder.h"
@@ -64,7 +65,7 @@ Result<std::uint64_t> read_header(const BulkPiece& first, wire::FrameSetHeader& 
   return std::min(sum, kMaxSetBytes);
 }
 
-Result<ReceivedSet> receive_set(RigConnection& rig) {
+Result<ReceivedSet> receive_set(RigConnection& rig, Duration within) {
   wire::Request request;
   request.mutable_frame_set();
   const Result<wire::Reply> started = rig.ask(request);
@@ -75,11 +76,11 @@ Result<ReceivedSet> receive_set(RigConnection& rig) {
   bool begun = false;
   bool whole = false;
   while (true) {
-    const Result<std::optional<Event>> event = rig.next_event_of(stream, rig.patience());
+    const Result<std::optional<Event>> event = rig.next_event_of(stream, within);
     if (!event) return fail(event.error());
     if (!*event) {
       return fail(Errc::kTimeout, fmt::format("the rig began a frame set and sent nothing more of it for {}",
-                                              show_duration(static_cast<std::uint64_t>(rig.patience().ns()))));
+                                              show_duration(static_cast<std::uint64_t>(within.ns()))));
     }
     if (const auto* piece = std::get_if<BulkPiece>(&**event)) {
       if (piece->first) {
@@ -207,12 +208,12 @@ double mean_of(const DecodedImage& picture) {
 
 }  // namespace
 
-Result<std::optional<HeadSample>> sample_head(RigConnection& rig, std::uint32_t head) {
-  Result<ReceivedSet> set = receive_set(rig);
+Result<std::optional<HeadSample>> sample_head(RigConnection& rig, std::uint32_t head, Duration within) {
+  Result<ReceivedSet> set = receive_set(rig, within);
   // Older rigs refuse while they send another set; newer ones let the request wait.
   for (int tries = 1; !set && set.error().code == Errc::kBusy && tries < kBusyTries; ++tries) {
     if (const Status rested = rig.rest(kBusyRest); !rested) return fail(rested.error());
-    set = receive_set(rig);
+    set = receive_set(rig, within);
   }
   if (!set) return fail(set.error());
   const auto found = std::ranges::find(set->header.heads(), head, &wire::HeadPicture::index);
@@ -242,13 +243,15 @@ Result<Calibration> calibration_in_force(RigConnection& rig) {
 Result<PictureSets> pull_frame_sets(RigConnection& rig, const Calibration& calibration, int sets, Console& console) {
   const Sha256 id = calibration_id(calibration);
   const std::string wanted(id.begin(), id.end());
+  const Result<Duration> within = patience_for_sets(rig);
+  if (!within) return fail(within.error());
   PictureSets pictures;
   Missed missed(calibration);
   while (pictures.sets.size() < static_cast<std::size_t>(sets)) {
     if (missed.sets() > 0 || !pictures.sets.empty()) {
       if (const Status rested = rig.rest(kBetweenSets); !rested) return fail(rested.error());
     }
-    Result<ReceivedSet> set = receive_set(rig);
+    Result<ReceivedSet> set = receive_set(rig, *within);
     if (!set) return fail(set.error());
     if (set->header.calibration_id() != wanted) {
       return fail(Errc::kWrongState, "another calibration came into force meanwhile; begin again");

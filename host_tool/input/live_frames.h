@@ -32,8 +32,8 @@ struct HeadSample {
   std::uint64_t exposure_ns = 0;      ///< in effect, as the rig states it
   double brightness = 0;              ///< mean of its luma, grey, or R, G and B samples
 };
-/// The head's frame of the next set; nothing if the set has none. Errors: those of the connection.
-Result<std::optional<HeadSample>> sample_head(RigConnection& rig, std::uint32_t head);
+/// The head's frame of the next set; nothing if the set has none. `within`: patience_for_sets(). Errors: those of the connection.
+Result<std::optional<HeadSample>> sample_head(RigConnection& rig, std::uint32_t head, Duration within);
 
 /// The number of frame sets that a live registration uses: default and maximum.
 inline constexpr int kLiveSets = 3;

@@ -26,7 +26,7 @@ Duration now() {
   return Duration::nanoseconds(duration_cast<nanoseconds>(steady_clock::now().time_since_epoch()).count());
 }
 
-tl::unexpected<Error> cancelled() { return fail(Errc::kCancelled, "stopped by Ctrl-C"); }
+tl::unexpected<Error> cancelled() { return fail(Errc::kCancelled, "stopped by " + interrupt_name()); }
 
 Result<std::unique_ptr<hal::LinkPort>> connect(const RigAddress& address) {
   constexpr std::string_view kUsb = "usb:";

@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "protocol/base/limits.h"
+#include "protocol/files/open_file.h"
 #include "stitch/media/jpeg_reader.h"
 #include "stitch/media/png_reader.h"
 
@@ -72,26 +73,20 @@ Result<ImageHeader> header_of(std::span<const std::uint8_t> bytes, const std::st
 
 /// At most `limit` bytes from the beginning.
 Result<std::vector<std::uint8_t>> read_file(const std::filesystem::path& file, std::size_t limit) {
-  struct Close {
-    void operator()(std::FILE* f) const { std::fclose(f); }
-  };
-  std::error_code ignored;
-  if (std::filesystem::is_directory(file, ignored)) {
-    return fail(Errc::kBadFormat, "picture '" + file.string() + "': is a folder");
-  }
-  const std::unique_ptr<std::FILE, Close> in(std::fopen(file.c_str(), "rb"));
+  const Result<FilePtr> in = open_to_read(file);
   if (!in) {
-    return fail(errno == ENOENT || errno == ENOTDIR ? Errc::kNotFound : Errc::kIo,
-                "picture '" + file.string() + "': cannot be opened: " + std::strerror(errno));
+    const bool wrong_kind = in.error().code == Errc::kBadFormat;
+    return fail(in.error().code,
+                "picture '" + file.string() + "': " + (wrong_kind ? "" : "cannot be opened: ") + in.error().message);
   }
   std::vector<std::uint8_t> bytes;
   std::array<std::uint8_t, 65536> piece;
   while (bytes.size() < limit) {
-    const std::size_t got = std::fread(piece.data(), 1, std::min(piece.size(), limit - bytes.size()), in.get());
+    const std::size_t got = std::fread(piece.data(), 1, std::min(piece.size(), limit - bytes.size()), in->get());
     if (got == 0) break;
     bytes.insert(bytes.end(), piece.begin(), piece.begin() + static_cast<std::ptrdiff_t>(got));
   }
-  if (std::ferror(in.get()) != 0) {
+  if (std::ferror(in->get()) != 0) {
     return fail(Errc::kIo, "picture '" + file.string() + "': cannot be read: " + std::strerror(errno));
   }
   return bytes;

@@ -1,4 +1,4 @@
-// nodal heads latency on a running rig; Ctrl-C restores the exposure.
+// nodal heads latency on a running rig, which restores the exposure however the program ends.
 #include <csignal>
 
 #include "rig_process.h"
@@ -21,15 +21,29 @@ TEST_F(HeadLatency, OfASimulatedHead_IsTwoFramesAndTheRigStatesIt) {
   EXPECT_EQ(nobody.code, 5) << nobody.err;
 }
 
-TEST_F(HeadLatency, CtrlC_RestoresTheExposureAndIsNoSuccess) {
+TEST_F(HeadLatency, ASignalEndsIt_TheExposureIsRestoredAndItIsNoSuccess) {
+  start_nodald();
+  bring_up();
+  const std::uint64_t before = exposure();
+  for (const int signal : {SIGINT, SIGHUP, SIGTERM, SIGKILL}) {
+    const auto measuring = start({"heads", "latency", "cam1"});
+    ASSERT_TRUE(wait_until([&] { return exposure() != before; }));
+    measuring->signal(signal);
+    EXPECT_EQ(measuring->wait().code, 128 + signal);
+    EXPECT_TRUE(wait_until([&] { return exposure() == before; })) << signal;
+  }
+}
+
+TEST_F(HeadLatency, ItIsStopped_TheRigRestoresTheExposureAfterAWhile) {
   start_nodald();
   bring_up();
   const std::uint64_t before = exposure();
   const auto measuring = start({"heads", "latency", "cam1"});
   ASSERT_TRUE(wait_until([&] { return exposure() != before; }));
-  measuring->signal(SIGINT);
-  EXPECT_EQ(measuring->wait().code, 130);
+  measuring->signal(SIGSTOP);
   EXPECT_TRUE(wait_until([&] { return exposure() == before; }));
+  measuring->signal(SIGKILL);
+  measuring->wait();
 }
 
 }  // namespace

@@ -301,7 +301,7 @@ TEST_F(LyingRigs, AnswersToNoQuestion_AreDropped) {
   EXPECT_EQ(Json::parse(run.out)["state"], "running");
 }
 
-TEST_F(LyingRigs, AnOlderRig_SaysThatItCannotListDevicesNorWhenAHeadGotItsSettings) {
+TEST_F(LyingRigs, AnOlderRig_SaysThatItCannotListDevicesNorUndoTemporarySettings) {
   rig_.hello.add_features("frame-sets");
   const auto older = [](ScriptedRig& rig, const wire::Request& request) {
     wire::Reply reply;
@@ -322,8 +322,7 @@ TEST_F(LyingRigs, AnOlderRig_SaysThatItCannotListDevicesNorWhenAHeadGotItsSettin
   };
   const Finished latency = against(older, "heads latency cam0");
   EXPECT_NE(latency.code, 0);
-  EXPECT_NE(latency.err.find("does not say when a head got its settings; update nodald"), std::string::npos)
-      << latency.err;
+  EXPECT_NE(latency.err.find("needs a newer nodald on the rig"), std::string::npos) << latency.err;
   const Finished scan = against(older, "heads scan");
   EXPECT_NE(scan.code, 0);
   EXPECT_NE(scan.err.find("does not support that request"), std::string::npos) << scan.err;

@@ -8,6 +8,7 @@
 #include <csignal>
 #include <new>
 #include <stdexcept>
+#include <thread>
 
 #include "protocol/base/result.h"
 
@@ -42,6 +43,15 @@ TEST(EndDeadline, AnotherException_AbortsWithOutputsSafe) {
 TEST(EndDeadline, AFailedAssertion_AbortsWithOutputsSafe) {
   EXPECT_EXIT(run_protected([] { NODAL_ASSERT(2 < 1); }), testing::KilledBySignal(SIGABRT),
               "this must hold and does not: 2 < 1\nsafe\\. nodald: a check failed in a-stage");
+}
+
+TEST(EndDeadline, Crash_OutputsAreSafeAndTheSignalEndsTheProcess) {
+  for (const int signal : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGTRAP, SIGSYS, SIGABRT}) {
+    static int raised = 0;
+    raised = signal;
+    EXPECT_EXIT(run_protected([] { ::raise(raised); }), testing::KilledBySignal(signal),
+                "safe\\. nodald: a-stage received SIG[A-Z]+; outputs are at their safe levels");
+  }
 }
 
 TEST(EndDeadline, NotEndedInTime_IsTheEndWithOutputsSafeAndSaysWhatHangs) {

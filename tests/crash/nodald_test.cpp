@@ -92,38 +92,10 @@ TEST(Nodald, KilledAtAnyMomentOfASwap_StartsAgainWithTheOldOrTheNewOne) {
   EXPECT_GT(new_ones, 0);
 }
 
-/// A FIFO without a writer: open() for reading blocks.
-void make_fifo(const std::filesystem::path& file) { ASSERT_EQ(::mkfifo(file.c_str(), 0600), 0); }
-
 /// Kills the process, which changes the code, if it does not end by itself.
 void expect_end(test::Process& daemon, int code) {
   daemon.signal(SIGTERM);
   EXPECT_EQ(daemon.wait(std::chrono::seconds(20)).code, code) << daemon.complained();
-}
-
-TEST(Nodald, TheCaptureStageHangs_SigtermStillEndsItAndTheOutputsAreSafe) {
-  const RigFolder folder;
-  make_fifo(folder.path / "pipe.png");
-  std::ofstream(folder.path / "rig.toml", std::ios::app) << "[[heads]]\nname = \"pipe\"\nport = \"replay:pipe.png\"\n";
-  test::Process daemon(nodald({"--config", folder.config()}));
-  ASSERT_TRUE(LinkHost::connect(folder.socket())) << daemon.complained();
-  expect_end(daemon, 4);
-  EXPECT_NE(daemon.complained().find("nodal-capture hangs; outputs are at their safe levels"), std::string::npos)
-      << daemon.complained();
-}
-
-TEST(Nodald, ItHangsWhileItStarts_SigtermEndsIt) {
-  const RigFolder folder;
-  std::filesystem::remove(folder.path / "truth.json");
-  make_fifo(folder.path / "truth.json");
-  test::Process daemon(nodald({"--config", folder.config()}));
-  int writer = -1;  // opens only once nodald has opened the FIFO for reading
-  ASSERT_TRUE(test::wait_until([&] {
-    writer = ::open((folder.path / "truth.json").c_str(), O_WRONLY | O_NONBLOCK);
-    return writer >= 0;
-  }));
-  expect_end(daemon, 0);
-  ::close(writer);
 }
 
 // Every user who can read the folder can hold such a lock.

@@ -13,6 +13,7 @@
 #include "hal/linux/disk.h"
 #include "logged_disk.h"
 #include "protocol/take/documents.h"
+#include "protocol/take/evidence.h"
 #include "tests/support/process.h"
 #include "tests/support/take_stage.h"
 

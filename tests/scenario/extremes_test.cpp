@@ -131,7 +131,7 @@ TEST(Extremes, RequestsBeyondTheEnds_AreRefusedWithTheRange) {
           r.mutable_upload_commit()->set_sha256(std::string(32, 'x'));
           r.mutable_upload_commit()->set_trial_ns(UINT64_MAX);
         }},
-       "1 s to 1 hour"},
+       "1 s to 24 hours"},
   };
   for (const Beyond& beyond : all) {
     const wire::Error error = host.ask(made_by(beyond.request)).error();

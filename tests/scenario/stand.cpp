@@ -173,7 +173,7 @@ void Stand::settle() {
 void Stand::run(Duration duration) {
   const Instant end = world.clock().now() + duration;
   while (world.clock().now() < end) {
-    world.clock().advance(Duration::milliseconds(1));
+    world.clock().advance(tick);
     settle();
     check_conserved();
   }
@@ -184,7 +184,7 @@ bool Stand::run_until(const std::function<bool()>& holds, Duration at_most) {
   settle();
   while (!holds()) {
     if (world.clock().now() >= end) return false;
-    run(Duration::milliseconds(1));
+    run(tick);
   }
   return true;
 }

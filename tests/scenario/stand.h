@@ -87,8 +87,8 @@ class Stand {
                  std::unique_ptr<hal::sim::SimDisk> takes = nullptr);
   ~Stand();
 
-  /// Advances time by a millisecond at a time; everything is stepped until there is nothing to do. After each
-  /// millisecond checks that all frames are accounted for.
+  /// Advances time by a `tick` at a time; everything is stepped until there is nothing to do. After each
+  /// tick checks that all frames are accounted for.
   void run(Duration duration);
   /// Runs until `holds` is true; returns false if it is not after `at_most`.
   bool run_until(const std::function<bool()>& holds, Duration at_most = Duration::seconds(20));
@@ -107,6 +107,7 @@ class Stand {
   std::uint64_t losses(int head, firmware::LossReason reason);
   std::string state() { return std::string(rig->control().health().state); }
 
+  Duration tick = Duration::milliseconds(1);  ///< longer ones for rigs with a low frame rate
   StandOptions options;
   hal::sim::SimRig world;
   std::unique_ptr<hal::sim::SimDisk> disk;

@@ -49,12 +49,14 @@ std::string command(const CaptureCommand& command) {
   std::string text = fmt::format("command {}: ", command.ticket);
   if (const auto* heads = std::get_if<HeadChange>(&command.what)) {
     text += fmt::format("heads {:#x}", heads->heads);
+    if (heads->lease != 0) text += ", temporary";
     if (heads->change.exposure) text += fmt::format(", exposure {} us", heads->change.exposure->us());
     if (heads->change.gain) text += fmt::format(", gain {} mdB", heads->change.gain->mdb());
     return text;
   }
   if (std::holds_alternative<GenlockStart>(command.what)) return text + "start the genlock";
   if (std::holds_alternative<GenlockStop>(command.what)) return text + "stop the genlock";
+  if (std::holds_alternative<LeaseEnd>(command.what)) return text + "end temporary settings";
   return text + "change the exposure program";
 }
 

@@ -101,7 +101,10 @@ const std::vector<LibraryRule>& library_rules() {
        "stages are stepped: they wait for nothing"},
       {"fstream", {""}, {"firmware/", "stitch/"}, "files are the DiskPort's"},
       {"sys/socket.h", {""}, {"firmware/", "stitch/", "protocol/"}, "sockets are the LinkPort's"},
-      {"fcntl.h", {""}, {"stitch/", "protocol/"}, "files are the DiskPort's"},
+      {"fcntl.h",
+       {""},
+       {"stitch/", "protocol/base/", "protocol/take/", "protocol/toml/"},
+       "files are opened by protocol/files"},
   };
   return rules;
 }

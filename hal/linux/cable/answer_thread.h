@@ -9,6 +9,8 @@
 #include <span>
 #include <vector>
 
+#include "hal/linux/thread/thread.h"
+
 namespace nodal::hal::cable {
 
 /// The write of an answer returns when the host has taken it, which a host that was killed in the middle of its request
@@ -37,7 +39,8 @@ class AnswerThread {
     bool writing = false;
     bool stop = false;
   };
-  static void run(const std::shared_ptr<Shared>& shared, const std::shared_ptr<const int>& ep0);
+  static Round work(Shared& shared, int ep0);
+  static void wait(Shared& shared);
 
   std::shared_ptr<Shared> shared_;
 };

@@ -229,6 +229,10 @@ int wait_for(pid_t worker) {
 /// From fork() to help(): the helper has its socket, standard error, and nothing else of the process.
 [[noreturn]] void become_helper(int socket, const ConfinedLimits& limits, const ConfinedWork& work,
                                 std::atomic<std::uint64_t>& progress) {
+  // The process's handlers are not for its helper: SIGXCPU must end a worker. Only SIGPIPE stays as it is.
+  for (int signal = 1; signal < SIGRTMIN; ++signal) {
+    if (signal != SIGPIPE) ::signal(signal, SIG_DFL);
+  }
   // Signals for the process group are for the process, which then ends the helper.
   sigset_t of_group;
   sigemptyset(&of_group);

@@ -8,6 +8,7 @@
 namespace nodal::hal::device {
 
 struct DeviceEnumerator::Path {
+  explicit Path(const std::string& path) : worker(path) {}
   Attempt attempt;
   std::shared_ptr<bool> in_use = std::make_shared<bool>(false);
   std::weak_ptr<Channel> channel;  ///< of the head that uses the device
@@ -26,7 +27,7 @@ DeviceEnumerator::~DeviceEnumerator() {
 DeviceEnumerator::Path& DeviceEnumerator::at(const std::string& path) {
   std::unique_ptr<Path>& found = paths_[path];
   if (!found) {
-    found = std::make_unique<Path>();
+    found = std::make_unique<Path>(path);
     found->attempt = usual_attempt(path);
   }
   return *found;

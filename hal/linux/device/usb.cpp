@@ -4,11 +4,11 @@
 #include <array>
 #include <charconv>
 #include <cstdio>
-#include <fstream>
 #include <list>
 #include <string_view>
 
 #include "protocol/base/text.h"
+#include "protocol/files/open_file.h"
 
 namespace nodal::hal::device {
 namespace {
@@ -20,11 +20,11 @@ constexpr int kMostLevels = 4;  ///< from a video device to its USB device: the 
 
 /// The first line of a file of sysfs, or nothing.
 std::optional<std::string> attribute(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
+  const Result<FilePtr> in = open_to_read(file);
   std::array<char, kLongestAttribute> text{};
-  in.read(text.data(), text.size());
-  if (in.gcount() == 0) return std::nullopt;
-  const std::string_view all(text.data(), static_cast<std::size_t>(in.gcount()));
+  const std::size_t got = in ? std::fread(text.data(), 1, text.size(), in->get()) : 0;
+  if (got == 0) return std::nullopt;
+  const std::string_view all(text.data(), got);
   return std::string(all.substr(0, all.find('\n')));
 }
 

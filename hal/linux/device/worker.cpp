@@ -1,12 +1,12 @@
 #include "hal/linux/device/worker.h"
 
-#include <pthread.h>
-
 #include <utility>
 
 namespace nodal::hal::device {
 
-Worker::Worker() : thread_([this] { run(); }) { pthread_setname_np(thread_.native_handle(), "nodal-device"); }
+Worker::Worker(std::string of_what)
+    : thread_(
+          "nodal-device", std::move(of_what), [this] { return work(); }, [this] { wait(); }) {}
 
 Worker::~Worker() {
   {
@@ -35,21 +35,24 @@ void Worker::settle() {
   changed_.wait(lock, [this] { return jobs_.empty() && !working_; });
 }
 
-void Worker::run() {
+Round Worker::work() {
   std::unique_lock lock(mutex_);
-  for (;;) {
-    changed_.wait(lock, [this] { return stop_ || !jobs_.empty(); });
-    if (jobs_.empty()) return;
-    std::function<void()> job = std::move(jobs_.front());
-    jobs_.pop_front();
-    working_ = true;
-    lock.unlock();
-    job();
-    job = nullptr;  // releases its captures on this thread
-    lock.lock();
-    working_ = false;
-    changed_.notify_all();
-  }
+  if (jobs_.empty()) return stop_ ? Round::kEnd : Round::kSleep;
+  std::function<void()> job = std::move(jobs_.front());
+  jobs_.pop_front();
+  working_ = true;
+  lock.unlock();
+  job();
+  job = nullptr;  // releases its captures on this thread
+  lock.lock();
+  working_ = false;
+  changed_.notify_all();
+  return Round::kAgain;
+}
+
+void Worker::wait() {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [this] { return stop_ || !jobs_.empty(); });
 }
 
 }  // namespace nodal::hal::device

@@ -5,7 +5,9 @@
 #include <deque>
 #include <functional>
 #include <mutex>
-#include <thread>
+#include <string>
+
+#include "hal/linux/thread/thread.h"
 
 namespace nodal::hal::device {
 
@@ -13,7 +15,8 @@ namespace nodal::hal::device {
 /// Errors: the constructor throws std::system_error if the system refuses a thread.
 class Worker {
  public:
-  Worker();
+  /// `of_what`: for its heartbeat's name.
+  explicit Worker(std::string of_what);
   /// Waits for all posted jobs.
   ~Worker();
 
@@ -24,14 +27,15 @@ class Worker {
   void settle();
 
  private:
-  void run();
+  Round work();
+  void wait();
 
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<std::function<void()>> jobs_;
   bool working_ = false;
   bool stop_ = false;
-  std::thread thread_;
+  Thread thread_;
 };
 
 }  // namespace nodal::hal::device

@@ -10,12 +10,12 @@
 
 #include <atomic>
 #include <cerrno>
-#include <csignal>
 #include <cstring>
 #include <ctime>
 #include <system_error>
-#include <thread>
 #include <utility>
+
+#include "hal/linux/thread/thread.h"
 
 namespace nodal::hal::gpio {
 namespace {
@@ -25,29 +25,14 @@ constexpr int kPriority = 40;
 
 timespec timespec_of(std::int64_t ns) { return {static_cast<time_t>(ns / 1'000'000'000), ns % 1'000'000'000}; }
 
-/// While it exists, threads are created with all signals blocked, so that none of them takes a signal meant for main.
-class SignalsBlocked {
- public:
-  SignalsBlocked() {
-    sigset_t all;
-    sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &before_);
-  }
-  ~SignalsBlocked() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
-  SignalsBlocked(const SignalsBlocked&) = delete;
-  SignalsBlocked& operator=(const SignalsBlocked&) = delete;
-
- private:
-  sigset_t before_;
-};
-
 /// Sleeps to absolute times of CLOCK_MONOTONIC. FUTEX_WAIT_BITSET uses the same timer of the kernel as
 /// clock_nanosleep(TIMER_ABSTIME), and ring() can end it early.
 class TimedRunner final : public Runner {
  public:
-  TimedRunner(const char* name, Step step) : step_(std::move(step)), thread_([this] { run(); }) {
-    pthread_setname_np(thread_.native_handle(), name);
-  }
+  TimedRunner(const char* name, Step step)
+      : step_(std::move(step)),
+        thread_(
+            name, [this] { return work(); }, [this] { sleep(); }) {}
   ~TimedRunner() override {
     stop_.store(true);
     ring();
@@ -64,22 +49,25 @@ class TimedRunner final : public Runner {
   }
 
  private:
-  void run() {
-    for (;;) {
-      const std::uint32_t heard = rung_.load();
-      if (stop_.load()) return;
-      const Instant next = step_(monotonic_now());
-      const timespec until = timespec_of(next.ns());
-      ::syscall(SYS_futex, &rung_, FUTEX_WAIT_BITSET_PRIVATE, heard, next == kNever ? nullptr : &until, nullptr,
-                FUTEX_BITSET_MATCH_ANY);
-    }
+  Round work() {
+    heard_ = rung_.load();
+    if (stop_.load()) return Round::kEnd;
+    next_ = step_(monotonic_now());
+    return Round::kSleep;
+  }
+  void sleep() {
+    const timespec until = timespec_of(next_.ns());
+    ::syscall(SYS_futex, &rung_, FUTEX_WAIT_BITSET_PRIVATE, heard_, next_ == kNever ? nullptr : &until, nullptr,
+              FUTEX_BITSET_MATCH_ANY);
   }
 
   const Step step_;
   std::atomic<std::uint32_t> rung_{0};
   static_assert(sizeof(std::atomic<std::uint32_t>) == sizeof(std::uint32_t), "the kernel reads it as a futex");
   std::atomic<bool> stop_{false};
-  std::thread thread_;
+  std::uint32_t heard_ = 0;  ///< the thread's, before the newest step
+  Instant next_;             ///< the thread's
+  Thread thread_;
 };
 
 /// Sleeps in poll() until a line has events, a time has come, or it is rung.
@@ -90,12 +78,12 @@ class PollRunner final : public Runner {
     waits_.push_back({bell_, POLLIN, 0});
     for (const Line* line : options.wake_on) waits_.push_back({line->descriptor(), POLLIN, 0});
     try {
-      thread_ = std::thread([this] { run(); });
+      thread_ = Thread(
+          options.name, [this] { return work(); }, [this] { sleep(); });
     } catch (...) {
       ::close(bell_);
       throw;
     }
-    pthread_setname_np(thread_.native_handle(), options.name);
   }
   ~PollRunner() override {
     stop_.store(true);
@@ -109,25 +97,27 @@ class PollRunner final : public Runner {
   }
 
  private:
-  void run() {
-    while (!stop_.load()) {
-      const Instant now = monotonic_now();
-      const Instant next = step_(now);
-      const timespec at_most = timespec_of(std::max<std::int64_t>((next - now).ns(), 0));
-      ::ppoll(waits_.data(), waits_.size(), next == kNever ? nullptr : &at_most, nullptr);
-      for (std::size_t i = 1; i < waits_.size(); ++i) {
-        if ((waits_[i].revents & (POLLERR | POLLHUP | POLLNVAL)) != 0) waits_[i].fd = -1;  // would wake without end
-      }
-      std::uint64_t rung = 0;
-      if ((waits_[0].revents & POLLIN) != 0) (void)!::read(bell_, &rung, sizeof rung);
+  Round work() {
+    if (stop_.load()) return Round::kEnd;
+    next_ = step_(monotonic_now());
+    return Round::kSleep;
+  }
+  void sleep() {
+    const timespec at_most = timespec_of(std::max<std::int64_t>((next_ - monotonic_now()).ns(), 0));
+    ::ppoll(waits_.data(), waits_.size(), next_ == kNever ? nullptr : &at_most, nullptr);
+    for (std::size_t i = 1; i < waits_.size(); ++i) {
+      if ((waits_[i].revents & (POLLERR | POLLHUP | POLLNVAL)) != 0) waits_[i].fd = -1;  // would wake without end
     }
+    std::uint64_t rung = 0;
+    if ((waits_[0].revents & POLLIN) != 0) (void)!::read(bell_, &rung, sizeof rung);
   }
 
   const Step step_;
   const int bell_ = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
   std::vector<pollfd> waits_;
   std::atomic<bool> stop_{false};
-  std::thread thread_;
+  Instant next_;  ///< the thread's
+  Thread thread_;
 };
 
 }  // namespace
@@ -139,7 +129,6 @@ Instant monotonic_now() {
 }
 
 Running run_on_thread(const RunOptions& options, Step step) {
-  const SignalsBlocked blocked;
   if (!options.realtime) return {std::make_unique<PollRunner>(options, std::move(step)), {}};
   auto runner = std::make_unique<TimedRunner>(options.name, std::move(step));
   std::string notice;

@@ -8,7 +8,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <string_view>
 #include <utility>
 
@@ -16,6 +15,7 @@
 #include "hal/linux/iidc/ring_source.h"
 #include "hal/linux/iidc/usb_source.h"
 #include "protocol/base/text.h"
+#include "protocol/files/open_file.h"
 
 namespace nodal::hal::iidc {
 namespace {
@@ -44,8 +44,10 @@ std::string device_node(int bus, int address) {
 bool on_1394(std::uint64_t guid) {
   std::error_code error;
   for (const auto& entry : std::filesystem::directory_iterator(std::string(kSysfs) + "/bus/firewire/devices", error)) {
-    std::string text;
-    if (std::ifstream(entry.path() / "guid") >> text && std::strtoull(text.c_str(), nullptr, 16) == guid) return true;
+    std::array<char, 32> text{};
+    const Result<FilePtr> file = open_to_read(entry.path() / "guid");
+    if (file && std::fgets(text.data(), text.size(), file->get()) && std::strtoull(text.data(), nullptr, 16) == guid)
+      return true;
   }
   return false;
 }

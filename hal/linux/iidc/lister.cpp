@@ -4,8 +4,9 @@
 #include <mutex>
 #include <optional>
 #include <system_error>
-#include <thread>
 #include <utility>
+
+#include "hal/linux/thread/thread.h"
 
 namespace nodal::hal::iidc {
 
@@ -24,7 +25,7 @@ Result<std::vector<CameraInfo>> Lister::list(std::chrono::milliseconds patience)
   if (!answer_->asked) {
     answer_->cameras.reset();
     try {
-      std::thread([&bus = bus_, answer = answer_] {
+      Thread("nodal-scan", "iidc:", [&bus = bus_, answer = answer_] {
         std::vector<CameraInfo> found = bus.list();
         const std::lock_guard relock(answer->mutex);
         answer->cameras = std::move(found);

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "hal/linux/link/descriptor_link.h"
+#include "hal/linux/link/signals.h"
 #include "hal/linux/link/socket_link.h"
 
 namespace nodal::hal {
@@ -91,10 +92,9 @@ Result<std::unique_ptr<LinkPort>> spawn_link(const std::vector<std::string>& com
   posix_spawn_file_actions_adddup2(&actions, theirs.get(), 0);
   posix_spawn_file_actions_adddup2(&actions, theirs.get(), 1);
   // The program must not inherit this thread's blocked signals or this process's ignored signals.
-  sigset_t none, defaults;
+  sigset_t none;
   sigemptyset(&none);
-  sigemptyset(&defaults);
-  sigaddset(&defaults, SIGPIPE);
+  const sigset_t defaults = ignored_signals();
   posix_spawnattr_setsigmask(&attributes, &none);
   posix_spawnattr_setsigdefault(&attributes, &defaults);
   posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);

@@ -10,8 +10,8 @@
 #include <mutex>
 #include <set>
 #include <system_error>
-#include <thread>
 
+#include "hal/linux/thread/thread.h"
 #include "hal/linux/v4l2/device.h"
 #include "hal/linux/v4l2/layout.h"
 #include "protocol/base/text.h"
@@ -238,7 +238,7 @@ bool Scanner::ask(const std::string& node) {
     if (!answers_->asked.insert(node).second) return true;
   }
   try {
-    std::thread([&system = system_, node, answers = answers_] {
+    Thread("nodal-scan", node, [&system = system_, node, answers = answers_] {
       std::optional<FoundDevice> found = scan_one(system, node);
       const std::lock_guard lock(answers->mutex);
       answers->by_node[node] = std::move(found);

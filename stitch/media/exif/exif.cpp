@@ -8,6 +8,8 @@
 #include <memory>
 #include <vector>
 
+#include "protocol/files/open_file.h"
+
 namespace nodal::media {
 namespace {
 
@@ -66,13 +68,10 @@ Exif parse_exif(std::span<const std::uint8_t> start) {
 }
 
 Exif read_exif(const std::filesystem::path& file) {
-  struct Close {
-    void operator()(std::FILE* f) const { std::fclose(f); }
-  };
-  const std::unique_ptr<std::FILE, Close> in(std::fopen(file.c_str(), "rb"));
+  const Result<FilePtr> in = open_to_read(file);
   if (!in) return {};
   std::vector<std::uint8_t> start(kExifBytes);
-  start.resize(std::fread(start.data(), 1, start.size(), in.get()));
+  start.resize(std::fread(start.data(), 1, start.size(), in->get()));
   return parse_exif(start);
 }
 

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "protocol/base/limits.h"
+#include "protocol/files/open_file.h"
 #include "stitch/media/tiff/memory.h"
 
 namespace nodal::media {
@@ -25,10 +26,6 @@ constexpr std::uint32_t kMostSide = 32768;
 constexpr std::uint64_t kMostExpansion = 3096;
 constexpr std::uint64_t kMostBlock = std::uint64_t{1} << 30;  // bytes of a strip or a tile
 constexpr std::uint64_t kSmall = std::uint64_t{1} << 20;      // bytes; a picture this small may claim any expansion
-
-struct CloseFile {
-  void operator()(std::FILE* file) const { std::fclose(file); }
-};
 
 /// A file and what libtiff says of it.
 struct Reader {
@@ -79,14 +76,9 @@ Status check_size(Reader& reader) {
   return {};
 }
 
-using File = std::unique_ptr<std::FILE, CloseFile>;
-
-Result<File> open_file(const std::filesystem::path& file, Reader& reader) {
-  File in(std::fopen(file.c_str(), "rb"));
-  if (!in) {
-    return fail(reader.error(errno == ENOENT || errno == ENOTDIR ? Errc::kNotFound : Errc::kIo,
-                             std::string("cannot be opened: ") + std::strerror(errno)));
-  }
+Result<FilePtr> open_file(const std::filesystem::path& file, const Reader& reader) {
+  Result<FilePtr> in = open_to_read(file);
+  if (!in) return fail(reader.error(in.error().code, "cannot be opened: " + in.error().message));
   return in;
 }
 
@@ -95,7 +87,7 @@ Error too_large(const Reader& reader) {
 }
 
 Status open(const std::filesystem::path& file, Reader& reader) {
-  const Result<File> in = open_file(file, reader);
+  const Result<FilePtr> in = open_file(file, reader);
   if (!in) return fail(in.error());
   std::vector<std::uint8_t>& bytes = reader.memory.bytes;
   std::vector<std::uint8_t> piece(std::size_t{1} << 16);
@@ -114,7 +106,7 @@ Status open(const std::filesystem::path& file, Reader& reader) {
 
 /// Reads only the file's directory.
 Status open_directory(const std::filesystem::path& file, Reader& reader) {
-  const Result<File> in = open_file(file, reader);
+  const Result<FilePtr> in = open_file(file, reader);
   if (!in) return fail(in.error());
   std::error_code unknown;
   reader.file_bytes = std::filesystem::file_size(file, unknown);
@@ -257,11 +249,9 @@ Status decode(Reader& reader, std::vector<std::uint8_t>& bytes) {
 }  // namespace
 
 bool is_tiff(const std::filesystem::path& file) {
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(file, error)) return false;
-  const std::unique_ptr<std::FILE, CloseFile> in(std::fopen(file.c_str(), "rb"));
+  const Result<FilePtr> in = open_to_read(file);
   std::array<char, 4> first{};
-  if (!in || std::fread(first.data(), 1, first.size(), in.get()) != first.size()) return false;
+  if (!in || std::fread(first.data(), 1, first.size(), in->get()) != first.size()) return false;
   const std::string_view start(first.data(), first.size());
   using namespace std::string_view_literals;
   return start == "II*\0"sv || start == "MM\0*"sv || start == "II+\0"sv || start == "MM\0+"sv;

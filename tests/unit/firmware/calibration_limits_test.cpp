@@ -22,9 +22,7 @@ CalibrationStore store_on(SimDisk& disk) {
   return std::move(*store);
 }
 
-void write(SimDisk& disk, const std::string& name, std::span<const std::uint8_t> bytes) {
-  disk.put(name, bytes);
-}
+void write(SimDisk& disk, const std::string& name, std::span<const std::uint8_t> bytes) { disk.put(name, bytes); }
 
 std::string signed_name(const CalibrationStore::Entry& entry) {
   return entry.file.substr(0, entry.file.size() - 5) + ".signed";

@@ -27,7 +27,7 @@ RigConfig two_heads() {
 /// Whether a host may request it: as a command, and by check().
 bool allowed(const wire::Request& request) {
   const RigConfig config = two_heads();
-  const auto command = command_of(request, config);
+  const auto command = command_of(request, config, 7);
   return command && check(*command, config);
 }
 
@@ -134,7 +134,7 @@ TEST(Commands, EveryRequestThatAStageCarriesOut_IsACommandOfThatStageUnderItsOwn
   all[5].mutable_calibration_use();
   all[6].mutable_trial_end();
   for (const wire::Request& request : all) {
-    const auto command = command_of(request, two_heads());
+    const auto command = command_of(request, two_heads(), 7);
     ASSERT_TRUE(command) << kind_of(request).name;
     EXPECT_EQ(command_name(*command), kind_of(request).name);
     EXPECT_EQ(changes_rig(*command), changes_rig(request)) << kind_of(request).name;

@@ -43,6 +43,14 @@ std::array<std::optional<ExposureRange>, kMaxHeads> four() {
   return ranges;
 }
 
+TEST(JointExposure, AnAnchorThatNoRigCanHave_IsAnAssertion) {
+  ExposureSettings settings;
+  settings.anchor = static_cast<HeadIndex>(kMaxHeads - 1);
+  ExposureControl control(settings);
+  settings.anchor = static_cast<HeadIndex>(kMaxHeads);
+  EXPECT_DEATH(control.set(settings), "anchor");
+}
+
 RC_GTEST_PROP(JointExposure, AnyLight_NeighboursStayWithinTheDifferenceAndTheMeanIsKept, ()) {
   ExposureSettings settings;
   settings.program = ExposureProgram::kJoint;

@@ -25,7 +25,7 @@ class HealthTest : public testing::Test {
   Health judged() {
     const Diagnosis found =
         diagnose(config, {capture, keeper, 29'970, rate, unfit, since_last_set, Duration::seconds(60), shed, settings,
-                          recording, since_lost_set, undecodable});
+                          recording, since_lost_set, threads, undecodable});
     return {rig_state_name(transition(found.condition, RigState::kRunning).to), found.sentence};
   }
 
@@ -39,6 +39,7 @@ class HealthTest : public testing::Test {
   std::string settings;
   const TakeReport* recording = nullptr;
   Duration since_lost_set = Duration::seconds(1000);
+  std::vector<hal::Heartbeat> threads;
   std::string undecodable;
 };
 
@@ -169,6 +170,31 @@ TEST_F(HealthTest, ATakeEndedByItself_IsDegradedUntilTheNextBegins) {
   EXPECT_EQ(judged().state, "running");
 }
 
+TEST_F(HealthTest, AThreadOfTheTakesDiskIsAtOneCallForOver5S_IsDegradedUntilItReturns) {
+  for (const char* name : {"nodal-takes", "nodal-read"}) {
+    threads = {{"nodal-capture", Duration::milliseconds(1)}, {name, Duration::milliseconds(5000)}};
+    EXPECT_EQ(judged().state, "running");
+    threads[1].busy = Duration::milliseconds(5001);
+    EXPECT_EQ(judged().state, "degraded");
+    EXPECT_EQ(judged().problem, "the takes' disk does not answer");
+    threads[1].busy = Duration();
+    EXPECT_EQ(judged().state, "running");
+  }
+}
+
+TEST_F(HealthTest, ADevicesThreadIsAtOneCallForOver15S_IsDegradedAndNamesIt) {
+  threads = {{"nodal-device v4l2:/dev/video2", Duration::seconds(15)}};
+  EXPECT_EQ(judged().state, "running");
+  threads[0].busy = Duration::seconds(16);
+  EXPECT_EQ(judged().state, "degraded");
+  EXPECT_EQ(judged().problem, "the thread 'nodal-device v4l2:/dev/video2' has been at one call for over 15 s");
+}
+
+TEST_F(HealthTest, TheRecorderIsStuck_IsHanging) {
+  threads = {{"nodal-record", Duration::seconds(6)}};
+  EXPECT_EQ(judged().state, "hanging");
+}
+
 constexpr std::array kStates{RigState::kStarting, RigState::kNoCalibration, RigState::kIdle,    RigState::kRunning,
                              RigState::kDegraded, RigState::kHanging,       RigState::kStopping};
 
@@ -180,6 +206,7 @@ constexpr std::array<std::string_view, kConditions> kExpected{
     "ssssssX",  // kStoreUnread
     "ccccccX",  // kNoCalibration
     "iiiiiiX",  // kNoFrames
+    "DDDDDDX",  // kDiskSilent
     "DDDDDDX",  // kHeadMissing
     "DDDDDDX",  // kGenlockLost
     "DDDDDDX",  // kHoldover
@@ -187,6 +214,7 @@ constexpr std::array<std::string_view, kConditions> kExpected{
     "DDDDDDX",  // kStoreTrouble
     "DDDDDDX",  // kHeadTrouble
     "DDDDDDX",  // kTakeTrouble
+    "DDDDDDX",  // kThreadSilent
     "DDDDDDX",  // kTooSlow
     "RRRRRRX",  // kHealthy
 };

@@ -39,7 +39,7 @@ class PanelTest : public testing::Test {
   hal::sim::SimOutputPin status{false};
   hal::sim::SimOutputPin tally{false};
   Panel panel{{&button, &status, &tally}};
-  PanelView view{"running", false, 0};
+  PanelView view{"running", false, 0, FrameRate().period()};
   bool sets_come = true;
   Instant acted_at;
 };
@@ -107,7 +107,7 @@ TEST_F(PanelTest, TheTally_IsOnExactlyWhileItRollsAndSetsCome) {
   run(ms(200));
   EXPECT_TRUE(tally.level_at(clock.now()));
   sets_come = false;
-  run(Panel::kSilent + ms(100));
+  run(Panel::kSilent.least + ms(100));
   EXPECT_FALSE(tally.level_at(clock.now())) << "no sets";
   sets_come = true;
   run(ms(50));

@@ -13,7 +13,7 @@ class SheddingTest : public testing::Test {
       now = now + Duration::microseconds(33'334);
       ++sets;
       if (i % 30 >= taken) ++not_taken;
-      shedding.step(sets, not_taken, excused, now);
+      shedding.step(sets, not_taken, excused, FrameRate().period(), now);
     }
   }
   Shedding shedding;

@@ -38,6 +38,19 @@ TEST(RecentRate, ThirtyASecond_IsThirtyAndForgetsWhatIsLongAgo) {
   EXPECT_EQ(rate.millihertz(), 0u);
 }
 
+TEST(RecentRate, OneInSeconds_IsExactFromTheSecondOn) {
+  for (const int seconds : {1, 5, 1000}) {
+    RecentRate rate;
+    Instant now;
+    for (int tenth = 0; tenth < 30 * 10 * seconds; ++tenth) {
+      const int events = tenth / (10 * seconds);
+      rate.observe(static_cast<std::uint64_t>(events), now);
+      now = now + Duration::milliseconds(100);
+      if (events >= 2) ASSERT_EQ(rate.millihertz(), 1000u / static_cast<unsigned>(seconds)) << tenth << " tenths";
+    }
+  }
+}
+
 TEST(MilliHertz, OfNtsc_Is29970) { EXPECT_EQ(millihertz(FrameRate{30000, 1001}), 29'970u); }
 
 TEST(Snapshot, ReadBeforeAnything_IsADefault) {

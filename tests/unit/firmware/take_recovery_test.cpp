@@ -8,6 +8,7 @@
 #include "firmware/record/take_recovery.h"
 #include "hal/sim/confined.h"
 #include "hal/sim/disk.h"
+#include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
 #include "tests/support/take_stage.h"
 

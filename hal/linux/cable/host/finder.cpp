@@ -1,11 +1,11 @@
 #include <algorithm>
 #include <array>
-#include <fstream>
 #include <optional>
 #include <utility>
 
 #include "hal/linux/cable/host/device.h"
 #include "hal/linux/cable/records.h"
+#include "protocol/files/open_file.h"
 
 namespace nodal::hal::cable {
 namespace {
@@ -58,10 +58,10 @@ std::string place_of(libusb_device* device) {
 
 /// The kernel keeps the texts of devices where every user can read them, unlike the devices.
 std::string text_of(const std::string& file) {
-  std::ifstream from("/sys/bus/usb/devices/" + file);
-  std::string text;
-  std::getline(from, text);
-  text.resize(std::min(text.size(), kLongestText));
+  std::string text(kLongestText, '\0');
+  const Result<FilePtr> from = open_to_read("/sys/bus/usb/devices/" + file);
+  text.resize(from ? std::fread(text.data(), 1, text.size(), from->get()) : 0);
+  text.resize(std::min(text.size(), text.find('\n')));
   std::replace_if(
       text.begin(), text.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
   return text;

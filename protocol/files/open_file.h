@@ -1,0 +1,31 @@
+// Opens files without waiting.
+#pragma once
+
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+
+#include "protocol/base/result.h"
+
+namespace nodal {
+
+struct CloseFile {
+  void operator()(std::FILE* file) const { std::fclose(file); }
+};
+using FilePtr = std::unique_ptr<std::FILE, CloseFile>;
+
+/// Opens a regular file to read it; follows links. Errors: kNotFound, kIo; kBadFormat for a folder, a FIFO, a socket or a device.
+/// The message does not name the file: the caller knows what it is for.
+Result<FilePtr> open_to_read(const std::filesystem::path& file);
+
+/// The same for a program that reads by descriptor. The caller closes it.
+Result<int> open_descriptor_to_read(const std::filesystem::path& file);
+
+/// Opens a file for writing that a user named: makes it, or writes into what is there. A FIFO must have a reader, otherwise the
+/// error says so. The caller closes the descriptor, whose writes wait as usual.
+Result<int> open_descriptor_to_write(const std::filesystem::path& file);
+
+/// Makes a regular file, or empties the one that is there. Does not follow a link.
+Result<FilePtr> open_to_write(const std::filesystem::path& file);
+
+}  // namespace nodal

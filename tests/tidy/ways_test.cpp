@@ -1,0 +1,79 @@
+// The one way to do some things: opening files, making threads.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <regex>
+#include <string>
+#include <vector>
+
+#include "tree.h"
+
+namespace nodal::tidy {
+namespace {
+
+struct Found {
+  std::string place;  ///< "hal/linux/disk.cpp:73"
+  std::string path, line;
+};
+
+/// Lines of code that match, in the folders of the programs.
+std::vector<Found> lines_with(const std::regex& what, const std::vector<std::string>& folders) {
+  std::vector<Found> found;
+  for (const TextFile& file : project_files()) {
+    const bool ours = std::ranges::any_of(folders, [&](const auto& folder) { return file.path.starts_with(folder); });
+    if (!ours || !is_source(file.path)) continue;
+    for (std::size_t i = 0; i < file.lines.size(); ++i) {
+      const std::string code = file.lines[i].substr(0, file.lines[i].find("//"));
+      if (std::regex_search(code, what)) found.push_back({file.path + ":" + std::to_string(i + 1), file.path, code});
+    }
+  }
+  return found;
+}
+
+bool is_one_of(const std::string& path, const std::vector<std::string>& allowed) {
+  return std::ranges::find(allowed, path) != allowed.end();
+}
+
+const std::vector<std::string> kPrograms{"firmware/", "hal/", "host_tool/", "protocol/", "stitch/"};
+
+TEST(Ways, ABufferedFile_IsOpenedByProtocolFilesOnly) {
+  const std::regex streams(R"(\b(fopen|freopen)\s*\(|\b(i|o)?fstream\b|\bfilebuf\b)");
+  for (const Found& found : lines_with(streams, kPrograms)) {
+    ADD_FAILURE() << found.place
+                  << " opens a file by itself, which waits for ever if it is a FIFO; use open_to_read() or "
+                  << "open_to_write() of protocol/files/open_file.h";
+  }
+}
+
+TEST(Ways, ADescriptor_IsOpenedByPortsOnlyAndNeverWaits) {
+  // What opens a device, a folder that it keeps, or a file without following links.
+  const std::vector<std::string> ports{"protocol/files/open_file.cpp",
+                                       "host_tool/offload/local_file.cpp",
+                                       "hal/linux/disk.cpp",
+                                       "hal/linux/disk_folder.cpp",
+                                       "firmware/daemon/confined_work.cpp",
+                                       "hal/linux/confine/confine.cpp",
+                                       "hal/linux/confine/confined_process.cpp",
+                                       "hal/linux/v4l2/system.cpp",
+                                       "hal/linux/cable/function_fs.cpp",
+                                       "hal/linux/link/socket_link.cpp",
+                                       "hal/linux/link/standard_descriptors.cpp"};
+  const std::regex opens(R"((^|[^A-Za-z0-9_])::(open|openat|creat)\s*\()");
+  const std::regex no_wait(R"(O_NONBLOCK|O_DIRECTORY|O_PATH|"/dev/null"|"/proc/self/)");
+  for (const Found& found : lines_with(opens, kPrograms)) {
+    EXPECT_TRUE(is_one_of(found.path, ports)) << found.place << ": use protocol/files/open_file.h";
+    EXPECT_TRUE(std::regex_search(found.line, no_wait)) << found.place << " may wait: add O_NONBLOCK";
+  }
+}
+
+TEST(Ways, AThreadOnBoard_HasAHeartbeat) {
+  const std::vector<std::string> maker{"hal/linux/thread/thread.h", "hal/linux/thread/thread.cpp"};
+  const std::regex threads(
+      R"(\bstd::(jthread|async)\b|\bstd::thread\b(?!::hardware_concurrency)|\bpthread_create\b|\bthrd_create\b)");
+  for (const Found& found : lines_with(threads, {"firmware/", "hal/"})) {
+    EXPECT_TRUE(is_one_of(found.path, maker)) << found.place << ": make a hal::Thread (hal/linux/thread/thread.h)";
+  }
+}
+
+}  // namespace
+}  // namespace nodal::tidy
