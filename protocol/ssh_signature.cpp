@@ -200,14 +200,9 @@ Result<AllowedSigners> AllowedSigners::parse(std::string_view text) {
   return signers;
 }
 
-Result<std::string> AllowedSigners::verify(std::span<const std::uint8_t> document, std::string_view signature,
-                                           std::string_view name_space) const {
-  if (signature.empty()) {
-    return fail(Errc::kBadValue,
-                "it is not signed, and this rig takes signed calibrations only; sign it: ssh-keygen "
-                "-Y sign -n " +
-                    std::string(name_space) + " -f KEY FILE");
-  }
+Result<AllowedSigners::Verified> AllowedSigners::verify(std::span<const std::uint8_t> document,
+                                                        std::string_view signature, std::string_view purpose) const {
+  if (signature.empty()) return fail(Errc::kBadValue, "it is not signed");
   const auto blob = unarmour(signature);
   if (!blob) return fail(blob.error());
   SshReader reader(*blob);
@@ -222,13 +217,16 @@ Result<std::string> AllowedSigners::verify(std::span<const std::uint8_t> documen
   if (!key) return fail(key.error().in("the signature's key"));
   const auto raw = ed25519_part<kEd25519SignatureBytes>(signature_blob);
   if (!raw) return fail(raw.error().in("the signature"));
-  if (text_of(signed_for) != name_space) {
-    return fail(Errc::kBadValue, "it is signed for the namespace '" + printable(text_of(signed_for), 60) +
-                                     "', not for '" + std::string(name_space) + "'; sign it with -n " +
-                                     std::string(name_space));
+  const std::string_view name_space = text_of(signed_for);
+  if (name_space != purpose && !name_space.starts_with(std::string(purpose) + ":")) {
+    return fail(Errc::kBadValue, "it is signed for the namespace '" + printable(name_space, 100) + "', not for '" +
+                                     std::string(purpose) + "'");
   }
+  const auto trusts = [&](const std::string& allowed) {
+    return allowed == purpose || allowed == name_space || allowed == std::string(purpose) + "*";
+  };
   const auto signer = std::ranges::find_if(signers_, [&](const Signer& one) {
-    return one.key == *key && (one.namespaces.empty() || std::ranges::count(one.namespaces, name_space) > 0);
+    return one.key == *key && (one.namespaces.empty() || std::ranges::any_of(one.namespaces, trusts));
   });
   if (signer == signers_.end()) {
     return fail(Errc::kBadValue, "it is signed with a key that this rig's allowed signers do not have");
@@ -243,7 +241,7 @@ Result<std::string> AllowedSigners::verify(std::span<const std::uint8_t> documen
   if (!ed25519_verifies(*key, *raw, message)) {
     return fail(Errc::kChecksum, "the signature is of another document, or damaged");
   }
-  return signer->principals;
+  return Verified{signer->principals, std::string(name_space)};
 }
 
 }  // namespace nodal

@@ -13,7 +13,7 @@
 
 namespace nodal {
 
-/// The namespace of a calibration's signature: ssh-keygen's -n.
+/// The namespace of a calibration's signature (ssh-keygen's -n) begins with this; signed_for.h says what follows.
 inline constexpr std::string_view kCalibrationNamespace = "nodal-calibration";
 /// A signature by an Ed25519 key has about 300 bytes.
 inline constexpr std::size_t kMaxSignatureBytes = 4096;
@@ -33,9 +33,15 @@ class AllowedSigners {
   /// Other options (cert-authority, valid-before, ...) are refused, because ignoring them would trust too much.
   static Result<AllowedSigners> parse(std::string_view text);
 
-  /// The principals whose key signed `document` for `name_space`; `signature` is armoured.
-  Result<std::string> verify(std::span<const std::uint8_t> document, std::string_view signature,
-                             std::string_view name_space) const;
+  struct Verified {
+    std::string principals;  ///< whose key signed
+    std::string name_space;  ///< as signed: `purpose`, or `purpose` and what follows ":"
+  };
+  /// Checks that a trusted key signed `document` for the namespace `purpose` or one below it ("PURPOSE:..."); `signature`
+  /// is armoured. A signer is trusted for `purpose` if its namespaces have `purpose`, `purpose` and "*", or the one that
+  /// was signed.
+  Result<Verified> verify(std::span<const std::uint8_t> document, std::string_view signature,
+                          std::string_view purpose) const;
   std::size_t size() const { return signers_.size(); }
 
  private:

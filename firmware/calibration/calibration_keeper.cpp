@@ -8,8 +8,6 @@
 #include "stitch/table/meter_compiler.h"
 #include "stitch/table/tone_compiler.h"
 
-#include "firmware/calibration/calibration_signature.h"
-
 namespace nodal::firmware {
 namespace {
 
@@ -110,9 +108,9 @@ void CalibrationKeeper::load_at_start() {
 void CalibrationKeeper::start_next_good() {
   const CalibrationStore::Entry entry = to_try_.back();
   to_try_.pop_back();
-  auto calibration = load_permitted(*store_, config_.signers, entry.id);
-  Status begun = calibration ? begin(std::nullopt, std::move(*calibration), entry.id, false, {})
-                             : Status(fail(calibration.error()));
+  auto loaded = load_permitted(*store_, signature_rules(), entry.id);
+  Status begun =
+      loaded ? begin(std::nullopt, std::move(loaded->calibration), entry.id, false, {}) : Status(fail(loaded.error()));
   if (!begun) end(begun);
 }
 
@@ -159,29 +157,32 @@ Status CalibrationKeeper::start(const KeeperRequest& request) {
     return rehearsal_ ? rehearse(request) : install(request);
   if (const auto* wanted = std::get_if<KeeperRequest::Use>(&request.what)) {
     const auto found = store_->find(wanted->id_prefix);
-    return found ? use(request, found->id) : Status(fail(found.error()));
+    return found ? use(request, found->id, wanted->allow_older) : Status(fail(found.error()));
   }
-  if (store_->before()) return use(request, Sha256(*store_->before()));
+  if (store_->before()) return use(request, Sha256(*store_->before()), true);  // a rollback is to an older one
   return fail(Errc::kNotFound, "no earlier calibration is stored that the rig could go back to");
 }
 
 Status CalibrationKeeper::install(const KeeperRequest& request) {
   const auto& upload = std::get<KeeperRequest::Install>(request.what);
-  if (Status permitted = check_signature(config_.signers, {upload.signature, upload.json}); !permitted) {
-    return fail(permitted.error().in("calibration"));
-  }
+  const auto permitted = check_signature(signature_rules(), {upload.signature, upload.json});
+  if (!permitted) return fail(permitted.error().in("calibration"));
   auto calibration = parse_calibration(upload.json);
   if (!calibration) return fail(calibration.error().in("calibration"));
+  const Sha256 id = calibration_id(*calibration);
+  const bool known = store_->read(id).has_value();
+  const bool had = has_signature(*store_, signature_rules(), id, *permitted);
+  if (Status newest = check_generation(signature_rules(), *permitted, had); !newest && !upload.allow_older) {
+    return fail(newest.error().in("calibration"));
+  }
   if (auto fits = fit_to_rig(*calibration, config_.heads, request.heads); !fits) return fail(fits.error());
   std::optional<SignedDocument> original;
   if (config_.signers) original = SignedDocument{upload.signature, upload.json};
   if (upload.trial) return install_on_trial(request, std::move(*calibration), std::move(original), *upload.trial);
-  const Sha256 id = calibration_id(*calibration);
-  const bool known = store_->read(id).has_value();
   if (auto stored = store_->put(*calibration, original); !stored) {
     return fail(stored.error().in("storing calibration " + short_id(id)));
   }
-  Status begun = begin(request.ticket, std::move(*calibration), id, !known, request.heads);
+  Status begun = begin(request.ticket, std::move(*calibration), id, !known, request.heads, permitted->generation);
   if (!begun && !known) store_->remove(id);
   return begun;
 }
@@ -217,7 +218,10 @@ Status CalibrationKeeper::end_trial(const KeeperRequest& request, const KeeperRe
   if (auto stored = store_->put(trial_.calibration(), trial_.original()); !stored) {
     return fail(stored.error().in("storing calibration " + short_id(id)));
   }
-  if (Status kept = store_->set_in_force(id); !kept) {
+  const auto permitted = check_signature(signature_rules(), trial_.original().value_or(SignedDocument{}));
+  Status kept = permitted ? store_->note_signed(permitted->generation) : Status(fail(permitted.error()));
+  if (kept) kept = store_->set_in_force(id);
+  if (!kept) {
     if (!known) store_->remove(id);
     return fail(kept.error().in("putting calibration " + short_id(id) + " in force"));
   }
@@ -255,14 +259,17 @@ void CalibrationKeeper::hand_over(sets::InstalledPtr installed) {
   NODAL_ASSERT(tables_out_.push(std::move(installed)));
 }
 
-Status CalibrationKeeper::use(const KeeperRequest& request, const Sha256& id) {
-  auto calibration = load_permitted(*store_, config_.signers, id);
-  if (!calibration) return fail(calibration.error());
-  return begin(request.ticket, std::move(*calibration), id, false, request.heads);
+Status CalibrationKeeper::use(const KeeperRequest& request, const Sha256& id, bool allow_older) {
+  auto loaded = load_permitted(*store_, signature_rules(), id);
+  if (!loaded) return fail(loaded.error());
+  if (const Status newest = check_generation(signature_rules(), loaded->permitted, true); !newest && !allow_older) {
+    return fail(newest.error().in("stored calibration " + short_id(id)));
+  }
+  return begin(request.ticket, std::move(loaded->calibration), id, false, request.heads, loaded->permitted.generation);
 }
 
 Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration calibration, const Sha256& id,
-                                bool newly_stored, const HeadShapes& heads) {
+                                bool newly_stored, const HeadShapes& heads, std::uint64_t generation) {
   auto fitted = fit_to_rig(calibration, config_.heads, heads);
   if (!fitted) return fail(fitted.error());
   try {
@@ -271,7 +278,7 @@ Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration
     if (!job) return fail(job.error().in("calibration " + short_id(id)));
     if (Status fits = job->check_budget(); !fits) return fail(fits.error().in("calibration " + short_id(id)));
     installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), false, false,
-                                     std::make_shared<const std::string>(canonical_json(calibration))});
+                                     std::make_shared<const std::string>(canonical_json(calibration)), generation});
   } catch (const std::bad_alloc&) {
     return fail(out_of_memory(id));
   }
@@ -315,7 +322,9 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
                            delivered, std::move(seams));
   // At start the pointer on the disk is right already, unless a damaged calibration was skipped; then it is rewritten.
   if (!done.on_trial && (done.ticket || store_->in_force() != done.id || !store_->note().empty())) {
-    if (Status kept = store_->set_in_force(done.id); !kept) {
+    Status kept = store_->note_signed(done.signed_generation);
+    if (kept) kept = store_->set_in_force(done.id);
+    if (!kept) {
       if (done.ticket) return fail(kept.error().in("putting calibration " + short_id(done.id) + " in force"));
       report_.problem = kept.error().message;  // in force until the next start only
     }
@@ -353,33 +362,6 @@ void CalibrationKeeper::end(const Status& status) {
     answer(*installing_->ticket, std::move(result));
   }
   installing_.reset();
-}
-
-Result<KeeperAnswer::Listed> CalibrationKeeper::list() const {
-  KeeperAnswer::Listed listed{store_->entries(), report_.in_force, std::nullopt};
-  if (trial_.running()) {
-    listed.on_trial.emplace(
-        CalibrationStore::Entry{0, trial_.report().id, report_.name, trial_.calibration().heads.size(), ""});
-  }
-  return listed;
-}
-
-Result<KeeperAnswer::Document> CalibrationKeeper::get(const std::string& id_prefix) const {
-  if (id_prefix.empty() && !report_.in_force) return fail(Errc::kNotFound, "no calibration is in force");
-  Sha256 id{};
-  if (id_prefix.empty()) {
-    id = *report_.in_force;
-  } else {
-    const auto found = store_->find(id_prefix);
-    if (!found) return fail(found.error());
-    id = found->id;
-  }
-  if (trial_.running() && id == trial_.report().id) {
-    return KeeperAnswer::Document{id, canonical_json(trial_.calibration())};
-  }
-  auto json = store_->read(id);
-  if (!json) return fail(json.error());
-  return KeeperAnswer::Document{id, std::move(*json)};
 }
 
 void CalibrationKeeper::answer(std::uint64_t ticket, Result<Answered> result) {

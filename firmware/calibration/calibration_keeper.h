@@ -8,6 +8,7 @@
 #include <variant>
 #include <vector>
 
+#include "firmware/calibration/calibration_signature.h"
 #include "firmware/calibration/calibration_store.h"
 #include "firmware/calibration/trial.h"
 #include "firmware/config/config.h"
@@ -28,6 +29,7 @@ struct KeeperRequest {
     std::string json;
     std::optional<Duration> trial{};  ///< longest duration of a trial, which is not stored; empty: not a trial
     std::string signature{};          ///< of `json`; empty: not signed
+    bool allow_older = false;         ///< also if its signature is of an older generation, or names none
   };
   struct EndTrial {
     std::string id_prefix;  ///< empty: any calibration on trial
@@ -35,6 +37,7 @@ struct KeeperRequest {
   };
   struct Use {
     std::string id_prefix;
+    bool allow_older = false;  ///< as in Install
   };
   struct Rollback {};
   struct List {};
@@ -57,6 +60,7 @@ struct KeeperAnswer {
     std::vector<CalibrationStore::Entry> entries;
     std::optional<Sha256> in_force;
     std::optional<CalibrationStore::Entry> on_trial;  ///< not one of `entries`
+    std::optional<std::uint64_t> signed_generation;   ///< the highest one; empty: no signatures are required
   };
   struct Document {
     Sha256 id{};
@@ -124,6 +128,7 @@ class CalibrationKeeper {
     bool on_trial = false;
     bool handed_over = false;                       ///< it is in tables_out_; the blend takes it between two sets
     std::shared_ptr<const std::string> document{};  ///< canonical form
+    std::uint64_t signed_generation = 0;            ///< of its signature; 0: none
     std::optional<KeeperRequest> rehearsed{};       ///< an upload that is parsed and compiled elsewhere first
   };
   using Answered = std::variant<KeeperAnswer::Done, KeeperAnswer::Listed, KeeperAnswer::Document>;
@@ -138,13 +143,13 @@ class CalibrationKeeper {
   Status install(const KeeperRequest& request);
   Status install_on_trial(const KeeperRequest& request, Calibration calibration, std::optional<SignedDocument> original,
                           Duration trial);
-  Status use(const KeeperRequest& request, const Sha256& id);
+  Status use(const KeeperRequest& request, const Sha256& id, bool allow_older);
   Status end_trial(const KeeperRequest& request, const KeeperRequest::EndTrial& how);
   bool watch_trial();
   void go_back(std::optional<std::uint64_t> ticket);
   void hand_over(sets::InstalledPtr installed);
   Status begin(std::optional<std::uint64_t> ticket, Calibration calibration, const Sha256& id, bool newly_stored,
-               const HeadShapes& heads);
+               const HeadShapes& heads, std::uint64_t generation = 0);
   bool compile_some();
   bool compile_within_memory();
   Status put_in_force(Installation& done);
@@ -152,6 +157,7 @@ class CalibrationKeeper {
   Result<KeeperAnswer::Listed> list() const;
   Result<KeeperAnswer::Document> get(const std::string& id_prefix) const;
   void answer(std::uint64_t ticket, Result<Answered> result);
+  SignatureRules signature_rules() const { return {config_.signers, config_.name, store_->signed_generation()}; }
   void publish();
 
   const RigConfig config_;

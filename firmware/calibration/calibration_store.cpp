@@ -18,6 +18,8 @@ const std::string kFolder = "calibrations";
 const std::string kPointer = kFolder + "/in-force";
 constexpr std::string_view kPointerHead = "nodal-in-force 1";
 constexpr std::size_t kMaxPointerBytes = 512;
+const std::string kSignedFile = kFolder + "/signed";
+constexpr std::string_view kSignedHead = "nodal-signed 1";
 constexpr std::string_view kJson = ".json";
 constexpr std::string_view kSigned = ".signed";
 constexpr std::string_view kSignatureEnd = "-----END SSH SIGNATURE-----";
@@ -71,6 +73,7 @@ Result<CalibrationStore> CalibrationStore::open(hal::DiskPort& disk) {
   if (Status synced = disk.sync_folder(""); !synced) return fail(synced.error());
   if (Status read = store.read_folder(); !read) return fail(read.error());
   store.read_pointer();
+  store.read_signed();
   return store;
 }
 
@@ -148,6 +151,25 @@ void CalibrationStore::read_pointer() {
     add_note("calibration " + short_id(*wanted) + " was in force and is no longer stored; upload it again");
   }
   if (before_ && !entry(*before_)) before_.reset();
+}
+
+void CalibrationStore::read_signed() {
+  const auto bytes = disk_->read(kSignedFile, kMaxPointerBytes);
+  if (!bytes && bytes.error().code == Errc::kNotFound) return;
+  std::istringstream text(bytes ? std::string(bytes->begin(), bytes->end()) : std::string());
+  std::string head;
+  std::getline(text, head);
+  if (head == kSignedHead && text >> signed_generation_) return;
+  signed_generation_ = 0;
+  add_note("the record of the highest signed generation is lost or damaged; upload the newest calibration again");
+}
+
+Status CalibrationStore::note_signed(std::uint64_t generation) {
+  if (generation <= signed_generation_) return {};
+  const std::string text = std::string(kSignedHead) + "\n" + std::to_string(generation) + "\n";
+  if (Status written = write_durably(*disk_, kFolder, kSignedFile, text); !written) return written;
+  signed_generation_ = generation;
+  return {};
 }
 
 const CalibrationStore::Entry* CalibrationStore::entry(const Sha256& id) const {

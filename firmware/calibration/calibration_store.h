@@ -28,6 +28,7 @@ struct SignedDocument {
 ///   00000007-<id>.json   the canonical form of generation 7; its SHA-256 is the id in its name
 ///   00000007-<id>.signed its signature and the signed document, if it was uploaded with a signature
 ///   in-force             the id in force, and the id that was in force before
+///   signed               the highest generation of a signature that was permitted
 ///   *.tmp                incomplete file of a write; removed at open()
 ///
 /// Every file is made by write, fsync, rename, fsync of the folder. So after a crash or power cut in any operation either
@@ -68,6 +69,10 @@ class CalibrationStore {
   Result<std::optional<SignedDocument>> original(const Sha256& id) const;
   /// Puts a stored calibration in force on the disk, and removes generations beyond kKept.
   Status set_in_force(const Sha256& id);
+  /// The highest generation of a signature that was permitted; 0: none.
+  std::uint64_t signed_generation() const { return signed_generation_; }
+  /// Stores it durably if it is higher.
+  Status note_signed(std::uint64_t generation);
   /// Removes a calibration, unless it is in force or was in force before.
   void remove(const Sha256& id);
 
@@ -84,6 +89,7 @@ class CalibrationStore {
   Result<std::string> read(const Entry& entry) const;
   Result<Calibration> load(const Entry& entry) const;
   void read_pointer();
+  void read_signed();
   void drop_if_orphan(const std::string& file);
   const Entry* entry(const Sha256& id) const;
   Status write_pointer(const std::optional<Sha256>& in_force, const std::optional<Sha256>& before);
@@ -96,6 +102,7 @@ class CalibrationStore {
   std::optional<Sha256> in_force_;
   std::optional<Sha256> before_;
   std::uint64_t next_generation_ = 1;
+  std::uint64_t signed_generation_ = 0;
   std::string note_;
 };
 

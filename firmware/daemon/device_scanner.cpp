@@ -10,6 +10,18 @@
 
 namespace nodal::daemon {
 
+namespace {
+
+Result<firmware::DeviceList> list_of(const std::vector<hal::v4l2::FoundDevice>& devices) {
+  Result<std::string> text = scan_text(devices);
+  if (!text) return fail(text.error());
+  Result<std::string> json = scan_json(devices);
+  if (!json) return fail(json.error());
+  return firmware::DeviceList{std::move(*text), std::move(*json)};
+}
+
+}  // namespace
+
 std::vector<hal::v4l2::FoundDevice> MachineDevices::scan(std::chrono::milliseconds patience) {
   const auto until = std::chrono::steady_clock::now() + patience;
   Result<std::vector<hal::iidc::CameraInfo>> found = fail(Errc::kInternal, "");
@@ -53,7 +65,7 @@ void DeviceScanner::begin() {
   try {
     hal::Thread("nodal-scan", "", [shared = shared_] {
       const auto devices = shared->devices.scan(kScanWithin);
-      firmware::DeviceList list{scan_text(devices), scan_json(devices)};
+      Result<firmware::DeviceList> list = list_of(devices);
       const std::lock_guard lock(shared->mutex);
       shared->result = std::move(list);
       shared->running = false;

@@ -144,7 +144,9 @@ void run_rig(BoardPorts& ports, TakesDisk& takes, const ConfinedPorts& confined,
 
 int scan(const Options& options) {
   const auto devices = MachineDevices().scan(kScanWithin);
-  const std::string text = options.json ? scan_json(devices) + "\n" : scan_text(devices);
+  const Result<std::string> found = options.json ? scan_json(devices) : scan_text(devices);
+  if (!found) return give_up(found.error(), kExitFailed);
+  const std::string text = options.json ? *found + "\n" : *found;
   const bool written = std::fputs(text.c_str(), stdout) >= 0 && std::fflush(stdout) == 0;
   return written ? kExitFine : give_up({Errc::kIo, "standard output cannot be written"}, kExitFailed);
 }

@@ -6,6 +6,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "firmware/config/written_toml.h"
 #include "firmware/daemon/rig_proposal.h"
 
 namespace nodal::daemon {
@@ -146,9 +147,17 @@ Json device_json(const FoundDevice& device) {
   return json;
 }
 
+/// nodald refuses a rig.toml without heads, so there is nothing to read back in one.
+Status read_back(const std::string& toml, const RigProposal& proposal, const std::vector<FoundDevice>& devices) {
+  if (proposal.heads.empty()) return {};
+  std::vector<firmware::WrittenHead> heads;
+  for (const ProposedHead& head : proposal.heads) heads.push_back({head.name, devices[head.device].port});
+  return firmware::check_written_toml(toml, "the proposed rig.toml", heads);
+}
+
 }  // namespace
 
-std::string scan_text(const std::vector<FoundDevice>& devices) {
+Result<std::string> scan_text(const std::vector<FoundDevice>& devices) {
   const RigProposal proposal = propose_rig(devices);
   std::string text =
       "# The V4L2 devices and IIDC cameras of this machine, and a rig.toml for the former (nodald --scan). RIG.md "
@@ -164,12 +173,16 @@ std::string scan_text(const std::vector<FoundDevice>& devices) {
   }
   if (devices.empty())
     text += "# There is none. Plug one in; `ls /dev/video*` shows whether the kernel knows a V4L2 device.\n";
-  return text + "\n" + rig_toml(proposal, devices);
+  text += "\n" + rig_toml(proposal, devices);
+  if (const Status good = read_back(text, proposal, devices); !good) return fail(good.error());
+  return text;
 }
 
-std::string scan_json(const std::vector<FoundDevice>& devices) {
+Result<std::string> scan_json(const std::vector<FoundDevice>& devices) {
   const RigProposal proposal = propose_rig(devices);
-  Json all{{"devices", Json::array()}, {"buses", Json::array()}, {"rig_toml", rig_toml(proposal, devices)}};
+  const std::string toml = rig_toml(proposal, devices);
+  if (const Status good = read_back(toml, proposal, devices); !good) return fail(good.error());
+  Json all{{"devices", Json::array()}, {"buses", Json::array()}, {"rig_toml", toml}};
   for (std::size_t i = 0; i < devices.size(); ++i) {
     Json device = device_json(devices[i]);
     const auto left_out = proposal.left_out.find(i);

@@ -5,13 +5,15 @@
 #include <vector>
 
 #include "hal/linux/v4l2/scan.h"
+#include "protocol/base/result.h"
 
 namespace nodal::daemon {
 
-/// Devices, buses and reasons as comments, then the proposed rig.toml.
-std::string scan_text(const std::vector<hal::v4l2::FoundDevice>& devices);
+/// Devices, buses and reasons as comments, then the proposed rig.toml. A proposal with heads is read back as nodald reads
+/// a rig.toml. Errors: those of parse_rig_config().
+Result<std::string> scan_text(const std::vector<hal::v4l2::FoundDevice>& devices);
 
-/// The same as JSON, complete: the text cuts long lists. nodald(8) explains the fields.
-std::string scan_json(const std::vector<hal::v4l2::FoundDevice>& devices);
+/// The same as JSON, complete: the text cuts long lists. nodald(8) explains the fields. Errors: the same.
+Result<std::string> scan_json(const std::vector<hal::v4l2::FoundDevice>& devices);
 
 }  // namespace nodal::daemon

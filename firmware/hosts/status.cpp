@@ -265,6 +265,7 @@ void fill_calibrations(const KeeperAnswer::Listed& listed, wire::Calibrations& i
     added.set_in_force(listed.in_force == entry.id);
     return added;
   };
+  if (listed.signed_generation) into.set_signed_generation(*listed.signed_generation);
   if (listed.on_trial) add(*listed.on_trial).set_on_trial(true);
   for (const CalibrationStore::Entry& entry : listed.entries) {
     if (!listed.on_trial || entry.id != listed.on_trial->id) add(entry);

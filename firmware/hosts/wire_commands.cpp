@@ -130,7 +130,9 @@ Result<Command> command_of(const wire::Request& request, const RigConfig& config
     case wire::Request::kGenlock: return genlock_command(request.genlock());
     case wire::Request::kCalibrationList: return CalibrationCommand(KeeperRequest::List{});
     case wire::Request::kCalibrationGet: return CalibrationCommand(KeeperRequest::Get{request.calibration_get().id()});
-    case wire::Request::kCalibrationUse: return CalibrationCommand(KeeperRequest::Use{request.calibration_use().id()});
+    case wire::Request::kCalibrationUse:
+      return CalibrationCommand(
+          KeeperRequest::Use{request.calibration_use().id(), request.calibration_use().allow_older()});
     case wire::Request::kCalibrationRollback: return CalibrationCommand(KeeperRequest::Rollback{});
     case wire::Request::kTrialEnd:
       return CalibrationCommand(KeeperRequest::EndTrial{request.trial_end().id(), request.trial_end().keep()});
@@ -151,7 +153,7 @@ Result<KeeperRequest::Install> install_of(const wire::UploadCommit& commit) {
   if (commit.signature().size() > kMaxSignatureBytes) {
     return fail(Errc::kTooLarge, "a signature has at most " + std::to_string(kMaxSignatureBytes) + " bytes");
   }
-  KeeperRequest::Install install{"", std::nullopt, commit.signature()};
+  KeeperRequest::Install install{"", std::nullopt, commit.signature(), commit.allow_older()};
   if (commit.has_trial_ns()) install.trial = duration_of(commit.trial_ns());
   return install;
 }

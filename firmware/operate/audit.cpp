@@ -147,7 +147,10 @@ std::string values_after(const Command& command, const RigConfig& config, const 
   }
   if (const auto* calibration = std::get_if<CalibrationCommand>(&command)) {
     const auto* install = std::get_if<KeeperRequest::Install>(calibration);
-    return calibration_text(in_force) + (install && install->trial ? " on trial" : "");
+    const auto* use = std::get_if<KeeperRequest::Use>(calibration);
+    const bool older = (install && install->allow_older) || (use && use->allow_older);
+    return calibration_text(in_force) + (install && install->trial ? " on trial" : "") +
+           (older ? ", an older signature is allowed" : "");
   }
   const CaptureChange& change = std::get<CaptureChange>(command);
   if (const auto* heads = std::get_if<HeadChange>(&change)) {

@@ -13,7 +13,7 @@ Requester stored_settings() { return {Requester::Kind::kStoredSettings, 0, "stor
 Command without_document(const Command& command) {
   if (const auto* calibration = std::get_if<CalibrationCommand>(&command)) {
     if (const auto* install = std::get_if<KeeperRequest::Install>(calibration)) {
-      return CalibrationCommand(KeeperRequest::Install{"", install->trial, ""});
+      return CalibrationCommand(KeeperRequest::Install{"", install->trial, "", install->allow_older});
     }
   }
   return command;

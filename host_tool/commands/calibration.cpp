@@ -19,6 +19,9 @@ namespace {
 
 constexpr int kUploadAttempts = 4;
 
+constexpr const char* kAllowOlderHelp =
+    "Also if the rig has had a newer signed generation, or its signature names none";
+
 struct CalibrationArgs {
   std::string file;
   std::string id;
@@ -26,6 +29,7 @@ struct CalibrationArgs {
   bool unchecked = false;
   bool trial = false;
   std::string signature;
+  bool allow_older = false;
 };
 
 /// Parses the first digits of an id to bytes; an odd number of digits is an error.
@@ -69,7 +73,7 @@ Status run_trial(Context& context, const CalibrationArgs& args) {
   const Result<std::string> signature = read_signature(args);
   if (!signature) return fail(signature.error());
   const Result<TrialVerdict> verdict =
-      try_out(context, *calibration, kLiveSets, kTrialLimit, std::move(content), *signature);
+      try_out(context, *calibration, kLiveSets, {kTrialLimit, *signature, args.allow_older}, std::move(content));
   if (!verdict) return fail(verdict.error());
   tell_verdict(context, *verdict);
   return {};
@@ -86,8 +90,8 @@ Status run_upload(Context& context, const CalibrationArgs& args) {
   const Result<std::string> signature = read_signature(args);
   if (!signature) return fail(signature.error());
   const Reconnect connect = [&context] { return context.connect(); };
-  const Result<Uploaded> done =
-      upload(connect, {content.begin(), content.end()}, kUploadAttempts, context.console(), std::nullopt, *signature);
+  const Result<Uploaded> done = upload(connect, {content.begin(), content.end()}, kUploadAttempts, context.console(),
+                                       {std::nullopt, *signature, args.allow_older});
   if (!done) return fail(done.error());
   const std::string id = calibration ? to_hex(calibration_id(*calibration)) : "";
   context.console().document({{"id", id},
@@ -114,12 +118,20 @@ Status list_calibrations(Context& context) {
                                   : "",
                show_id(entry.id()), std::to_string(entry.generation()), std::to_string(entry.heads()), entry.name()});
   }
-  context.console().document({{"calibrations", list}});
+  Json document{{"calibrations", list}};
+  if (const auto& all = reply->calibrations(); all.has_signed_generation()) {
+    document["signed_generation"] = all.signed_generation();
+  }
+  context.console().document(document);
   if (list.empty()) {
     context.console().line("the rig has no calibration; `nodal calibration upload FILE` uploads one");
     return {};
   }
   for (const std::string& line : table.lines()) context.console().line(line);
+  if (const auto& all = reply->calibrations(); all.has_signed_generation()) {
+    context.console().line(fmt::format("the rig requires signatures; the next generation is {}",
+                                       std::uint64_t{all.signed_generation()} + 1));
+  }
   return {};
 }
 
@@ -177,6 +189,7 @@ Status run_use(Context& context, const CalibrationArgs& args) {
   if (!id) return fail(id.error());
   wire::Request request;
   request.mutable_calibration_use()->set_id(*id);
+  request.mutable_calibration_use()->set_allow_older(args.allow_older);
   return tell_in_force(context, request);
 }
 
@@ -216,6 +229,7 @@ void add_calibration(CLI::App& app, CommandLine& line) {
       ->excludes(unchecked);
   upload->add_option("--signature", args->signature, "Its signature by ssh-keygen -Y sign; FILE.sig when not given")
       ->type_name("FILE");
+  upload->add_flag("--allow-older", args->allow_older, kAllowOlderHelp);
   line.on(upload, [args](Context& context) { return run_upload(context, *args); });
 
   line.on(add("list", "The calibrations that the rig keeps; * is the one in force", "  nodal calibration list\n"),
@@ -230,6 +244,7 @@ void add_calibration(CLI::App& app, CommandLine& line) {
 
   CLI::App* use = add("use", "Put another calibration of the rig in force", "  nodal calibration use 3fa2b1\n");
   use->add_option("ID", args->id, "The first digits of its id")->required()->type_name("");
+  use->add_flag("--allow-older", args->allow_older, kAllowOlderHelp);
   line.on(use, [args](Context& context) { return run_use(context, *args); });
 
   line.on(add("rollback", "Go back to the calibration that was in force before", "  nodal calibration rollback\n"),

@@ -53,10 +53,14 @@ Result<std::unique_ptr<RigConnection>> Context::connect() {
   if (connect_by) return connect_by();
   const Result<Duration> patience = parse_duration(timeout);
   if (!patience) return fail(patience.error().in("--timeout"));
+  const Result<RigAddress> where = address();
+  if (!where) return fail(where.error());
+  return RigConnection::open(*where, *patience, open_link);
+}
+
+Result<RigAddress> Context::address() const {
   const std::string where = rig.empty() ? environment("NODAL_RIG", kDefaultRig) : rig;
-  const Result<RigAddress> address = parse_rig_address(where, environment("NODAL_SSH", "ssh"));
-  if (!address) return fail(address.error());
-  return RigConnection::open(*address, *patience);
+  return parse_rig_address(where, environment("NODAL_SSH", "ssh"));
 }
 
 Result<wire::Reply> Context::ask(const wire::Request& request) {
@@ -126,6 +130,7 @@ CommandLine::CommandLine(Console& console)
   app_.add_option("--timeout", context_.timeout, "Longest time for an answer of the rig (10s when not given)")
       ->type_name("DURATION")
       ->check(checked_by(parse_duration));
+  app_.add_flag("-v,--verbose", context_.verbose, "Say what this command may read, write and start");
   app_.add_flag("--json", context_.json, "Print JSON for programs, one document per line");
   add_status(app_, *this);
   add_heads(app_, *this);
@@ -188,14 +193,19 @@ ExitCode CommandLine::parse_and_dispatch(int argc, const char* const* argv) {
     console_.help(out.str());
     return code == 0 ? ExitCode::kOk : ExitCode::kFailed;
   } catch (const CLI::ParseError& wrong) {
-    console_.set_json(context_.json);
-    const std::string message = explain_usage(app_, wrong);
-    console_.note(fmt::format("nodal: {}\n{}", message, usage_hint(app_)));
-    console_.document({{"error", {{"code", 0}, {"name", "usage"}, {"message", message}}}});
-    return ExitCode::kUsage;
+    // CLI11 sets context_.json only after it has accepted the whole line.
+    console_.set_json(asks_for_json(argc, argv));
+    return refuse_usage(explain_usage(app_, wrong));
   }
   console_.set_json(context_.json);
   return dispatch();
+}
+
+ExitCode CommandLine::refuse_usage(const std::string& message) {
+  console_.note("nodal: " + message);
+  console_.note(usage_hint(app_));
+  console_.document({{"error", {{"code", 0}, {"name", "usage"}, {"message", message}}}});
+  return ExitCode::kUsage;
 }
 
 ExitCode CommandLine::dispatch() {
@@ -205,9 +215,12 @@ ExitCode CommandLine::dispatch() {
   NODAL_ASSERT(action != actions_.end());
   watch_interrupts();
   context_.answer = ExitCode::kOk;
-  const Status done = action->second(context_);
+  Status done;
+  if (before_command) done = before_command(context_, *chosen);
+  if (done) done = action->second(context_);
   console_.finish_progress();
   if (done) return context_.answer;
+  if (is_about_option(done.error())) return refuse_usage(done.error().message);
   console_.error(done.error());
   if (done.error().code == Errc::kCancelled && interrupted()) return exit_code_of_signal(interrupting_signal());
   return exit_code_of(done.error().code);

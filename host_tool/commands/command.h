@@ -29,6 +29,8 @@ class Context {
   Console& console() { return console_; }
   /// A new connection to the rig that --rig names.
   Result<std::unique_ptr<RigConnection>> connect();
+  /// The rig that --rig names, else the environment. Errors: those of parse_rig_address().
+  Result<RigAddress> address() const;
   /// Connects, sends one request, and disconnects.
   Result<wire::Reply> ask(const wire::Request& request);
 
@@ -36,6 +38,10 @@ class Context {
   std::string rig;
   std::string timeout = "10s";
   bool json = false;
+  bool verbose = false;
+
+  /// Opens the link of every connection.
+  OpenLink open_link = host::open_link;
 
   /// If set, replaces connect(): tests connect over their own link.
   std::function<Result<std::unique_ptr<RigConnection>>()> connect_by;
@@ -57,6 +63,9 @@ class CommandLine {
   /// Parses and runs. The exit code also reports a failed standard output. Catches all exceptions.
   ExitCode run(int argc, const char* const* argv);
 
+  /// If set, runs between the parsing of the words and the command; an error ends the run.
+  std::function<Status(Context&, const CLI::App& command)> before_command;
+
   CLI::App& app() { return app_; }
   Context& context() { return context_; }
   /// Sets the action of `command`.
@@ -65,6 +74,8 @@ class CommandLine {
  private:
   ExitCode parse_and_dispatch(int argc, const char* const* argv);
   ExitCode dispatch();
+  /// Prints why the command line is refused, with --json as a document, too.
+  ExitCode refuse_usage(const std::string& message);
   /// The exit code if standard output failed; prints a message on standard error, except if its reader closed the pipe.
   ExitCode with_lost_output(ExitCode code);
 

@@ -4,6 +4,20 @@
 #include "stitch/mesh/mesh_file.h"
 
 namespace nodal::host {
+namespace {
+
+bool is_mesh_file(const std::string& text) { return text.ends_with(".glb") || text.ends_with(".obj"); }
+
+Result<geometry::Envelope> shape_named(const std::string& text) {
+  if (text.find(':') == std::string::npos && text.find_first_of("./") != std::string::npos) {
+    return fail(
+        Errc::kUnsupported,
+        text.substr(0, 256) + ": the name of a mesh ends with .obj or .glb; convert other files to one of them");
+  }
+  return geometry::Envelope::named(text);
+}
+
+}  // namespace
 
 CLI::Option* add_envelope_option(CLI::App& command, std::string& envelope, const std::string& what) {
   std::string shapes = geometry::Solid::names();
@@ -14,27 +28,27 @@ CLI::Option* add_envelope_option(CLI::App& command, std::string& envelope, const
                   what +
                       ". A closed mesh around the nodal point,\nFILE.obj or FILE.glb, or a shape about it, metres:\n" +
                       shapes)
-      ->type_name("SHAPE|FILE");
+      ->type_name("SHAPE|FILE")
+      ->check(checked_by([](const std::string& text) -> Status {
+        if (is_mesh_file(text)) return {};
+        const Result<geometry::Envelope> shape = shape_named(text);
+        return shape ? Status{} : fail(shape.error());
+      }));
 }
 
 Result<geometry::Envelope> read_envelope(const std::string& text) {
-  const bool glb = text.ends_with(".glb");
-  if (!glb && !text.ends_with(".obj")) {
-    if (text.find(':') == std::string::npos && text.find_first_of("./") != std::string::npos) {
-      return fail(Errc::kUnsupported,
-                  "--envelope: " + text.substr(0, 256) +
-                      ": the name of a mesh ends with .obj or .glb; convert other files to one of them");
-    }
-    Result<geometry::Envelope> shape = geometry::Envelope::named(text);
+  if (!is_mesh_file(text)) {
+    Result<geometry::Envelope> shape = shape_named(text);
     if (!shape) return fail(shape.error().in("--envelope"));
     return shape;
   }
+  const bool glb = text.ends_with(".glb");
   const Result<std::string> bytes = read_file(text, glb ? mesh::kMaxMeshFileBytes : geometry::Envelope::kMaxObjBytes);
-  if (!bytes) return fail(bytes.error().in("--envelope"));
+  if (!bytes) return fail(bytes.error());
   Result<geometry::Envelope> envelope =
       glb ? mesh::decode_envelope({reinterpret_cast<const std::uint8_t*>(bytes->data()), bytes->size()})
           : geometry::Envelope::from_obj(*bytes);
-  if (!envelope) return fail(envelope.error().in(text).in("--envelope"));
+  if (!envelope) return fail(envelope.error().in(text));
   return envelope;
 }
 

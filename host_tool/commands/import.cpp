@@ -10,6 +10,7 @@
 #include "host_tool/commands/command.h"
 #include "host_tool/commands/replay_toml.h"
 #include "host_tool/console/files.h"
+#include "host_tool/input/project_pictures.h"
 #include "host_tool/report/calibration_report.h"
 #include "stitch/geometry/head.h"
 #include "stitch/media/image_file.h"
@@ -24,6 +25,8 @@ struct ImportArgs {
   std::string out = "calibration.json";
   std::string name;
   std::string rig_toml;
+  bool pictures_anywhere = false;
+  PicturePlaces places() const { return pictures_anywhere ? PicturePlaces::kAnywhere : PicturePlaces::kBesideProject; }
 };
 
 /// How well the project's control points agree under the imported calibration, per pair of heads.
@@ -65,33 +68,37 @@ Residual total_of(const Residuals& residuals) {
 
 /// A rig.toml with replay heads for the project's pictures.
 Result<std::string> rig_toml_of(const interchange::ImportResult& imported, const ImportArgs& args) {
-  const fs::path from = fs::absolute(args.files.front()).parent_path();
-  std::vector<std::string> pictures;
   for (std::size_t i = 0; i < imported.images.size(); ++i) {
     if (imported.images[i].empty()) {
       return fail(Errc::kMissingField, fmt::format("{}: names no picture for head '{}', so there is nothing to replay; "
                                                    "leave out --rig-toml",
                                                    args.files.front(), imported.calibration.heads[i].name));
     }
-    pictures.push_back((from / imported.images[i]).string());
   }
-  return replay_rig_toml(imported.calibration, pictures, fs::path(args.files.front()).filename().string(),
+  const Result<std::vector<std::string>> pictures =
+      project_pictures(args.files.front(), imported.images, args.places());
+  if (!pictures) return fail(pictures.error());
+  return replay_rig_toml(imported.calibration, *pictures, fs::path(args.files.front()).filename().string(),
                          args.rig_toml);
 }
 
 /// Sentences about pictures that the project names and that are not there, cannot be read, or have another size than the
-/// project says. Without `all` only about those that are there: a project may have been copied without its pictures.
-std::vector<std::string> picture_warnings(const interchange::ImportResult& imported, const std::string& project,
-                                          bool all) {
+/// project says. Without --rig-toml only about those that are there: a project may have been copied without its pictures.
+std::vector<std::string> picture_warnings(const interchange::ImportResult& imported, const ImportArgs& args) {
+  const bool all = !args.rig_toml.empty();
   std::vector<std::string> warnings;
   for (std::size_t i = 0; i < imported.images.size(); ++i) {
     const HeadCalibration& head = imported.calibration.heads[i];
     const std::string& image = imported.images[i];
-    const fs::path file = fs::absolute(project).parent_path() / image;
+    const Result<std::string> file = project_picture(args.files.front(), image, args.places());
+    if (!file) {
+      warnings.push_back(file.error().message);
+      continue;
+    }
     std::error_code error;
-    const bool there = !image.empty() && fs::is_regular_file(file, error);
+    const bool there = !image.empty() && fs::is_regular_file(*file, error);
     if (!there && !all) continue;
-    const Result<ImageHeader> header = media::read_image_header(file);
+    const Result<ImageHeader> header = media::read_image_header(*file);
     if (!there) {
       warnings.push_back(
           fmt::format("head '{}': there is no picture '{}'; correct its port in rig.toml", head.name, image));
@@ -118,7 +125,7 @@ void tell(Console& console, const interchange::ImportResult& imported, const Cal
          {"rms_deg", residual.rms()},
          {"worst_deg", residual.worst}});
   }
-  const std::vector<std::string> warnings = picture_warnings(imported, args.files.front(), !args.rig_toml.empty());
+  const std::vector<std::string> warnings = picture_warnings(imported, args);
   console.document({{"out", args.out},
                     {"notes", imported.notes},
                     {"warnings", warnings},
@@ -192,6 +199,7 @@ void add_import(CLI::App& app, CommandLine& line) {
       ->type_name("NAME");
   command->add_option("--rig-toml", args->rig_toml, "Write a rig.toml, too, with heads that replay the pictures")
       ->type_name("FILE");
+  command->add_flag(kPicturesAnywhere, args->pictures_anywhere, kPicturesAnywhereHelp);
   line.on(command, [args](Context& context) { return run_import(context, *args); });
 }
 

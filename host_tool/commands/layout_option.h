@@ -17,6 +17,15 @@ inline std::string layout_type() {
   return type + "rays";
 }
 
+/// Checks an option's value, but not the file of "rays:FILE", which the command reads.
+inline CLI::Validator layout_check() {
+  return checked_by([](const std::string& text) -> Status {
+    if (text.starts_with("rays:")) return {};
+    const Result<geometry::LayoutName> name = geometry::LayoutName::parse(text);
+    return name ? Status{} : fail(name.error());
+  });
+}
+
 /// Adds --layout NAME; its help lists every layout.
 inline CLI::Option* add_layout_option(CLI::App& command, std::string& layout, const std::string& what) {
   std::string help = what + ". One of:";
@@ -30,7 +39,7 @@ inline CLI::Option* add_layout_option(CLI::App& command, std::string& layout, co
     line = begins ? word.size() : line + 1 + word.size();
   }
   help += " rays:FILE";
-  return command.add_option("--layout", layout, help)->type_name(layout_type());
+  return command.add_option("--layout", layout, help)->type_name(layout_type())->check(layout_check());
 }
 
 /// The layout with a name as users write it: also "rays:FILE". Errors: those of LayoutName::parse() and read_file().

@@ -73,7 +73,7 @@ Status run_pattern(Context& context, const PatternArgs& args) {
     bytes = media::png_file({raster.width, raster.height, 1, 8, raster.values},
                             {media::PngNotes::Numbers::kSrgb, pixels_per_meter, about, {}, 6});
   } else {
-    return fail(Errc::kBadValue, fmt::format("'{}': end it in .png or .pdf", args.out));
+    return fail(Errc::kBadValue, fmt::format("--out {}: end it in .png or .pdf", args.out));
   }
   if (!bytes) return fail(bytes.error());
   if (const Status written = write_file(args.out, *bytes); !written) return written;

@@ -87,11 +87,9 @@ class Assembly {
 
  private:
   Status begin(const BulkPiece& piece) {
-    header_.Clear();
-    if (!header_.ParseFromString(piece.meta)) {
-      return fail(Errc::kBadFormat, "the rig sent a raymap with an invalid header");
-    }
-    if (const Status good = check_and_clean(header_); !good) return good;
+    Result<wire::RaymapHeader> header = parse_clean<wire::RaymapHeader>(piece.meta, "header of a raymap");
+    if (!header) return fail(header.error());
+    header_ = std::move(*header);
     if ((header_.coding() == "jpeg") != jpeg_) {
       return fail(Errc::kBadFormat,
                   "the rig sent a raymap of coding '" + header_.coding() + "', which was not asked for");
@@ -118,7 +116,7 @@ Result<RaymapSink> make_sink(const RaymapArgs& args, Console& console) {
     sink.format = parse_raymap_format(args.format).value_or(RaymapFormat::kJpg);
   } else if (!args.out.empty() && args.out != "-") {
     const Result<RaymapFormat> format = raymap_format_of_name(args.out);
-    if (!format) return fail(format.error().code, format.error().message + ", or say --format");
+    if (!format) return fail(format.error().code, "--out " + format.error().message + ", or say --format");
     sink.format = *format;
   }
   const bool many = args.continuous || args.count != 1 || !args.seconds.empty();
@@ -128,7 +126,7 @@ Result<RaymapSink> make_sink(const RaymapArgs& args, Console& console) {
     if (const Status good = check_pipe(console); !good) return fail(good.error());
     return sink;
   }
-  if (const Result<std::string> name = numbered_name(sink.pattern, 1); !name) return fail(name.error());
+  if (const Result<std::string> name = numbered_name(sink.pattern, 1); !name) return fail(name.error().in("--out"));
   if (many && !has_number(sink.pattern)) console.note(sink.pattern + " holds the newest raymap only; %06d keeps all");
   return sink;
 }
@@ -174,6 +172,7 @@ class Pull {
         console_(console),
         endless_(args.continuous || !args.seconds.empty()),
         progress_(console, "raymap", endless_ ? 0 : args.count),
+        floor_(rig.patience(), rig.now()),
         assembly_(sink.format == RaymapFormat::kJpg) {}
 
   /// Runs until there are enough raymaps, the time is up, Ctrl-C, or the rig closes the stream.
@@ -187,6 +186,11 @@ class Pull {
       const Result<std::optional<Event>> event = rig_.next_event_of(stream_, remind_after);
       if (interrupted()) break;
       if (!event) return fail(event.error());
+      if (begun_ && floor_.stalled(rig_.now())) {
+        return fail(Errc::kTimeout, fmt::format("{}: the rig began a raymap and sent less than {} of it in {}",
+                                                rig_.address(), show_bytes(kMinBytesAWindow),
+                                                show_duration(static_cast<std::uint64_t>(floor_.window().ns()))));
+      }
       if (!*event) {
         console_.note(fmt::format("no raymap for {}; `nodal status` says why (no calibration? genlock stopped?)",
                                   show_duration(static_cast<std::uint64_t>(remind_after.ns()))));
@@ -237,6 +241,9 @@ class Pull {
     const auto* piece = std::get_if<BulkPiece>(&event);
     if (piece == nullptr) return true;
     tally_.dropped = piece->dropped;
+    if (piece->first) floor_.restart(rig_.now());
+    floor_.moved(piece->data.size(), rig_.now());
+    begun_ = !piece->last;
     const Result<std::optional<ReceivedRaymap>> raymap = assembly_.add(*piece);
     if (!raymap) return fail(raymap.error());
     if (!*raymap) return true;
@@ -269,6 +276,8 @@ class Pull {
   bool endless_;
   Progress progress_;
   Tally tally_;
+  ProgressFloor floor_;  ///< of a raymap whose first piece has arrived
+  bool begun_ = false;
   Assembly assembly_;
   std::string name_;
 };
@@ -285,6 +294,7 @@ Result<int> count_heads(RigConnection& rig) {
 /// Requests raymaps; repeats the request every second while the rig is still compiling its blend table.
 Result<StreamId> start_pull(RigConnection& rig, const wire::Request& request, Console& console) {
   constexpr Duration kAskAgainAfter = Duration::seconds(1);
+  ActivityFloor floor(rig.now());
   while (true) {
     const Result<wire::Reply> started = rig.ask(request);
     if (started) {
@@ -296,7 +306,8 @@ Result<StreamId> start_pull(RigConnection& rig, const wire::Request& request, Co
     how.mutable_status();
     const Result<wire::Reply> status = rig.ask(how);
     if (!status) return fail(status.error());
-    if (status->status().activity().empty()) return fail(started.error());
+    floor.see(status->status().activity(), rig.now());
+    if (status->status().activity().empty() || floor.stalled(rig.now())) return fail(started.error());
     console.activity(status->status().activity());
     if (const Status rested = rig.rest(kAskAgainAfter); !rested) return fail(rested.error());
     if (interrupted()) return fail(Errc::kCancelled, "stopped while the rig was " + status->status().activity());

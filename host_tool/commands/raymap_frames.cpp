@@ -209,7 +209,8 @@ void add_frame_options(CLI::App& command, FrameOptions& options) {
       ->required()
       ->type_name("FILE");
   command.add_option("--from", options.from, "The raymaps' layout; as their metadata says when not given")
-      ->type_name(layout_type());
+      ->type_name(layout_type())
+      ->check(layout_check());
   command.add_option("--filter", options.filter, "Between pixels (bicubic when not given)")
       ->type_name("nearest|bilinear|bicubic|lanczos")
       ->check(checked_by(view::parse_filter));

@@ -259,8 +259,9 @@ Status run_register(Context& context, const RegisterArgs& args) {
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall).count();
   if (const Status written = write_file(args.out, to_json(report->calibration)); !written) return written;
   if (!args.rig_toml.empty()) {
-    const std::string toml = replay_rig_toml(report->calibration, input->files, args.out, args.rig_toml);
-    if (const Status written = write_file(args.rig_toml, toml); !written) return written;
+    const Result<std::string> toml = replay_rig_toml(report->calibration, input->files, args.out, args.rig_toml);
+    if (!toml) return fail(toml.error());
+    if (const Status written = write_file(args.rig_toml, *toml); !written) return written;
   }
   if (!args.report.empty()) {
     const Result<std::string> page = interruptible(context.console(), [&] {
@@ -276,7 +277,7 @@ Status run_register(Context& context, const RegisterArgs& args) {
   context.console().document(document);
   tell(context.console(), *report, options.free != registration::Free::kRotations, args.out, seconds);
   if (!args.trial) return {};
-  const Result<TrialVerdict> verdict = try_out(context, report->calibration, args.sets, *limit);
+  const Result<TrialVerdict> verdict = try_out(context, report->calibration, args.sets, {*limit});
   if (!verdict) return fail(verdict.error());
   tell_verdict(context, *verdict);
   return {};

@@ -11,6 +11,7 @@
 #include "host_tool/commands/command.h"
 #include "host_tool/commands/layout_option.h"
 #include "host_tool/commands/raymap_sink.h"
+#include "host_tool/commands/render_cost.h"
 #include "host_tool/commands/take_argument.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
@@ -19,6 +20,7 @@
 #include "protocol/base/stops.h"
 #include "stitch/media/gpano.h"
 #include "stitch/media/jpeg_writer.h"
+#include "stitch/parallel/workers.h"
 #include "stitch/render/take_render.h"
 #include "stitch/sets/shown_raymap.h"
 
@@ -162,6 +164,22 @@ void tell_losses(Console& console, const render::TakeRender& render, const Rende
   }
 }
 
+/// Says what a costly raymap needs; refuses one that needs more memory than is free.
+Status check_memory(Console& console, const render::TakeRender& render, const RaymapConfig& raymap, int threads) {
+  const std::uint64_t free = free_memory();
+  const std::optional<RenderCost> cost = interruptible(
+      console, [&] { return cost_of(render.calibrations(), raymap, parallel::Workers(threads).threads()); });
+  if (!cost) return {};
+  if (const Status fits = check_cost(*cost, raymap, free); !fits) return fits;
+  if (is_worth_saying(*cost, free)) {
+    console.note(
+        fmt::format("a raymap of {}x{} pixels needs about {} of memory and {:.0f} s to prepare; --width makes it "
+                    "smaller",
+                    raymap.width, raymap.height, show_bytes(cost->bytes), cost->seconds));
+  }
+  return {};
+}
+
 Status run_render(Context& context, RenderArgs args) {
   watch_interrupts();
   Console& console = context.console();
@@ -188,6 +206,9 @@ Status run_render(Context& context, RenderArgs args) {
   }
   const auto render = render::TakeRender::make(*folder, options);
   if (!render) return fail(render.error());
+  if (const Status fits = check_memory(console, **render, *raymap, args.threads); !fits) {
+    return fail(fits.error().in(args.folder));
+  }
 
   const bool many = folder->manifest().sets * static_cast<std::uint64_t>(raymap->raymaps_a_set()) > 1;
   if (args.out.empty()) args.out = many ? "raymaps.mkv" : "raymap.jpg";

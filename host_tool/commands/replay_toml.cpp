@@ -5,14 +5,24 @@
 #include <cctype>
 #include <filesystem>
 
+#include "firmware/config/written_toml.h"
+#include "protocol/base/text.h"
+
 namespace nodal::host {
 namespace {
 
 namespace fs = std::filesystem;
 
+constexpr std::size_t kLongestSource = 200;  // bytes of a file's name, in a comment
+
 std::string toml_string(const std::string& text) {
   std::string quoted = "\"";
   for (const char c : text) {
+    const auto code = static_cast<unsigned char>(c);
+    if (code < 0x20 || code == 0x7F) {  // TOML allows control characters only as escapes
+      quoted += fmt::format("\\u{:04X}", code);
+      continue;
+    }
     if (c == '"' || c == '\\') quoted += '\\';
     quoted += c;
   }
@@ -32,21 +42,31 @@ std::string rig_name(const std::string& calibration) {
 
 }  // namespace
 
-std::string replay_rig_toml(const Calibration& calibration, const std::vector<std::string>& pictures,
-                            const std::string& source, const std::string& file) {
+Result<std::string> replay_rig_toml(const Calibration& calibration, const std::vector<std::string>& pictures,
+                                    const std::string& source, const std::string& file) {
   std::string text = fmt::format(
       "# Heads that replay the pictures of {}. Every key is explained in firmware/RIG.md.\n"
       "[rig]\nname = {}\nrate = \"30000/1001\"\n\n"
       "[raymap]\nlayout = \"equirectangular\"\nwidth = 2048\nheight = 1024\nformat = \"I420\"\n\n"
       "[links]\nunix = \"nodal.sock\"\n\n[store]\nfolder = \"store\"\n",
-      source, toml_string(rig_name(calibration.name)));
+      printable(source, kLongestSource), toml_string(rig_name(calibration.name)));
   const fs::path to = fs::absolute(file).parent_path();
+  std::vector<firmware::WrittenHead> heads;
   for (std::size_t i = 0; i < pictures.size(); ++i) {
     const fs::path picture = fs::absolute(pictures[i]).lexically_normal();
     const fs::path relative = picture.lexically_relative(to);
     const bool nearby = !relative.empty() && *relative.begin() != "..";
-    text += fmt::format("\n[[heads]]\nname = {}\nport = {}\n", toml_string(calibration.heads[i].name),
-                        toml_string("replay:" + (nearby ? relative : picture).string()));
+    heads.push_back({calibration.heads[i].name, "replay:" + (nearby ? relative : picture).string()});
+    text += fmt::format("\n[[heads]]\nname = {}\nport = {}\n", toml_string(heads.back().name),
+                        toml_string(heads.back().port));
+  }
+  if (const Status good = firmware::check_written_toml(text, file, heads); !good) {
+    std::string names;
+    for (const firmware::WrittenHead& head : heads) names += (names.empty() ? "'" : ", '") + head.name + "'";
+    return fail(good.error().code,
+                fmt::format("no rig.toml is written, because nodald could not read it: {} (its heads "
+                            "would be {})",
+                            good.error().message, names));
   }
   return text;
 }

@@ -38,6 +38,7 @@ struct StitchArgs {
   double feather = table::TableOptions().feather;
   int threads = 0;
   double distance = 0;  ///< 0: the calibration's
+  bool pictures_anywhere = false;
 };
 
 constexpr int kBestJpegQuality = 98;
@@ -154,7 +155,8 @@ Result<Job> make_job(Console& console, const StitchArgs& args) {
   if (args.nominal.rig.empty() && is_picture(args.inputs.front())) {
     if (const Status found = calibrate(console, job); !found) return fail(found.error());
   } else {
-    Result<StitchInput> input = read_stitch_input(args.nominal, args.inputs);
+    const auto places = args.pictures_anywhere ? PicturePlaces::kAnywhere : PicturePlaces::kBesideProject;
+    Result<StitchInput> input = read_stitch_input(args.nominal, args.inputs, places);
     if (!input) return fail(input.error());
     job.input = std::move(*input);
   }
@@ -350,6 +352,7 @@ void add_stitch(CLI::App& app, CommandLine& line) {
                    "Metres to where the pictures meet; needs a calibration in which heads have positions")
       ->type_name("M")
       ->check(number_between(0.01, kLongestDistance));
+  command->add_flag(kPicturesAnywhere, args->pictures_anywhere, kPicturesAnywhereHelp);
   add_nominal_options(*command, args->nominal);
   command->parse_complete_callback([=] {
     for (const CLI::Option* other : {transition, seam_width, feather}) {

@@ -7,6 +7,7 @@
 #include "host_tool/report/sync_report.h"
 #include "host_tool/rig/frame_period.h"
 #include "host_tool/rig/rig_input.h"
+#include "host_tool/rig/stream_wait.h"
 
 namespace nodal::host {
 namespace {
@@ -31,28 +32,23 @@ Status collect(RigConnection& rig, StreamId stream, const SyncArgs& args, Consol
   const Result<Duration> within = patience_for_sets(rig);
   if (!within) return fail(within.error());
   Progress progress(console, "set", args.sets);
+  StreamWait wait(rig, stream, *within, "the sets' timing; `nodal status` says whether there are sets");
   while (report.sets() < args.sets) {
-    const Result<std::optional<Event>> event = rig.next_event_of(stream, *within);
+    const Result<Event> event = wait.next();
     if (interrupted()) break;
     if (!event) return fail(event.error());
-    if (!*event) {
-      return fail(Errc::kTimeout, fmt::format("no set for {}; `nodal status` says why",
-                                              show_duration(static_cast<std::uint64_t>(within->ns()))));
-    }
-    if (const auto* closed = std::get_if<StreamClosed>(&**event)) {
+    if (const auto* closed = std::get_if<StreamClosed>(&*event)) {
       if (closed->error) return fail(*closed->error);
       break;
     }
-    const auto* piece = std::get_if<BulkPiece>(&**event);
+    const auto* piece = std::get_if<BulkPiece>(&*event);
     if (piece == nullptr || !piece->first) continue;
-    wire::RaymapHeader header;
-    if (!header.ParseFromString(piece->meta)) {
-      return fail(Errc::kBadFormat, "the rig sent invalid timing data of a set");
-    }
-    if (const Status good = check_and_clean(header); !good) return good;
-    report.add(header);
+    const auto header = parse_clean<wire::RaymapHeader>(piece->meta, "timing data of a set");
+    if (!header) return fail(header.error());
+    report.add(*header);
+    wait.restart();
     report.set_dropped(piece->dropped);
-    progress.update(report.sets(), header.genlock());
+    progress.update(report.sets(), header->genlock());
   }
   rig.stop_stream(stream);
   return {};

@@ -37,7 +37,7 @@ class Csv {
  public:
   /// end() returns why the file could not be made or written.
   Csv(const fs::path& file, std::string_view titles) : name_(file.string()) {
-    Result<FilePtr> out = open_to_write(file);
+    Result<FilePtr> out = create_to_write(file);
     if (out) out_ = std::move(*out);
     else made_ = fail(out.error().in(name_));
     put(titles);

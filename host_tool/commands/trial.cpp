@@ -49,8 +49,8 @@ class TrialUnderWay {
 
 }  // namespace
 
-Result<TrialVerdict> try_out(Context& context, const Calibration& tried, int sets, Duration limit, std::string document,
-                             const std::string& signature) {
+Result<TrialVerdict> try_out(Context& context, const Calibration& tried, int sets, UploadTerms terms,
+                             std::string document) {
   Result<std::unique_ptr<RigConnection>> rig = context.connect();
   if (!rig) return fail(rig.error());
   for (const char* feature : {"calibration-trial", "frame-sets"}) {
@@ -61,10 +61,10 @@ Result<TrialVerdict> try_out(Context& context, const Calibration& tried, int set
   if (document.empty()) document = to_json(tried);
   const Result<Duration> period = frame_period(**rig);
   if (!period) return fail(period.error());
-  limit = FrameTime{limit, kTrialPeriods}.at(*period);
+  terms.trial = FrameTime{terms.trial.value_or(kTrialLimit), kTrialPeriods}.at(*period);
   const Reconnect connect = [&context] { return context.connect(); };
   const Result<Uploaded> uploaded =
-      upload(connect, {document.begin(), document.end()}, kTrialUploadAttempts, context.console(), limit, signature);
+      upload(connect, {document.begin(), document.end()}, kTrialUploadAttempts, context.console(), terms);
   if (!uploaded) return fail(uploaded.error());
   TrialUnderWay trial(**rig, tried);
   const Result<PictureSets> pictures = pull_frame_sets(**rig, tried, sets, context.console());

@@ -76,6 +76,14 @@ std::vector<std::string> command_words(int argc, const char* const* argv) {
   return words;
 }
 
+bool asks_for_json(int argc, const char* const* argv) {
+  return std::find(argv, argv + argc, std::string_view("--json")) != argv + argc;
+}
+
+bool is_about_option(const Error& error) {
+  return error.message.starts_with("--") && static_cast<int>(error.code) / 100 == 1;
+}
+
 std::string explain_usage(const CLI::App& app, const CLI::ParseError& wrong) {
   const bool incomplete = wrong.get_exit_code() == static_cast<int>(CLI::ExitCodes::RequiredError);
   const bool unknown = incomplete || wrong.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError);

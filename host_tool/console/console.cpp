@@ -40,14 +40,13 @@ bool colour_wanted() {
 
 void put(std::FILE* file, std::string_view text) { std::fwrite(text.data(), 1, text.size(), file); }
 
-/// Prepares text for a terminal: keeps line ends and the colours of paint(), replaces all other control characters,
-/// because names and errors come from rigs and files.
+/// Prepares a line for a terminal: keeps the colours of paint(), replaces all other control characters and ends of lines,
+/// because names and errors come from rigs and files, which must not forge a line.
 std::string shown(std::string_view text) {
-  constexpr std::array<std::string_view, 7> kKept{"\n",       kReset,    "\x1b[32m", "\x1b[33m",
-                                                  "\x1b[31m", "\x1b[2m", "\x1b[1m"};
+  constexpr std::array<std::string_view, 6> kKept{kReset, "\x1b[32m", "\x1b[33m", "\x1b[31m", "\x1b[2m", "\x1b[1m"};
   std::string result;
   while (!text.empty()) {
-    const std::size_t plain = std::min(text.find_first_of("\n\x1b"), text.size());
+    const std::size_t plain = std::min(text.find('\x1b'), text.size());
     result += printable(text.substr(0, plain), std::string::npos);
     text.remove_prefix(plain);
     if (text.empty()) break;

@@ -38,7 +38,8 @@ class Console {
   /// failed write to standard output. Call it last.
   int end_output();
 
-  /// A result for human readers: a line on standard output, broken where a terminal ends. Does nothing with --json.
+  /// A result for human readers: one line on standard output, broken where a terminal ends; an end of a line in `text` is
+  /// replaced. Does nothing with --json.
   void line(std::string_view text);
   /// A result for programs: one JSON document on one line of standard output. Does nothing without --json.
   void document(const Json& document);
@@ -47,7 +48,7 @@ class Console {
   /// Unmodified bytes on standard output, also with --json: pictures of `raymap pull --out -`.
   void bytes(std::string_view data);
 
-  /// Remarks on standard error: progress, notes, warnings.
+  /// Remarks on standard error: progress, notes, warnings. One line each, as line().
   void note(std::string_view text);
   void warning(std::string_view text);
   /// The error of a command that failed; with --json also as {"error": {...}} on standard output.

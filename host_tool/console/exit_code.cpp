@@ -25,9 +25,9 @@ const std::array<ExitCodeHelp, 15>& exit_code_help() {
   static const std::array<ExitCodeHelp, 15> help{{
       {ExitCode::kOk, "done"},
       {ExitCode::kFailed, "an internal error of Nodal (9xx)"},
-      {ExitCode::kUsage, "the command line cannot be understood"},
+      {ExitCode::kUsage, "the command line cannot be understood, or an option has a wrong value"},
       {ExitCode::kUnreachable, "no rig answers, or the link to it was lost (3xx)"},
-      {ExitCode::kBadInput, "a file, a value or a calibration is refused (1xx, 2xx)"},
+      {ExitCode::kBadInput, "a file or a calibration is refused (1xx, 2xx)"},
       {ExitCode::kDevice, "a head or another device of the rig failed (4xx)"},
       {ExitCode::kStorage, "a file or a disk, here or on the rig (5xx)"},
       {ExitCode::kNotNow, "the right request at the wrong moment (6xx, busy)"},

@@ -11,9 +11,9 @@ namespace nodal::host {
 enum class ExitCode : int {
   kOk = 0,
   kFailed = 1,       ///< an internal error of Nodal (9xx), or no other code fits
-  kUsage = 2,        ///< invalid command line
+  kUsage = 2,        ///< invalid command line, or a wrong value of an option
   kUnreachable = 3,  ///< no rig, or the link to it was lost (3xx)
-  kBadInput = 4,     ///< a file, value or calibration is refused (1xx, 2xx)
+  kBadInput = 4,     ///< a file or calibration is refused (1xx, 2xx)
   kDevice = 5,       ///< a head or another device of the rig (4xx)
   kStorage = 6,      ///< a file or disk, here or on the rig (5xx)
   kNotNow = 7,       ///< the right request at the wrong moment (6xx)

@@ -9,6 +9,7 @@
 #include "host_tool/rig/bulk_item.h"
 #include "host_tool/rig/frame_period.h"
 #include "host_tool/rig/rig_input.h"
+#include "host_tool/rig/stream_wait.h"
 #include "protocol/base/sha256.h"
 #include "stitch/decode/frame_decoder.h"
 #include "stitch/media/image_file.h"
@@ -46,10 +47,9 @@ Result<std::uint64_t> picture_bytes(const wire::HeadPicture& head) {
 
 /// Reads the header; returns the total bytes of its pictures, which is the set's limit.
 Result<std::uint64_t> read_header(const BulkPiece& first, wire::FrameSetHeader& header) {
-  if (!header.ParseFromString(first.meta)) {
-    return fail(Errc::kBadFormat, "the rig sent a frame set with an invalid header");
-  }
-  if (const Status good = check_and_clean(header); !good) return fail(good.error());
+  Result<wire::FrameSetHeader> read = parse_clean<wire::FrameSetHeader>(first.meta, "header of a frame set");
+  if (!read) return fail(read.error());
+  header = std::move(*read);
   std::uint64_t sum = 0;
   std::uint64_t decoded = 0;
   for (const wire::HeadPicture& head : header.heads()) {
@@ -75,14 +75,11 @@ Result<ReceivedSet> receive_set(RigConnection& rig, Duration within) {
   BulkItemBytes bytes;
   bool begun = false;
   bool whole = false;
+  StreamWait wait(rig, stream, within, "a frame set");
   while (true) {
-    const Result<std::optional<Event>> event = rig.next_event_of(stream, within);
+    const Result<Event> event = wait.next();
     if (!event) return fail(event.error());
-    if (!*event) {
-      return fail(Errc::kTimeout, fmt::format("the rig began a frame set and sent nothing more of it for {}",
-                                              show_duration(static_cast<std::uint64_t>(within.ns()))));
-    }
-    if (const auto* piece = std::get_if<BulkPiece>(&**event)) {
+    if (const auto* piece = std::get_if<BulkPiece>(&*event)) {
       if (piece->first) {
         if (begun) return fail(Errc::kProtocol, "the rig sent a second frame set; one was asked for");
         begun = true;
@@ -92,7 +89,7 @@ Result<ReceivedSet> receive_set(RigConnection& rig, Duration within) {
       }
       bytes.add(*piece);
       whole = piece->last;
-    } else if (const auto* closed = std::get_if<StreamClosed>(&**event)) {
+    } else if (const auto* closed = std::get_if<StreamClosed>(&*event)) {
       if (closed->error) return fail(*closed->error);
       if (!whole) return fail(Errc::kTruncated, "the rig ended a frame set before it was complete");
       set.bytes = bytes.take();

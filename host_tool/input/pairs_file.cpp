@@ -155,6 +155,10 @@ Result<std::vector<PointPair>> read_pairs(const std::string& file, const Calibra
   const bool project = file.ends_with(".pto") || file.ends_with(".pts") || file.ends_with(".ptv");
   Result<std::vector<PointPair>> pairs = project ? pairs_of_project(*text, rig) : parse_pairs_csv(*text, rig);
   if (!pairs) return fail(pairs.error().in(file));
+  if (pairs->size() > kMaxPointPairs) {
+    return fail(Errc::kTooLarge, fmt::format("{}: {} point pairs; at most {} are fitted, so leave some out", file,
+                                             pairs->size(), kMaxPointPairs));
+  }
   if (pairs->empty()) {
     return fail(Errc::kMissingField,
                 file + ": no point pairs; a line of CSV is " + kColumns + ", a project's are its control points");

@@ -22,7 +22,7 @@ struct Project {
   std::vector<std::string> notes;
 };
 
-Result<Project> read_project(const std::string& file) {
+Result<Project> read_project(const std::string& file, PicturePlaces places) {
   const Result<std::string> text = read_file(file, std::max(kMaxCalibrationBytes, interchange::kMaxProjectBytes));
   if (!text) return fail(text.error());
   if (text->find("\"nodal_calibration\"") != std::string::npos) {
@@ -33,14 +33,10 @@ Result<Project> read_project(const std::string& file) {
   Result<interchange::ImportResult> imported = interchange::import_project(*text, fs::path(file).stem().string());
   if (!imported) return fail(imported.error().in(file));
   Project project{std::move(imported->calibration), {}, std::move(imported->notes)};
-  const fs::path folder = fs::path(file).parent_path();
-  for (const std::string& image : imported->images) {
-    if (image.empty()) {
-      project.pictures.clear();
-      break;
-    }
-    project.pictures.push_back((folder / image).lexically_normal().string());
-  }
+  if (std::ranges::any_of(imported->images, &std::string::empty)) return project;
+  Result<std::vector<std::string>> pictures = project_pictures(file, imported->images, places);
+  if (!pictures) return fail(pictures.error());
+  project.pictures = std::move(*pictures);
   return project;
 }
 
@@ -62,7 +58,8 @@ PixelFormat common_format(const std::vector<DecodedImage>& pictures, bool rgb) {
 
 }  // namespace
 
-Result<StitchInput> read_stitch_input(const NominalWords& nominal, const std::vector<std::string>& arguments) {
+Result<StitchInput> read_stitch_input(const NominalWords& nominal, const std::vector<std::string>& arguments,
+                                      PicturePlaces places) {
   if (!nominal.rig.empty()) {
     Result<CalibratedPictures> rig = read_nominal_pictures(nominal, arguments);
     if (!rig) return fail(rig.error());
@@ -71,7 +68,9 @@ Result<StitchInput> read_stitch_input(const NominalWords& nominal, const std::ve
     return StitchInput{std::move(rig->calibration), std::move(*sets), {}};
   }
   const std::string& file = arguments.front();
-  Result<Project> project = read_project(file);
+  // Pictures that the command line names replace those of the project, which are then not read, wherever they are.
+  const bool named = arguments.size() > 1;
+  Result<Project> project = read_project(file, named ? PicturePlaces::kAnywhere : places);
   if (!project) return fail(project.error());
   std::vector<std::string> pictures(arguments.begin() + 1, arguments.end());
   if (pictures.empty()) pictures = project->pictures;

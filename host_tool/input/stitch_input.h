@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "host_tool/input/project_pictures.h"
 #include "host_tool/input/registration_input.h"
 #include "protocol/base/decoded_image.h"
 #include "protocol/base/result.h"
@@ -19,10 +20,11 @@ struct StitchInput {
 
 /// `arguments`: with `nominal`, pictures of that rig; else a Nodal calibration or a project of another program, then
 /// pictures as for picture_files(). A project that names its pictures needs no further ones: their paths are relative
-/// to the project's folder.
-/// Errors: those of parse_calibration(), of interchange::import_project() and of picture_files(), with the file;
-///   kMissingField without pictures.
-Result<StitchInput> read_stitch_input(const NominalWords& nominal, const std::vector<std::string>& arguments);
+/// to the project's folder, and `places` says where they may be.
+/// Errors: those of parse_calibration(), of interchange::import_project(), of project_pictures() and of
+///   picture_files(), with the file; kMissingField without pictures.
+Result<StitchInput> read_stitch_input(const NominalWords& nominal, const std::vector<std::string>& arguments,
+                                      PicturePlaces places = PicturePlaces::kBesideProject);
 
 /// One picture per head, all in one pixel format: I420 if every file is 4:2:0, GREY if every one is grey, else RGB24.
 /// With `rgb`: always RGB24.

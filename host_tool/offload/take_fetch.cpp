@@ -6,6 +6,8 @@
 
 #include "host_tool/console/interrupt.h"
 #include "host_tool/rig/bulk_item.h"
+#include "host_tool/rig/rig_input.h"
+#include "host_tool/rig/stream_wait.h"
 #include "protocol/take/digest.h"
 
 namespace nodal::host {
@@ -14,7 +16,7 @@ namespace {
 using take::PieceHashes;
 
 constexpr Duration kAskAgainAfter = Duration::milliseconds(250);
-constexpr Duration kListenFor = Duration::milliseconds(500);
+constexpr std::int64_t kPatiences = 12;  // a rig that records sends only while its disk has time
 
 Error cancelled() { return {Errc::kCancelled, "interrupted"}; }
 
@@ -44,18 +46,19 @@ Status fetch_file(RigConnection& rig, std::uint64_t take, const std::string& fil
   const Result<StreamId> stream = begin(rig, take, file, offset);
   if (!stream) return fail(stream.error());
   BulkItemBytes bytes;
+  StreamWait wait(rig, *stream, rig.patience() * kPatiences, file);
   while (true) {
-    const Result<std::optional<Event>> event = rig.next_event_of(*stream, kListenFor);
-    if (!event) return fail(event.error());
+    const Result<Event> event = wait.next();
     if (interrupted()) {
       rig.stop_stream(*stream);
       return fail(cancelled());
     }
-    if (!*event) continue;  // the rig is alive, and has nothing to send: next_event_of() asks it
-    if (const auto* piece = std::get_if<BulkPiece>(&**event)) {
+    if (!event) return fail(event.error());
+    if (const auto* piece = std::get_if<BulkPiece>(&*event)) {
       if (piece->first) {
-        wire::TakePiece meta;
-        if (!meta.ParseFromString(piece->meta) || meta.offset() != offset) return out_of_order(file);
+        const Result<wire::TakePiece> meta = parse_clean<wire::TakePiece>(piece->meta, "header of a take's piece");
+        if (!meta) return fail(meta.error());
+        if (meta->offset() != offset) return out_of_order(file);
         const Status good = bytes.begin(*piece, PieceHashes::kPiece, "a piece of a take");
         if (!good) return good;
       }
@@ -68,7 +71,7 @@ Status fetch_file(RigConnection& rig, std::uint64_t take, const std::string& fil
         return taken;
       }
       offset += whole.size();
-    } else if (const auto* closed = std::get_if<StreamClosed>(&**event)) {
+    } else if (const auto* closed = std::get_if<StreamClosed>(&*event)) {
       if (closed->error) return fail(*closed->error);
       return {};
     }

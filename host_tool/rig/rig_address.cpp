@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cstdint>
 #include <optional>
@@ -15,6 +16,15 @@ tl::unexpected<Error> bad(std::string_view text, std::string_view why) {
   return fail(Errc::kBadValue, fmt::format("rig address '{}': {}; write unix:PATH, usb:[SERIAL] or "
                                            "ssh://[USER@]HOST[:PORT]",
                                            text, why));
+}
+
+/// Whether `text` has only ASCII letters, digits and the characters of `others`. ssh(1) expands names in its configuration
+/// (%h, %r) and may pass them to a shell (ProxyCommand, Match exec).
+bool consists_of(std::string_view text, std::string_view others) {
+  return std::ranges::all_of(text, [others](char c) {
+    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
+    return plain || others.find(c) != std::string_view::npos;
+  });
 }
 
 std::optional<std::uint16_t> port_of(std::string_view text) {
@@ -42,7 +52,8 @@ Result<RigAddress> parse_ssh(std::string_view text, std::string_view place, std:
   }
   std::string_view host = place;
   std::string_view port;
-  if (place.starts_with('[')) {  // IPv6
+  const bool bracketed = place.starts_with('[');
+  if (bracketed) {  // IPv6
     const std::size_t bracket = place.find(']');
     if (bracket == std::string_view::npos) return bad(text, "']' is missing");
     host = place.substr(1, bracket - 1);
@@ -58,7 +69,11 @@ Result<RigAddress> parse_ssh(std::string_view text, std::string_view place, std:
   if (host.empty()) return bad(text, "the host is missing");
   // ssh would interpret "-oProxyCommand=..." as an option.
   if (host.starts_with('-') || user.starts_with('-')) return bad(text, "a host or user does not begin with '-'");
-  if (host.find_first_of("/ \t\"'`$;|&<>\\") != std::string_view::npos) return bad(text, "this is not a host name");
+  if (!consists_of(user, "._-+")) return bad(text, "a user has only letters, digits and . _ - +");
+  if (!consists_of(host, bracketed ? ".:%_-" : "._-")) {
+    return bad(text, bracketed ? "an IPv6 address has only hexadecimal digits, : and ., and % before its interface"
+                               : "a host has only letters, digits and . _ -");
+  }
   if (!port.empty() && !port_of(port)) return bad(text, "the port is not 1 to 65535");
 
   RigAddress address{std::string(text), {std::string(ssh_program), "-T"}, {}};

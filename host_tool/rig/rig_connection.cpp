@@ -21,19 +21,7 @@ constexpr Duration kLookEvery = Duration::seconds(1);
 constexpr Duration kLookForCtrlCEvery = Duration::milliseconds(250);
 constexpr std::string_view kSoftware = "nodal " NODAL_VERSION;
 
-Duration now() {
-  using namespace std::chrono;
-  return Duration::nanoseconds(duration_cast<nanoseconds>(steady_clock::now().time_since_epoch()).count());
-}
-
 tl::unexpected<Error> cancelled() { return fail(Errc::kCancelled, "stopped by " + interrupt_name()); }
-
-Result<std::unique_ptr<hal::LinkPort>> connect(const RigAddress& address) {
-  constexpr std::string_view kUsb = "usb:";
-  if (!address.command.empty()) return hal::spawn_link(address.command);
-  if (address.link.starts_with(kUsb)) return hal::cable::connect_cable(address.link.substr(kUsb.size()));
-  return hal::connect_link(address.link);
-}
 
 /// The link's error, and how to reach a rig in another way.
 tl::unexpected<Error> no_rig(const RigAddress& address, const Error& error) {
@@ -46,6 +34,18 @@ tl::unexpected<Error> no_rig(const RigAddress& address, const Error& error) {
 
 }  // namespace
 
+Duration steady_now() {
+  using namespace std::chrono;
+  return Duration::nanoseconds(duration_cast<nanoseconds>(steady_clock::now().time_since_epoch()).count());
+}
+
+Result<std::unique_ptr<hal::LinkPort>> open_link(const RigAddress& address) {
+  constexpr std::string_view kUsb = "usb:";
+  if (!address.command.empty()) return hal::spawn_link(address.command);
+  if (address.link.starts_with(kUsb)) return hal::cable::connect_cable(address.link.substr(kUsb.size()));
+  return hal::connect_link(address.link);
+}
+
 void wait_by_poll(hal::LinkPort& link, bool to_write, Duration at_most) {
   hal::WakeUps wake_ups;
   link.add_wake_ups(wake_ups, true, to_write);
@@ -53,8 +53,9 @@ void wait_by_poll(hal::LinkPort& link, bool to_write, Duration at_most) {
                 std::min(at_most, kLookForCtrlCEvery));  // a signal: the caller checks interrupted()
 }
 
-Result<std::unique_ptr<RigConnection>> RigConnection::open(const RigAddress& address, Duration patience) {
-  Result<std::unique_ptr<hal::LinkPort>> link = connect(address);
+Result<std::unique_ptr<RigConnection>> RigConnection::open(const RigAddress& address, Duration patience,
+                                                           const OpenLink& open) {
+  Result<std::unique_ptr<hal::LinkPort>> link = open(address);
   if (!link) return no_rig(address, link.error());
   auto connection = over(std::move(*link), address.text, patience, wait_by_poll);
   if (!connection && connection.error().code == Errc::kLinkClosed) {
@@ -66,22 +67,25 @@ Result<std::unique_ptr<RigConnection>> RigConnection::open(const RigAddress& add
 }
 
 Result<std::unique_ptr<RigConnection>> RigConnection::over(std::unique_ptr<hal::LinkPort> link, std::string address,
-                                                           Duration patience, WaitForLink wait) {
+                                                           Duration patience, WaitForLink wait, HostClock clock) {
   std::unique_ptr<RigConnection> connection(
-      new RigConnection(std::move(link), std::move(address), patience, std::move(wait)));
+      new RigConnection(std::move(link), std::move(address), patience, std::move(wait), std::move(clock)));
   if (const Status hello = connection->say_hello(); !hello) return fail(hello.error());
   return connection;
 }
 
 RigConnection::RigConnection(std::unique_ptr<hal::LinkPort> link, std::string address, Duration patience,
-                             WaitForLink wait)
+                             WaitForLink wait, HostClock clock)
     : link_(std::move(link)),
       address_(std::move(address)),
       patience_(patience),
       wait_(std::move(wait)),
+      clock_(std::move(clock)),
       session_(Role::kHost, make_hello(std::string(kSoftware))),
       heard_(now()),
-      sent_(heard_) {}
+      quiet_(patience / 4, heard_),
+      probed_(patience - patience / 4, heard_),
+      sending_(patience, heard_) {}
 
 Status RigConnection::say_hello() {
   const Status said = step_until([this] { return session_.peer_hello() != nullptr; }, "the rig's hello", patience_);
@@ -102,6 +106,7 @@ Result<std::uint64_t> RigConnection::post(wire::Request& request) {
 void RigConnection::sort_answers() {
   while (std::optional<wire::Reply> reply = session_.take_reply()) {
     if (reply->id() == probe_) probe_.reset();
+    quiet_.restart(now());
     const auto question = questions_.find(reply->id());
     if (question != questions_.end() && !question->second) question->second = std::move(*reply);
   }
@@ -128,6 +133,7 @@ Result<wire::Reply> RigConnection::ask_long(wire::Request request,
                                             const std::function<void(const wire::RigStatus&)>& meanwhile) {
   const Result<std::uint64_t> id = post(request);
   if (!id) return fail(id.error());
+  ActivityFloor floor(now());
   while (true) {
     const Status waited = step_until([&] { return answered(*id); }, "an answer", std::min(kLookEvery, patience_));
     if (answered(*id)) return take_answer(*id);
@@ -136,6 +142,15 @@ Result<wire::Reply> RigConnection::ask_long(wire::Request request,
     status.mutable_status();
     const Result<wire::Reply> how = ask(status);
     if (!how) return fail(how.error());
+    floor.see(how->status().activity(), now());
+    if (floor.stalled(now())) {
+      questions_.erase(*id);
+      return fail(
+          Errc::kTimeout,
+          fmt::format("{}: the rig has not finished within {} and makes no progress; `nodal status` says what it "
+                      "is doing",
+                      address_, show_duration(static_cast<std::uint64_t>(floor.since_begun(now()).ns()))));
+    }
     meanwhile(how->status());
   }
 }
@@ -143,20 +158,22 @@ Result<wire::Reply> RigConnection::ask_long(wire::Request request,
 Status RigConnection::check_alive() {
   const Duration at = now();
   if (!probe_) {
-    if (at - heard_ < patience_ / 4) return {};
+    if (at - heard_ < patience_ / 4 && !quiet_.stalled(at)) return {};
     wire::Request status;
     status.mutable_status();
     status.set_id(next_request_++);
     if (const Status sent = session_.send(status); !sent) return sent;
     probe_ = status.id();
-    probed_ = at;
+    probed_.restart(at);  // counts from the probe: this program may have been stopped for a while
     return {};
   }
-  // Counts from the probe, not from the last byte: this program may have been stopped for a while.
-  if (at - std::max(heard_, probed_) < patience_ - patience_ / 4) return {};
-  return fail(Errc::kTimeout, fmt::format("{}: the rig has sent nothing for {}; it hangs, or the link to it is stuck "
-                                          "(--timeout waits longer)",
-                                          address_, show_duration(static_cast<std::uint64_t>((at - heard_).ns()))));
+  if (!probed_.stalled(at)) return {};
+  const std::string silent = show_duration(static_cast<std::uint64_t>((at - heard_).ns()));
+  const bool trickles = at - heard_ < probed_.window();
+  return fail(
+      Errc::kTimeout,
+      fmt::format("{}: {}; it hangs, or the link to it is stuck (--timeout waits longer)", address_,
+                  trickles ? "the rig sends bytes, but too few to answer" : "the rig has sent nothing for " + silent));
 }
 
 Result<std::optional<Event>> RigConnection::next_event(Duration at_most) {
@@ -165,7 +182,11 @@ Result<std::optional<Event>> RigConnection::next_event(Duration at_most) {
     if (interrupted()) return cancelled();
     sort_answers();
     // One event at a time: the session grants the rig credit only for events that were taken.
-    if (std::optional<Event> event = session_.next_event()) return event;
+    if (std::optional<Event> event = session_.next_event()) {
+      quiet_.restart(now());
+      probed_.restart(now());
+      return event;
+    }
     const Duration left = until - now();
     if (left < Duration()) return std::nullopt;
     if (const Status alive = check_alive(); !alive) return fail(alive.error());
@@ -210,7 +231,8 @@ Status RigConnection::send_item(BulkItem item) {
     const std::optional<StreamCounts> counts = session_.counts(*stream);
     return refused || !counts || counts->delivered == counts->offered;
   };
-  const Status sent = step_until(taken, "the rig to take more of what is sent", patience_, true);
+  sending_.restart(now());
+  const Status sent = step_until(taken, "the rig to take more of what is sent", patience_, &sending_);
   if (!sent) return sent;
   if (refused) return fail(*refused);
   session_.close_stream(*stream);
@@ -222,12 +244,12 @@ void RigConnection::stop_stream(StreamId stream) {
 }
 
 Status RigConnection::step_until(const std::function<bool()>& done, const std::string& what, Duration within,
-                                 bool renewed) {
+                                 ProgressFloor* floor) {
   const Duration begun = now();
   while (!done()) {
     if (interrupted()) return cancelled();
-    const Duration left = within - (now() - (renewed ? std::max(begun, sent_) : begun));
-    if (left <= Duration()) {
+    const Duration left = floor != nullptr ? std::max(Duration(), floor->left(now())) : within - (now() - begun);
+    if (floor != nullptr ? floor->stalled(now()) : left <= Duration()) {
       return fail(Errc::kTimeout, fmt::format("{}: waited {} for {}; the rig may be busy (--timeout waits longer) or "
                                               "the link stuck",
                                               address_, show_duration(static_cast<std::uint64_t>(within.ns())), what));
@@ -252,7 +274,7 @@ Status RigConnection::step(Duration at_most) {
     if (!taken) break;  // the read below returns the reason, after the rig's last messages
     if (*taken == 0) break;
     session_.sent(*taken);
-    sent_ = now();
+    sending_.moved(*taken, now());
     moved = true;
   }
 
@@ -263,8 +285,12 @@ Status RigConnection::step(Duration at_most) {
       dead_ = link_lost(got.error()).value();
       return fail(*dead_);
     }
-    if (*got != 0) heard_ = now();
-    moved = moved || *got != 0;
+    if (*got != 0) {
+      heard_ = now();
+      quiet_.moved(*got, heard_);
+      probed_.moved(*got, heard_);
+      moved = true;
+    }
     if (const Status received = session_.receive(std::span(buffer).first(*got)); !received) {
       (void)link_->write(session_.output());  // one try to send the Bye, which tells the rig the reason
       dead_ = received.error().in(address_);

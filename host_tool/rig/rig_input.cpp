@@ -50,6 +50,8 @@ void clean(Check& check, wire::Genlock& genlock) {
   check.name(genlock.mutable_state());
   check.list(genlock.unaligned(), kMaxSentences, "heads that cannot be aligned");
   for (std::string& why : *genlock.mutable_unaligned()) check.sentence(&why);
+  check.list(genlock.pulse_losses(), kMaxCounts, "losses of pulses");
+  for (wire::PulseCount& count : *genlock.mutable_pulse_losses()) check.name(count.mutable_reason());
 }
 
 void clean(Check& check, wire::RigStatus& status) {
@@ -132,6 +134,7 @@ Status check_and_clean(wire::Hello& hello) {
 Status check_and_clean(wire::Reply& reply) {
   Check check;
   if (reply.has_error()) check.sentence(reply.mutable_error()->mutable_message());
+  check.sentence(reply.mutable_not_stored());
   switch (reply.what_case()) {
     case wire::Reply::kStatus: clean(check, *reply.mutable_status()); break;
     case wire::Reply::kHeads: clean(check, *reply.mutable_heads()); break;
@@ -200,5 +203,8 @@ Status check_and_clean(wire::FrameSetHeader& header) {
   check.id(header.calibration_id());
   return check.result();
 }
+
+/// It has no text.
+Status check_and_clean(wire::TakePiece&) { return {}; }
 
 }  // namespace nodal::host

@@ -2,6 +2,9 @@
 // every text is made printable.
 #pragma once
 
+#include <string>
+#include <string_view>
+
 #include "protocol/base/result.h"
 #include "protocol/base/units.h"
 #include "protocol/nodal.pb.h"
@@ -20,11 +23,26 @@ inline constexpr int kMaxDeviceLines = 4096;   ///< of the list of what is plugg
 inline constexpr std::size_t kMaxNameBytes = 200;
 inline constexpr std::size_t kMaxSentenceBytes = 1000;
 
+/// The only way from bytes of a rig to a message: parses, checks and cleans. So no command sees a text that was not made
+/// printable. `what` names the message in errors.
+/// Errors: kBadFormat for bytes that are no such message; those of check_and_clean().
+template <class Message>
+Result<Message> parse_clean(const std::string& bytes, std::string_view what);
+
 /// Makes texts printable (protocol/base/text.h) and shortens them to the limits above.
 /// Errors: kTooLarge for a list over its limit, kBadFormat for an id that is not a SHA-256.
 Status check_and_clean(wire::Hello& hello);
 Status check_and_clean(wire::Reply& reply);
 Status check_and_clean(wire::RaymapHeader& header);
 Status check_and_clean(wire::FrameSetHeader& header);
+Status check_and_clean(wire::TakePiece& piece);
+
+template <class Message>
+Result<Message> parse_clean(const std::string& bytes, std::string_view what) {
+  Message message;
+  if (!message.ParseFromString(bytes)) return fail(Errc::kBadFormat, "the rig sent invalid " + std::string(what));
+  if (const Status good = check_and_clean(message); !good) return fail(good.error());
+  return message;
+}
 
 }  // namespace nodal::host

@@ -12,8 +12,8 @@ namespace nodal::host {
 namespace {
 
 /// The part of the upload that one connection does.
-Status send(RigConnection& rig, const UploadSender& sender, std::optional<Duration> trial, const std::string& signature,
-            Uploaded& state, Console& console) {
+Status send(RigConnection& rig, const UploadSender& sender, const UploadTerms& terms, Uploaded& state,
+            Console& console) {
   wire::Request begin;
   *begin.mutable_upload_begin() = sender.begin();
   const Result<wire::Reply> answer = rig.ask(begin);
@@ -31,8 +31,9 @@ Status send(RigConnection& rig, const UploadSender& sender, std::optional<Durati
   }
   wire::Request commit;
   *commit.mutable_upload_commit() = sender.commit();
-  if (trial) commit.mutable_upload_commit()->set_trial_ns(static_cast<std::uint64_t>(trial->ns()));
-  commit.mutable_upload_commit()->set_signature(signature);
+  if (terms.trial) commit.mutable_upload_commit()->set_trial_ns(static_cast<std::uint64_t>(terms.trial->ns()));
+  commit.mutable_upload_commit()->set_signature(terms.signature);
+  commit.mutable_upload_commit()->set_allow_older(terms.allow_older);
   const Result<wire::Reply> done =
       rig.ask_long(commit, [&](const wire::RigStatus& status) { console.activity(status.activity()); });
   console.finish_progress();
@@ -48,7 +49,7 @@ bool worth_another_link(Errc code) {
 }  // namespace
 
 Result<Uploaded> upload(const Reconnect& connect, std::vector<std::uint8_t> document, int attempts, Console& console,
-                        std::optional<Duration> trial, const std::string& signature) {
+                        const UploadTerms& terms) {
   Uploaded state;
   state.bytes = document.size();
   const UploadSender sender(std::make_shared<const std::vector<std::uint8_t>>(std::move(document)));
@@ -56,7 +57,7 @@ Result<Uploaded> upload(const Reconnect& connect, std::vector<std::uint8_t> docu
     Status done;
     Result<std::unique_ptr<RigConnection>> rig = connect();
     if (rig) {
-      done = send(**rig, sender, trial, signature, state, console);
+      done = send(**rig, sender, terms, state, console);
     } else {
       done = fail(rig.error());
     }

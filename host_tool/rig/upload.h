@@ -22,11 +22,17 @@ struct Uploaded {
   int links = 1;                 ///< connections that were used
 };
 
-/// Sends UploadBegin, the bytes from the offset that the rig answers, and UploadCommit with the signature, if any. With
-/// `trial` the document is on trial for at most that time (check the rig's feature first). Reconnects after a lost link
-/// (3xx), up to `attempts` connections in total.
+/// How a document is to be taken.
+struct UploadTerms {
+  std::optional<Duration> trial{};  ///< on trial for at most that time; check the rig's feature first
+  std::string signature{};          ///< of the document; empty: not signed
+  bool allow_older = false;         ///< also with a signature of an older generation
+};
+
+/// Sends UploadBegin, the bytes from the offset that the rig answers, and UploadCommit with the terms. Reconnects after a
+/// lost link (3xx), up to `attempts` connections in total.
 /// Errors: the last connection's, or the rig's refusal of the document.
 Result<Uploaded> upload(const Reconnect& connect, std::vector<std::uint8_t> document, int attempts, Console& console,
-                        std::optional<Duration> trial = std::nullopt, const std::string& signature = "");
+                        const UploadTerms& terms = {});
 
 }  // namespace nodal::host

@@ -15,6 +15,7 @@ constexpr mode_t kMode = 0666;  // the umask removes what it forbids
 tl::unexpected<Error> refused(int error) {
   if (error == ENXIO) return fail(Errc::kBadFormat, "no program reads from this FIFO, or the device is not there");
   if (error == EISDIR) return fail(Errc::kBadFormat, "is a folder");
+  if (error == EEXIST) return fail(Errc::kExists, "is there already");
   return fail(error == ENOENT || error == ENOTDIR ? Errc::kNotFound : Errc::kIo, std::strerror(error));
 }
 
@@ -53,13 +54,8 @@ Result<FilePtr> open_to_read(const std::filesystem::path& file) {
   return buffered(open_descriptor_to_read(file), "rb");
 }
 
-Result<FilePtr> open_to_write(const std::filesystem::path& file) {
-  const Result<int> fd = regular(opened(file, O_WRONLY | O_CREAT | O_NOFOLLOW));
-  if (!fd) return fail(fd.error());
-  if (::ftruncate(*fd, 0) == 0) return buffered(fd, "wb");
-  const int error = errno;
-  ::close(*fd);
-  return refused(error);
+Result<FilePtr> create_to_write(const std::filesystem::path& file) {
+  return buffered(opened(file, O_WRONLY | O_CREAT | O_EXCL), "w");
 }
 
 Result<int> open_descriptor_to_write(const std::filesystem::path& file) {

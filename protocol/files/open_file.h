@@ -25,7 +25,7 @@ Result<int> open_descriptor_to_read(const std::filesystem::path& file);
 /// error says so. The caller closes the descriptor, whose writes wait as usual.
 Result<int> open_descriptor_to_write(const std::filesystem::path& file);
 
-/// Makes a regular file, or empties the one that is there. Does not follow a link.
-Result<FilePtr> open_to_write(const std::filesystem::path& file);
+/// Makes a file that is not there yet. Errors: kExists; those of open_to_read().
+Result<FilePtr> create_to_write(const std::filesystem::path& file);
 
 }  // namespace nodal

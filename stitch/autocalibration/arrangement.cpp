@@ -91,7 +91,7 @@ Start start_with(const SharedLens& lens, const std::vector<UnitMatch>& matches, 
     rules.trust = [&](std::size_t a, std::size_t b, const Matrix3d& R_b_a) { return trust(a, b, R_b_a, lens); };
   }
   const std::vector<Matrix3d> R(heads, Matrix3d::Identity());
-  registration::PairStart found = registration::start_from_pairs(R, pairs, {}, rules);
+  registration::PairStart found = registration::start_from_pairs(R, pairs, rules);
   start.first = found.first;
   start.state.R_head_rig = std::move(found.R_head_rig);
   start.agreeing = found.agreeing;

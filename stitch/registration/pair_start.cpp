@@ -60,31 +60,33 @@ Joint joint_of(const std::vector<RayPair>& pairs, double tolerance) {
   const std::size_t n = pairs.size(), all = n * (n - 1) / 2;
   // If there are too many combinations, a regular subset of them: the same one every time.
   const std::size_t step = 1 + all / kMostTried;
-  std::size_t number = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    for (std::size_t j = i + 1; j < n; ++j) {
-      if (number++ % step != 0) continue;
-      const double apart_a = between(pairs[i].ray_a, pairs[j].ray_a), apart_b = between(pairs[i].ray_b, pairs[j].ray_b);
-      const bool holds = std::min(apart_a, apart_b) > kLeastBase && std::max(apart_a, apart_b) < std::numbers::pi - 0.1;
-      if (!holds || std::abs(apart_a - apart_b) > 2 * tolerance) continue;
-      const Matrix3d R =
-          frame_of(pairs[i].ray_b, pairs[j].ray_b) * frame_of(pairs[i].ray_a, pairs[j].ray_a).transpose();
-      if (const int count = agreeing(pairs, R, tolerance); count > best.agreeing) best = {R, count, 0};
-    }
+  // Combinations (i, j) with i < j are numbered row by row; row_begin is the number of (i, i + 1). Only those that are
+  // tried are visited, so the time grows with the pairs and not with their square.
+  std::size_t i = 0, row_begin = 0;
+  for (std::size_t number = 0; number < all; number += step) {
+    for (; number >= row_begin + (n - 1 - i); ++i) row_begin += n - 1 - i;
+    const std::size_t j = i + 1 + (number - row_begin);
+    const double apart_a = between(pairs[i].ray_a, pairs[j].ray_a), apart_b = between(pairs[i].ray_b, pairs[j].ray_b);
+    const bool holds = std::min(apart_a, apart_b) > kLeastBase && std::max(apart_a, apart_b) < std::numbers::pi - 0.1;
+    if (!holds || std::abs(apart_a - apart_b) > 2 * tolerance) continue;
+    const Matrix3d R = frame_of(pairs[i].ray_b, pairs[j].ray_b) * frame_of(pairs[i].ray_a, pairs[j].ray_a).transpose();
+    if (const int count = agreeing(pairs, R, tolerance); count > best.agreeing) best = {R, count, 0};
   }
   if (best.agreeing > 0) best.R_b_a = best_rotation(pairs, best.R_b_a, tolerance);
   return best;
 }
 
-}  // namespace
+/// The connections between heads.
+struct Joints {
+  std::map<std::pair<std::size_t, std::size_t>, Joint> by_heads;
+  std::vector<int> of_head;  ///< pairs that agree, of each head's connections
+  int agreeing = 0;
+};
 
-PairStart start_from_pairs(const std::vector<Matrix3d>& R, const std::vector<RayPair>& pairs,
-                           std::optional<std::size_t> first, const PairRules& rules) {
+Joints find_joints(std::size_t heads_of_rig, const std::vector<RayPair>& pairs, const PairRules& rules) {
   std::map<std::pair<std::size_t, std::size_t>, std::vector<RayPair>> by_heads;
   for (const RayPair& pair : pairs) by_heads[{pair.a, pair.b}].push_back(pair);
-  std::map<std::pair<std::size_t, std::size_t>, Joint> joints;
-  PairStart start{0, std::vector<std::optional<Matrix3d>>(R.size()), 0};
-  std::vector<int> of_head(R.size());
+  Joints joints{{}, std::vector<int>(heads_of_rig), 0};
   for (auto& [heads, theirs] : by_heads) {
     const double share = rules.least_share * static_cast<double>(theirs.size());
     for (int attempt = 0; attempt < kMostAttempts; ++attempt) {
@@ -97,20 +99,24 @@ PairStart start_from_pairs(const std::vector<Matrix3d>& R, const std::vector<Ray
         });
         continue;
       }
-      joints[heads] = joint;
-      start.agreeing += joint.agreeing;
-      of_head[heads.first] += joint.agreeing;
-      of_head[heads.second] += joint.agreeing;
+      joints.by_heads[heads] = joint;
+      joints.agreeing += joint.agreeing;
+      joints.of_head[heads.first] += joint.agreeing;
+      joints.of_head[heads.second] += joint.agreeing;
       break;
     }
   }
+  return joints;
+}
+
+PairStart place_from(std::size_t first, const std::vector<Matrix3d>& R, const Joints& joints) {
+  PairStart start{first, std::vector<std::optional<Matrix3d>>(R.size()), joints.agreeing};
   auto& placed = start.R_head_rig;
-  start.first = first.value_or(static_cast<std::size_t>(std::ranges::max_element(of_head) - of_head.begin()));
-  placed[start.first] = R[start.first];
+  placed[first] = R[first];
   for (;;) {
     const Joint* best = nullptr;
     std::size_t a = 0, b = 0;
-    for (const auto& [heads, joint] : joints) {
+    for (const auto& [heads, joint] : joints.by_heads) {
       if (placed[heads.first].has_value() == placed[heads.second].has_value()) continue;
       if (best != nullptr && joint.trust <= best->trust) continue;
       best = &joint;
@@ -123,6 +129,26 @@ PairStart start_from_pairs(const std::vector<Matrix3d>& R, const std::vector<Ray
       placed[a] = best->R_b_a.transpose() * *placed[b];
     }
   }
+}
+
+}  // namespace
+
+PairStart start_from_pairs(const std::vector<Matrix3d>& R, const std::vector<RayPair>& pairs, const PairRules& rules) {
+  const Joints joints = find_joints(R.size(), pairs, rules);
+  const auto first = static_cast<std::size_t>(std::ranges::max_element(joints.of_head) - joints.of_head.begin());
+  return place_from(first, R, joints);
+}
+
+std::vector<PairStart> islands_from_pairs(const std::vector<Matrix3d>& R, const std::vector<RayPair>& pairs) {
+  const Joints joints = find_joints(R.size(), pairs, {});
+  std::vector<PairStart> islands;
+  std::vector<bool> placed(R.size());
+  for (std::size_t h = 0; h < R.size(); ++h) {
+    if (placed[h]) continue;
+    islands.push_back(place_from(h, R, joints));
+    for (std::size_t k = 0; k < R.size(); ++k) placed[k] = placed[k] || islands.back().R_head_rig[k].has_value();
+  }
+  return islands;
 }
 
 }  // namespace nodal::registration

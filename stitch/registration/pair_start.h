@@ -31,9 +31,13 @@ struct PairStart {
   int agreeing = 0;                                        ///< pairs that agree, of all connections, used or not
 };
 
-/// The rotation of every head that pairs connect to `first`, whose rotation is R; by default `first` is the head with
-/// the most pairs that agree. The most trusted connections are used first.
+/// The rotation of every head that pairs connect to the first one, whose rotation is R: the head with the most pairs that
+/// agree. The most trusted connections are used first. The time is proportional to the number of pairs.
 PairStart start_from_pairs(const std::vector<Eigen::Matrix3d>& R, const std::vector<RayPair>& pairs,
-                           std::optional<std::size_t> first, const PairRules& rules = {});
+                           const PairRules& rules = {});
+
+/// The same for every group of connected heads; the first head of a group keeps its R. A head that no pairs connect is a
+/// group of its own.
+std::vector<PairStart> islands_from_pairs(const std::vector<Eigen::Matrix3d>& R, const std::vector<RayPair>& pairs);
 
 }  // namespace nodal::registration

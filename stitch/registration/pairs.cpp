@@ -111,16 +111,15 @@ Status Bundle::start() {
   std::vector<Matrix3d>& R = stand_.R_head_rig;
   for (const HeadCalibration& head : prior_.heads) R.push_back(geometry::matrix_of(head.R_head_rig));
   stand_.log_focal.assign(R.size(), 0.0);
-  // Of groups that no pair connects, the largest is placed; its first head keeps its rotation.
+  // The largest group of connected heads is placed; its first head keeps its rotation.
   std::vector<std::optional<Matrix3d>> found;
   std::ptrdiff_t most = 1;
-  for (std::size_t h = 0; h < R.size(); ++h) {
-    std::vector<std::optional<Matrix3d>> island = start_from_pairs(R, rays, h).R_head_rig;
-    const auto heads = std::ranges::count_if(island, [](const auto& pose) { return pose.has_value(); });
+  for (PairStart& island : islands_from_pairs(R, rays)) {
+    const auto heads = std::ranges::count_if(island.R_head_rig, [](const auto& pose) { return pose.has_value(); });
     if (heads <= most) continue;
     most = heads;
-    found = std::move(island);
-    first_ = static_cast<int>(h);
+    found = std::move(island.R_head_rig);
+    first_ = static_cast<int>(island.first);
   }
   if (first_ < 0) {
     return fail(Errc::kNoCoverage,

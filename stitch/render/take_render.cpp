@@ -91,6 +91,12 @@ Result<std::unique_ptr<TakeRender>> TakeRender::make(const media::TakeFolder& fo
   return made;
 }
 
+std::vector<const Calibration*> TakeRender::calibrations() const {
+  std::vector<const Calibration*> all;
+  for (const Used& used : calibrations_) all.push_back(&used.calibration);
+  return all;
+}
+
 Result<bool> TakeRender::next(RenderedRaymap& into, const std::function<void(double)>& compiled) {
   if (next_field_ == 0) {
     const Result<bool> got = next_set(compiled);

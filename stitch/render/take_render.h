@@ -59,6 +59,8 @@ class TakeRender {
 
   /// The next raymap; false after the last. `compiled` is told the part of a table that is compiled, 0 to 1.
   Result<bool> next(RenderedRaymap& into, const std::function<void(double)>& compiled = {});
+  /// The calibrations that raymaps are made with, in order; at least one.
+  std::vector<const Calibration*> calibrations() const;
   /// The set of the newest raymap, with the head's settings.
   const media::TakeSet& set() const { return set_; }
   /// Of the newest raymap.

@@ -26,6 +26,7 @@ class Memcheck : public RigTest {
               "--show-leak-kinds=definite,indirect",
               "--errors-for-leak-kinds=definite,indirect",
               "--fair-sched=yes"};
+    environment_["NODAL_CONFINE"] = "off";  // Valgrind writes its own files
     environment_["LD_PRELOAD"] = NODAL_BIN_DIR "/libmemcheck_preload.so";
     std::string toml = read("rig.toml");
     const std::string rate = "rate = \"25\"";

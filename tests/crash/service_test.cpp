@@ -114,7 +114,7 @@ bool can_build_a_sandbox() {
 /// systemd's rating of a unit's sandbox, from 0 (closed) to 10.
 double exposure_level(const std::string& unit) {
   const std::string report = run({"systemd-analyze", "--no-pager", "security", "--offline=true", unit});
-  const std::string kSays = "Overall exposure level for nodald.service: ";
+  const std::string kSays = "Overall exposure level for " + std::filesystem::path(unit).filename().string() + ": ";
   const std::size_t at = report.find(kSays);
   EXPECT_NE(at, std::string::npos) << report;
   return at == std::string::npos ? 10 : std::stod(report.substr(at + kSays.size()));
@@ -131,6 +131,10 @@ TEST(Service, UnitWithDevices_IsAtMost1_5BySystemdsMeasureAndTheLaterLinesCount)
   const double level = exposure_level(both);
   EXPECT_LE(level, 1.5);
   EXPECT_GT(level, exposure_level(kUnit));
+}
+
+TEST(Service, UnitOfTheCable_IsAtMost1BySystemdsMeasure) {
+  EXPECT_LE(exposure_level(NODAL_SOURCE_DIR "/firmware/daemon/nodal-cable.service"), 1);
 }
 
 TEST(Service, InTheUnitsSandbox_TheRigTakesACalibrationServesAndEndsCleanly) {

@@ -11,7 +11,7 @@ namespace nodal::hil {
 class CableGadget {
  public:
   /// `controller`: 0 or 1, of dummy_hcd. `user` will own the folder.
-  explicit CableGadget(std::string serial, int controller = 0, std::string user = "root");
+  explicit CableGadget(std::string serial, int controller = 0, const std::string& user = "root");
   ~CableGadget();
   CableGadget(const CableGadget&) = delete;
   CableGadget& operator=(const CableGadget&) = delete;
@@ -25,6 +25,8 @@ class CableGadget {
   test::Finished script(const std::string& action) const;
 
  private:
+  static void shell(const std::string& command);
+
   std::string name_;
   std::string serial_;
   std::string folder_;

@@ -51,13 +51,13 @@ std::string SshKeys::sign(const std::string& name, const std::string& document, 
 }
 
 bool SshKeys::verifies(const std::string& allowed_signers, const std::string& principal, const std::string& document,
-                       const std::string& signature) {
+                       const std::string& signature, const std::string& name_space) {
   write(folder_ + "/allowed", allowed_signers);
   write(folder_ + "/signature", signature);
   write(folder_ + "/document", document);
   // ssh-keygen reads the document from standard input, for which this needs a shell; all names here are our own.
-  const std::string command = "exec ssh-keygen -Y verify -f " + folder_ + "/allowed -I " + principal +
-                              " -n nodal-calibration -s " + folder_ + "/signature < " + folder_ + "/document";
+  const std::string command = "exec ssh-keygen -Y verify -f " + folder_ + "/allowed -I " + principal + " -n '" +
+                              name_space + "' -s " + folder_ + "/signature < " + folder_ + "/document";
   return Process({"sh", "-c", command}).wait().code == 0;
 }
 

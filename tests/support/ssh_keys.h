@@ -20,7 +20,7 @@ class SshKeys {
                    const std::string& name_space = "nodal-calibration", const std::string& hash = "sha512");
   /// The result of `ssh-keygen -Y verify` for `principal`.
   bool verifies(const std::string& allowed_signers, const std::string& principal, const std::string& document,
-                const std::string& signature);
+                const std::string& signature, const std::string& name_space = "nodal-calibration");
 
  private:
   std::string folder_;

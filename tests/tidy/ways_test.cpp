@@ -13,7 +13,8 @@ namespace {
 
 struct Found {
   std::string place;  ///< "hal/linux/disk.cpp:73"
-  std::string path, line;
+  std::string path;
+  std::string text;  ///< the line, after the one before it
 };
 
 /// Lines of code that match, in the folders of the programs.
@@ -24,7 +25,8 @@ std::vector<Found> lines_with(const std::regex& what, const std::vector<std::str
     if (!ours || !is_source(file.path)) continue;
     for (std::size_t i = 0; i < file.lines.size(); ++i) {
       const std::string code = file.lines[i].substr(0, file.lines[i].find("//"));
-      if (std::regex_search(code, what)) found.push_back({file.path + ":" + std::to_string(i + 1), file.path, code});
+      if (std::regex_search(code, what))
+        found.push_back({file.path + ":" + std::to_string(i + 1), file.path, (i > 0 ? file.lines[i - 1] : "") + code});
     }
   }
   return found;
@@ -41,7 +43,7 @@ TEST(Ways, ABufferedFile_IsOpenedByProtocolFilesOnly) {
   for (const Found& found : lines_with(streams, kPrograms)) {
     ADD_FAILURE() << found.place
                   << " opens a file by itself, which waits for ever if it is a FIFO; use open_to_read() or "
-                  << "open_to_write() of protocol/files/open_file.h";
+                  << "create_to_write() of protocol/files/open_file.h";
   }
 }
 
@@ -62,7 +64,7 @@ TEST(Ways, ADescriptor_IsOpenedByPortsOnlyAndNeverWaits) {
   const std::regex no_wait(R"(O_NONBLOCK|O_DIRECTORY|O_PATH|"/dev/null"|"/proc/self/)");
   for (const Found& found : lines_with(opens, kPrograms)) {
     EXPECT_TRUE(is_one_of(found.path, ports)) << found.place << ": use protocol/files/open_file.h";
-    EXPECT_TRUE(std::regex_search(found.line, no_wait)) << found.place << " may wait: add O_NONBLOCK";
+    EXPECT_TRUE(std::regex_search(found.text, no_wait)) << found.place << " may wait: add O_NONBLOCK";
   }
 }
 

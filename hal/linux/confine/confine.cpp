@@ -253,13 +253,14 @@ bool allow_files_and_memory(const Filter& filter) {
   return good && rule(filter, SCMP_ACT_ALLOW, "tgkill", {SCMP_A0(SCMP_CMP_EQ, static_cast<scmp_datum_t>(::getpid()))});
 }
 
-bool deny_dangerous(const Filter& filter, bool execute) {
+bool deny_dangerous(const Filter& filter, const Confinement& what) {
   constexpr std::uint32_t kDeny = SCMP_ACT_ERRNO(EPERM);
   bool good = true;
   for (const char* name : kNeverNeeded) good = good && rule(filter, kDeny, name);
   // Sockets of every family but AF_UNIX, whose number is 1.
-  good = good && rule(filter, kDeny, "socket", {SCMP_A0(SCMP_CMP_NE, AF_UNIX)});
-  if (!execute) {
+  good = good && (what.unix_sockets ? rule(filter, kDeny, "socket", {SCMP_A0(SCMP_CMP_NE, AF_UNIX)})
+                                    : rule(filter, kDeny, "socket"));
+  if (what.execute.empty()) {
     for (const char* name : {"execve", "execveat"}) good = good && rule(filter, kDeny, name);
   }
   return good;
@@ -270,7 +271,7 @@ Result<bool> restrict_calls(const Confinement& what) {
   if (!has_seccomp()) return false;
   const bool listed = what.calls == Confinement::Calls::kFilesAndMemory;
   const Filter filter(seccomp_init(listed ? SCMP_ACT_ERRNO(EPERM) : SCMP_ACT_ALLOW), seccomp_release);
-  const bool made = filter && (listed ? allow_files_and_memory(filter) : deny_dangerous(filter, !what.execute.empty()));
+  const bool made = filter && (listed ? allow_files_and_memory(filter) : deny_dangerous(filter, what));
   if (!made) return fail(Errc::kIo, "the process cannot be confined: the seccomp filter could not be made");
   if (const int error = seccomp_load(filter.get()); error != 0) {
     errno = -error;

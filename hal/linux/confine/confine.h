@@ -27,6 +27,7 @@ struct Confinement {
     kProgram,  ///< a deny-list for a whole program: threads, pipes and Unix sockets stay; Internet sockets do not
   };
   Calls calls = Calls::kProgram;
+  bool unix_sockets = true;        ///< kProgram: false: no new socket at all; those that are open stay
   std::uint64_t memory_bytes = 0;  ///< limit of addresses (RLIMIT_AS); 0: none
   std::uint32_t cpu_seconds = 0;   ///< limit of processor time (RLIMIT_CPU); 0: none
 };

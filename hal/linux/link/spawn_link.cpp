@@ -94,7 +94,9 @@ Result<std::unique_ptr<LinkPort>> spawn_link(const std::vector<std::string>& com
   // The program must not inherit this thread's blocked signals or this process's ignored signals.
   sigset_t none;
   sigemptyset(&none);
-  const sigset_t defaults = ignored_signals();
+  const sigset_t ignored = ignored_signals(), ending = ending_signals();
+  sigset_t defaults;
+  sigorset(&defaults, &ignored, &ending);  // a LinkHelper ignores the latter, too
   posix_spawnattr_setsigmask(&attributes, &none);
   posix_spawnattr_setsigdefault(&attributes, &defaults);
   posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);

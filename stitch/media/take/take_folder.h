@@ -54,9 +54,9 @@ class TakeSegment {
 
 /// Threading: thread-bound.
 /// Ownership: shares the files' folder.
-/// Errors: each names the file. kNotReady for a take that was not ended, and for a copy that is not complete; kNotFound for what is
-///   missing, a symbolic link or a
-///   device; kBadFormat for what contradicts itself; kChecksum for bytes that differ from the manifest or the hashes; those
+/// Errors: each names the file. kNotReady for a take that was not ended, and for a copy that is not complete; kNotFound for
+///   what is missing, a symbolic link or a device; kBadFormat for what contradicts itself; kChecksum for bytes that differ
+///   from the manifest or the hashes; those
 ///   of take::parse_manifest() and take::read_evidence(); kTooLarge.
 class TakeFolder {
  public:

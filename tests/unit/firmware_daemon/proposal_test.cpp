@@ -32,8 +32,8 @@ FoundDevice camera(int number, int bus, std::vector<FoundSize> sizes) {
 const std::vector<FoundSize> kUsual{{1280, 720, {{30, 1}, {10, 1}}}, {640, 480, {{30, 1}}}, {320, 240, {{30, 1}}}};
 
 firmware::RigConfig accepted(const std::vector<FoundDevice>& devices) {
-  const auto config = firmware::parse_rig_config(scan_text(devices), "rig.toml");
-  if (!config) throw std::runtime_error(config.error().text() + "\n" + scan_text(devices));
+  const auto config = firmware::parse_rig_config(scan_text(devices).value(), "rig.toml");
+  if (!config) throw std::runtime_error(config.error().text() + "\n" + scan_text(devices).value());
   return *config;
 }
 
@@ -75,7 +75,7 @@ TEST(RigProposal, NoSmallerSize_TheHeadIsLeftOutWithTheReason) {
   EXPECT_EQ(proposal.heads.size(), 2U);
   ASSERT_EQ(proposal.left_out.size(), 2U);
   EXPECT_NE(proposal.left_out.begin()->second.find("USB bus 1 cannot carry it"), std::string::npos);
-  EXPECT_NE(scan_text(devices).find("# USB bus 1 (480 Mbit/s): 36.9 MB/s of at most 53.2"), std::string::npos);
+  EXPECT_NE(scan_text(devices).value().find("# USB bus 1 (480 Mbit/s): 36.9 MB/s of at most 53.2"), std::string::npos);
 }
 
 TEST(RigProposal, DifferentRates_TheOneThatMostCamerasHave) {
@@ -93,7 +93,7 @@ TEST(RigProposal, ColourAndGreyCameras_TheMoreNumerousMakeTheRig) {
   const firmware::RigConfig config = accepted(devices);
   EXPECT_EQ(config.raymap.format, PixelFormat::kGrey8);
   EXPECT_EQ(config.heads.size(), 2U);
-  EXPECT_NE(scan_text(devices).find("not in this rig: it has no format"), std::string::npos);
+  EXPECT_NE(scan_text(devices).value().find("not in this rig: it has no format"), std::string::npos);
 }
 
 TEST(RigProposal, AnAnalogueInput_HasTheFieldOrderOfItsStandard) {
@@ -122,6 +122,15 @@ TEST(RigProposal, HostileTexts_ReachRigTomlAsTheyAreAndForgeNoKey) {
   EXPECT_EQ(config.heads[0].port.name, R"(a" # \ "b)");
 }
 
+TEST(RigProposal, ATomlThatNodaldCouldNotRead_IsAnErrorAndNeitherTextNorJson) {
+  FoundDevice device = camera(0, 1, kUsual);
+  device.port = "usb-0";  // no kind of port
+  for (const auto& report : {scan_text({device}), scan_json({device})}) {
+    ASSERT_FALSE(report);
+    EXPECT_NE(report.error().message.find("the proposed rig.toml:"), std::string::npos) << report.error().text();
+  }
+}
+
 TEST(RigProposal, NothingUsable_SaysWhyForEveryDevice) {
   FoundDevice silent = camera(0, 1, {});
   silent.formats.clear();
@@ -133,11 +142,11 @@ TEST(RigProposal, NothingUsable_SaysWhyForEveryDevice) {
   }();
   const std::vector<FoundDevice> devices{silent, compressed};
   EXPECT_TRUE(propose_rig(devices).heads.empty());
-  const auto json = nlohmann::json::parse(scan_json(devices));
+  const auto json = nlohmann::json::parse(scan_json(devices).value());
   EXPECT_EQ(json["devices"][0]["left_out"], "/dev/video0: the device does not answer");
   EXPECT_EQ(json["devices"][1]["formats"][0]["format"], nullptr);
   EXPECT_EQ(json["devices"][1]["left_out"], "it has no format and size of a head at the rate of the others");
-  EXPECT_NE(scan_text({}).find("There is none"), std::string::npos);
+  EXPECT_NE(scan_text({}).value().find("There is none"), std::string::npos);
 }
 
 TEST(RigProposal, SizesAtTheEndsOfArithmetic_AreNotProposed) {
@@ -154,7 +163,7 @@ TEST(ScanJson, HasWhatTheTextHasInFull) {
   FoundDevice device = camera(0, 1, kUsual);
   device.controls = {{"Gain", 0, 255, 1, 64}};
   device.usb->serial = "SN7";
-  const auto json = nlohmann::json::parse(scan_json({device}));
+  const auto json = nlohmann::json::parse(scan_json({device}).value());
   const auto& one = json["devices"][0];
   EXPECT_EQ(one["usb"]["serial"], "SN7");
   EXPECT_EQ(one["formats"][0]["sizes"].size(), 3U);

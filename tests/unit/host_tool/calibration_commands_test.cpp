@@ -94,7 +94,7 @@ TEST_F(CalibrationCommands, WhatCannotBe_IsRefusedWithItsExitCode) {
   const Outcome unlike({"calibration", "diff", rig, write_rig("two.json", two)});
   EXPECT_EQ(unlike.code, ExitCode::kBadInput);
   EXPECT_NE(unlike.err.find("cannot be paired"), std::string::npos) << unlike.err;
-  EXPECT_EQ(Outcome({"pattern", "-o", path("p.bmp")}).code, ExitCode::kBadInput);
+  EXPECT_EQ(Outcome({"pattern", "-o", path("p.bmp")}).code, ExitCode::kUsage);
   EXPECT_EQ(Outcome({"pattern", "-o", path("p.png"), "--size", "letter"}).code, ExitCode::kUsage);
 }
 

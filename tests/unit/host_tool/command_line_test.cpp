@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdlib>
@@ -83,6 +84,79 @@ TEST(CommandLine, WhatCannotBeUnderstood_IsUsageAndSaysWhere) {
     EXPECT_EQ(run.code, ExitCode::kUsage) << "nodal" << line;
     EXPECT_NE(run.err.find("nodal: "), std::string::npos) << "nodal" << line;
     EXPECT_EQ(run.out, "") << "nodal" << line;
+  }
+}
+
+/// The one error document on standard output.
+nlohmann::json usage_document_of(const Outcome& run, const std::string& line) {
+  EXPECT_EQ(run.code, ExitCode::kUsage) << line;
+  EXPECT_EQ(std::ranges::count(run.out, '\n'), 1) << line << "\n" << run.out;
+  const auto document = nlohmann::json::parse(run.out, nullptr, false);
+  EXPECT_TRUE(document.is_object() && document.contains("error")) << line << "\n" << run.out;
+  return document.is_object() ? document.value("error", nlohmann::json::object()) : nlohmann::json::object();
+}
+
+TEST(CommandLine, WithJson_EveryUsageErrorIsOneDocument_WhereverTheFlagStands) {
+  const std::vector<std::vector<std::string>> wrong{{"head", "set", "all", "--exposure", "1/0"},
+                                                    {"head", "set", "cam0", "--gain", "900dB"},
+                                                    {"head", "set", "cam0", "--wb", "x"},
+                                                    {"exposure", "set", "--longest", "5"},
+                                                    {"stitch", "a.png", "b.png", "--quality", "bst"},
+                                                    {"raymap", "pull", "-n", "0"},
+                                                    {"status", "--interval", "5"},
+                                                    {"--timeout", "-1s", "status"},
+                                                    {"--rig", "foo", "status"},
+                                                    {"--timeout"},
+                                                    {"stauts"},
+                                                    {"status", "--wacth"},
+                                                    {"status", "more"},
+                                                    {"import"},
+                                                    {}};
+  for (std::vector<std::string> words : wrong) {
+    std::string line = "nodal";
+    for (const std::string& word : words) line += " " + word;
+    words.insert(words.begin(), "--json");
+    EXPECT_FALSE(usage_document_of(Outcome(words), line).value("message", "").empty()) << line;
+    if (words.back() == "--timeout") continue;  // would take --json as its value
+    std::ranges::rotate(words, words.begin() + 1);
+    EXPECT_FALSE(usage_document_of(Outcome(words), line).value("message", "").empty()) << line;
+  }
+}
+
+TEST(CommandLine, AWrongValueOfAnyOption_IsAUsageErrorThatNamesTheOption) {
+  Console console(stdout, stderr);
+  CommandLine line(console);
+  int tried = 0;
+  for (const CommandWords& command : command_words(line.app())) {
+    for (const CommandWords::Option& option : command.options) {
+      const bool any_text = option.value.file || option.type == "NAME" || option.type == "TEXT" ||
+                            option.type == "HEAD" || option.type == "PATTERN" || option.type == "HTML" ||
+                            option.type == "FOLDER" || option.type == "DIR";
+      if (option.type.empty() || any_text || !command.runs) continue;
+      // Those of all commands are judged after the command's own words, which are missing here.
+      const bool of_all = option.names.back() == "--rig" || option.names.back() == "--timeout";
+      std::vector<std::string> words = command.path;
+      words.insert(words.end(), {"--json", option.names.back(), "?!"});
+      std::string shown;
+      for (const std::string& word : words) shown += " " + word;
+      const std::string message = usage_document_of(Outcome(words), shown).value("message", "");
+      EXPECT_TRUE(message.starts_with(option.names.back()) || (of_all && message.ends_with(" required")))
+          << shown << ": " << message;
+      ++tried;
+    }
+  }
+  EXPECT_GT(tried, 60);
+}
+
+TEST(CommandLine, AValueThatOnlyTheCommandCanJudge_HasTheSameExitCodeAndDocument) {
+  const std::vector<std::vector<std::string>> wrong{{"pattern", "-o", "pattern.bmp"},
+                                                    {"mesh", "-o", "a.obj", "--size", "64x32", "--texture", "a.png"}};
+  for (std::vector<std::string> words : wrong) {
+    const std::string line = words.front();
+    words.push_back("--json");
+    const nlohmann::json error = usage_document_of(Outcome(words), line);
+    EXPECT_EQ(error.value("name", ""), "usage") << line;
+    EXPECT_TRUE(error.value("message", "").starts_with("--")) << line;
   }
 }
 

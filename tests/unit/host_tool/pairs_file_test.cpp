@@ -33,6 +33,14 @@ TEST_F(PairsFile, Csv_HeadsByNameAndPixelsAsTheyStand) {
   EXPECT_EQ(pairs->front().pixel_b, (geometry::Pixel{40.25, 239.5}));
 }
 
+TEST_F(PairsFile, MorePairsThanAreFitted_AreRefused) {
+  std::string text;
+  for (std::size_t i = 0; i <= kMaxPointPairs; ++i) text += "cam0,1,2,cam1,3,4\n";
+  const auto pairs = read("p.csv", text);
+  ASSERT_FALSE(pairs);
+  EXPECT_EQ(pairs.error().code, Errc::kTooLarge) << pairs.error().text();
+}
+
 TEST_F(PairsFile, WhatPairsCsvWrites_ReadsBack) {
   const auto pairs = read("p.csv", "cam0,600.5,240,cam1,40.25,239.5\ncam2,1,2,cam0,3,4.125\n");
   ASSERT_TRUE(pairs);

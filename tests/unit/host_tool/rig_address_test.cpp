@@ -35,6 +35,20 @@ TEST(RigAddress, HostThatSshWouldTakeForAnOption_IsRefused) {
   }
 }
 
+TEST(RigAddress, UserOrHostWithACharacterOutsideTheAllowedOnes_IsRefused) {
+  for (const char* text :
+       {"ssh://ann;id@rig", "ssh://$USER@rig", "ssh://an n@rig", "ssh://ann%h@rig", "ssh://a\nb@rig", "ssh://rig%20x",
+        "ssh://rig*", "ssh://rig?", "ssh://rig#1", "ssh://r\xc3\xb6g", "ssh://rig\x01", "ssh://a,b", "ssh://a=b",
+        "ssh://{a}", "ssh://a!b", "ssh://~a", "ssh://[fe80::1;id]", "ssh://[-oProxyCommand=id]", "ssh://[fe80::1\n]"}) {
+    const auto address = parse_rig_address(text, "ssh");
+    ASSERT_FALSE(address) << text;
+    EXPECT_EQ(address.error().code, Errc::kBadValue) << text;
+  }
+  for (const char* text : {"ssh://first.last+rig@rig-7_b.example.org", "ssh://192.168.0.5", "ssh://[fe80::1%eth0]"}) {
+    EXPECT_TRUE(parse_rig_address(text, "ssh")) << text;
+  }
+}
+
 TEST(RigAddress, Tcp_IsRefusedWithTheWayThatIsAllowed) {
   for (const char* text : {"tcp:127.0.0.1:7700", "tcp:[::1]:7700", "tcp:192.168.0.5:7700"}) {
     const auto address = parse_rig_address(text, "ssh");

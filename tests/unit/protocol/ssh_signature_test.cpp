@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "protocol/signed_for.h"
 #include "tests/support/ssh_keys.h"
 
 namespace nodal {
@@ -19,7 +20,10 @@ class SshSignature : public testing::Test {
   Result<std::string> verify(const std::string& signature, const std::string& document = kDocument) {
     auto signers = AllowedSigners::parse(allowed_);
     EXPECT_TRUE(signers) << signers.error().text();
-    return signers->verify(bytes_of(document), signature, kCalibrationNamespace);
+    const auto verified = signers->verify(bytes_of(document), signature, kCalibrationNamespace);
+    if (!verified) return fail(verified.error());
+    name_space_ = verified->name_space;
+    return verified->principals;
   }
   static void expect_error(const Result<std::string>& result, Errc code, const std::string& words) {
     ASSERT_FALSE(result) << "accepted as " << *result;
@@ -30,6 +34,7 @@ class SshSignature : public testing::Test {
   test::SshKeys keys_;
   const std::string ann_ = keys_.make("ann");
   const std::string bob_ = keys_.make("bob");
+  std::string name_space_;  ///< of the signature that was accepted last
   std::string allowed_ = "# who may\n\nann@example namespaces=\"git,nodal-calibration\" " + ann_;
 };
 
@@ -45,7 +50,32 @@ TEST_F(SshSignature, OfATrustedKey_IsAcceptedHereAndBySshKeygen) {
   }
 }
 
-TEST_F(SshSignature, None_SaysHowToSign) { expect_error(verify(""), Errc::kBadValue, "ssh-keygen -Y sign -n"); }
+TEST_F(SshSignature, None_IsRefused) { expect_error(verify(""), Errc::kBadValue, "not signed"); }
+
+TEST_F(SshSignature, ForANamespaceBelow_IsAcceptedWithItsWholeName) {
+  for (const char* trusted : {"nodal-calibration", "nodal-calibration*", "git,nodal-calibration:bridge:7"}) {
+    allowed_ = std::string("ann@example namespaces=\"") + trusted + "\" " + ann_;
+    ASSERT_TRUE(verify(keys_.sign("ann", kDocument, "nodal-calibration:bridge:7"))) << trusted;
+    EXPECT_EQ(name_space_, "nodal-calibration:bridge:7");
+  }
+  EXPECT_TRUE(keys_.verifies("ann@example namespaces=\"nodal-calibration*\" " + ann_, "ann@example", kDocument,
+                             keys_.sign("ann", kDocument, "nodal-calibration:bridge:7"), "nodal-calibration:bridge:7"));
+  allowed_ = "ann@example namespaces=\"nodal-calibration:bridge:8\" " + ann_;
+  expect_error(verify(keys_.sign("ann", kDocument, "nodal-calibration:bridge:7")), Errc::kBadValue, "allowed signers");
+  expect_error(verify(keys_.sign("ann", kDocument, "nodal-calibrations")), Errc::kBadValue, "nodal-calibrations");
+}
+
+TEST(SignedFor, RigAndGeneration_AreReadFromTheNamespaceAndWrittenBack) {
+  for (const SignedFor& what : {SignedFor{"bridge", 1}, SignedFor{"rig_7.b-c", UINT64_MAX}}) {
+    EXPECT_EQ(parse_namespace(namespace_of(what)).value(), what);
+  }
+  for (const char* text : {"", "nodal-calibration", "nodal-calibration:", "nodal-calibration:bridge",
+                           "nodal-calibration:bridge:", "nodal-calibration:bridge:0", "nodal-calibration:bridge:01",
+                           "nodal-calibration:bridge:-1", "nodal-calibration:bridge:1 ", "nodal-calibration::x",
+                           "nodal-calibration:bridge:18446744073709551616", "git:bridge:1"}) {
+    EXPECT_FALSE(parse_namespace(text)) << text;
+  }
+}
 
 TEST_F(SshSignature, OfAKeyNobodyTrusts_IsRefused) {
   expect_error(verify(keys_.sign("bob", kDocument)), Errc::kBadValue, "allowed signers");

@@ -3,9 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
 
 #include "stitch/geometry/head.h"
+#include "stitch/registration/pair_start.h"
 #include "tests/support/rendered_rig.h"
 
 namespace nodal::registration {
@@ -43,6 +45,46 @@ TEST(Pairs, ExactOnesAndHeadsAnywhere_PlaceThemToRounding) {
   EXPECT_LT(test::rotation_error(truth, fit->calibration).max_deg, 1e-7);
   EXPECT_LT(fit->rms_deg, 1e-7);
   EXPECT_EQ(fit->calibration.heads[0].R_head_rig, prior.heads[0].R_head_rig) << "the first head holds the rig";
+}
+
+/// Two heads that see the same rays, of which `right` in a thousand belong together.
+std::vector<RayPair> ray_pairs(std::size_t a, std::size_t b, std::size_t count, int right, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  const auto any = [&] { return Eigen::Vector3d(normal(random), normal(random), normal(random)).normalized(); };
+  std::vector<RayPair> pairs;
+  for (std::size_t k = 0; k < count; ++k) {
+    const Eigen::Vector3d ray = any();
+    pairs.push_back({a, b, ray, static_cast<int>(k % 1000) < right ? ray : any()});
+  }
+  return pairs;
+}
+
+// Every two pairs are a combination: 45 thousand million of them, of which 1500 are tried.
+TEST(Pairs, AsManyAsAFileCanHold_TakeATimeThatGrowsWithThem) {
+  const std::vector<Eigen::Matrix3d> R(64, Eigen::Matrix3d::Identity());
+  const std::vector<RayPair> pairs = ray_pairs(3, 5, 300'000, 900, 1);
+  const PairStart start = start_from_pairs(R, pairs);
+  EXPECT_EQ(std::ranges::count_if(start.R_head_rig, [](const auto& pose) { return pose.has_value(); }), 2);
+  EXPECT_GE(start.agreeing, 269'000);
+}
+
+TEST(Pairs, GroupsThatNoPairJoins_AreIslandsEachWithItsFirstHead) {
+  const std::vector<Eigen::Matrix3d> R(6, Eigen::Matrix3d::Identity());
+  std::vector<RayPair> pairs = ray_pairs(0, 2, 50, 1000, 1);
+  for (const auto& [a, b] : {std::pair{1, 4}, std::pair{4, 5}}) {
+    const auto more = ray_pairs(static_cast<std::size_t>(a), static_cast<std::size_t>(b), 50, 1000, 2);
+    pairs.insert(pairs.end(), more.begin(), more.end());
+  }
+  std::vector<std::vector<std::size_t>> found;
+  for (const PairStart& island : islands_from_pairs(R, pairs)) {
+    found.emplace_back();
+    for (std::size_t h = 0; h < R.size(); ++h) {
+      if (island.R_head_rig[h]) found.back().push_back(h);
+    }
+    EXPECT_EQ(island.first, found.back().front());
+  }
+  EXPECT_EQ(found, (std::vector<std::vector<std::size_t>>{{0, 2}, {1, 4, 5}, {3}}));
 }
 
 TEST(Pairs, NoiseOfHalfAPixel_ErrorIsWhatTheUncertaintySays) {

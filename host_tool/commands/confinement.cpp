@@ -1,0 +1,186 @@
+#include "host_tool/commands/confinement.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+#include <filesystem>
+#include <memory>
+#include <string_view>
+#include <system_error>
+
+#include "hal/linux/confine/confine.h"
+#include "hal/linux/link/link_helper.h"
+#include "host_tool/input/project_pictures.h"
+
+namespace nodal::host {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Use {
+  std::string_view option;
+  PathUse use;
+};
+constexpr std::array kUses{Use{"out", PathUse::kOutputFile},
+                           Use{"csv", PathUse::kOutputFile},
+                           Use{"report", PathUse::kOutputFile},
+                           Use{"rig-toml", PathUse::kOutputFile},
+                           Use{"svg", PathUse::kOutputFile},
+                           Use{"to", PathUse::kOutputFolder},
+                           Use{"thumbnails", PathUse::kOutputFolder},
+                           Use{"calibration", PathUse::kInput},
+                           Use{"envelope", PathUse::kInput},
+                           Use{"from", PathUse::kInput},
+                           Use{"layout", PathUse::kInput},
+                           Use{"mesh", PathUse::kInput},
+                           Use{"pairs", PathUse::kInput},
+                           Use{"path", PathUse::kInput},
+                           Use{"pattern", PathUse::kInput},
+                           Use{"signature", PathUse::kInput}};
+
+/// What the C and C++ libraries read: themselves, time zones, and what the machine has.
+constexpr std::array kEverywhere{
+    "/usr",       "/lib",          "/lib64",        "/etc/ld.so.cache",        "/etc/localtime",
+    "/proc/self", "/proc/meminfo", "/proc/cpuinfo", "/sys/devices/system/cpu", "/dev/null",
+    "/dev/zero",  "/dev/urandom"};
+constexpr std::string_view kRays = "rays:";  // of --layout and --from
+
+/// Programs of other projects that a flag starts, with what they need: their folder for files of a run.
+constexpr std::string_view kCpfindFlag = "cpfind";
+
+bool is_there(const fs::path& path) {
+  std::error_code error;
+  return fs::exists(path, error);
+}
+
+/// The nearest folder on the way up that exists: where the first missing one would be made.
+std::string existing(fs::path folder) {
+  if (folder.empty()) folder = ".";
+  folder = fs::absolute(folder);
+  while (!is_there(folder) && folder.has_parent_path() && folder != folder.parent_path()) folder = folder.parent_path();
+  return folder.string();
+}
+
+std::string folder_of(const std::string& file) {
+  const fs::path folder = fs::path(file).parent_path();
+  return folder.empty() ? "." : folder.string();
+}
+
+bool names_pictures(const std::string& file) {
+  return std::ranges::any_of(std::array{".pto", ".pts", ".ptv", ".json"},
+                             [&](const char* end) { return file.ends_with(end); });
+}
+
+void add_input(std::string word, CommandRights& rights) {
+  if (word.starts_with(kRays)) word.erase(0, kRays.size());
+  if (!is_there(word)) return;
+  rights.read.push_back(word);
+  if (names_pictures(word)) rights.read.push_back(folder_of(word));
+  if (is_there(word + ".sig")) rights.read.push_back(word + ".sig");  // a calibration's signature
+}
+
+void add_option(const CLI::Option& option, CommandRights& rights) {
+  const std::string name = option.get_lnames().empty() ? "" : option.get_lnames().front();
+  const PathUse use = option.get_positional() ? PathUse::kInput : path_use(name);
+  if (use == PathUse::kOutputFile && option.empty()) rights.write.push_back(".");  // the name that a command chooses
+  for (const std::string& word : option.results()) {
+    switch (use) {
+      case PathUse::kInput: add_input(word, rights); break;
+      case PathUse::kOutputFile: rights.write.push_back(folder_of(word)); break;
+      case PathUse::kOutputFolder: rights.write.push_back(existing(word)); break;
+      case PathUse::kNone: break;
+    }
+  }
+}
+
+/// The program's file, as execvp() finds it; empty: there is none.
+std::string program_in_path(const std::string& program) {
+  const char* const path = std::getenv("PATH");
+  std::string folders = path == nullptr ? "/usr/bin:/bin" : path;
+  for (std::size_t from = 0; from <= folders.size();) {
+    const std::size_t colon = std::min(folders.find(':', from), folders.size());
+    const fs::path file = fs::path(folders.substr(from, colon - from)) / program;
+    if (is_there(file)) return file.string();
+    from = colon + 1;
+  }
+  return "";
+}
+
+void add_cpfind(CommandRights& rights) {
+  rights.execute = {program_in_path("cpfind"), "/usr", "/lib", "/lib64"};
+  rights.write.push_back(fs::temp_directory_path().string());
+  rights.read.push_back("/etc");
+}
+
+std::string described(const CommandRights& rights, const hal::linux_os::Confined& done) {
+  const std::string programs = rights.execute.empty() ? "none" : fmt::format("{}", fmt::join(rights.execute, " "));
+  return fmt::format("nodal: confined by Landlock {}, seccomp {}; reads {}; writes {}; starts {}{}{}",
+                     done.landlock == 0 ? "(none)" : fmt::format("version {}", done.landlock),
+                     done.seccomp ? "yes" : "no", fmt::join(rights.read, " "), fmt::join(rights.write, " "), programs,
+                     done.missing.empty() ? "" : "; ", done.missing);
+}
+
+bool is_off() {
+  const char* const wanted = std::getenv("NODAL_CONFINE");
+  return wanted != nullptr && std::string_view(wanted) == "off";
+}
+
+/// From now on the context's links are opened by a process that keeps its rights.
+Status give_helper(Context& context) {
+  const Result<RigAddress> address = context.address();
+  if (!address) return {};  // connecting reports it
+  auto helper = hal::LinkHelper::start([address = *address] { return open_link(address); });
+  if (!helper) return fail(helper.error());
+  context.open_link = [helper = std::shared_ptr<hal::LinkHelper>(std::move(*helper))](const RigAddress&) {
+    return helper->connect();
+  };
+  return {};
+}
+
+}  // namespace
+
+PathUse path_use(const std::string& option) {
+  const auto* const found = std::ranges::find(kUses, option, &Use::option);
+  return found == kUses.end() ? PathUse::kNone : found->use;
+}
+
+CommandRights rights_of(const CLI::App& command) {
+  CommandRights rights;
+  bool anywhere = false;
+  for (const CLI::App* app = &command; app != nullptr; app = app->get_parent()) {
+    for (const CLI::Option* option : app->get_options()) {
+      add_option(*option, rights);
+      if (option->empty()) continue;
+      anywhere = anywhere || option->check_lname(std::string(kPicturesAnywhere).substr(2));
+      if (option->check_lname(std::string(kCpfindFlag))) add_cpfind(rights);
+    }
+  }
+  if (anywhere) rights.read.push_back("/");
+  for (std::vector<std::string>* paths : {&rights.read, &rights.write}) {
+    std::ranges::sort(*paths);
+    paths->erase(std::ranges::unique(*paths).begin(), paths->end());
+  }
+  return rights;
+}
+
+Status confine_command(Context& context, const CLI::App& command) {
+  if (is_off()) return {};
+  if (const Status helped = give_helper(context); !helped) return helped;
+  const CommandRights rights = rights_of(command);
+  hal::linux_os::Confinement wanted;
+  wanted.read = rights.read;
+  wanted.read.insert(wanted.read.end(), kEverywhere.begin(), kEverywhere.end());
+  wanted.write = rights.write;
+  wanted.write.emplace_back("/dev/null");
+  wanted.execute = rights.execute;
+  wanted.unix_sockets = false;
+  const auto done = hal::linux_os::confine(wanted);
+  if (!done) return fail(done.error().in("NODAL_CONFINE=off runs it unconfined"));
+  if (context.verbose) context.console().note(described(rights, *done));
+  return {};
+}
+
+}  // namespace nodal::host

@@ -1,0 +1,196 @@
+// A rig that sends or takes a byte now and then does not hold a command for ever. All times are virtual.
+#include "host_tool/rig/progress_floor.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "fake_rig.h"
+#include "hal/sim/link.h"
+#include "host_tool/console/console.h"
+#include "host_tool/input/live_frames.h"
+#include "host_tool/rig/rig_connection.h"
+#include "host_tool/rig/stream_wait.h"
+
+namespace nodal::host {
+namespace {
+
+constexpr Duration kPatience = Duration::seconds(10);
+constexpr Duration kAnHour = Duration::seconds(3600);
+
+/// A link that moves one byte a step of the clock in each direction, once it trickles.
+class TricklingLink final : public hal::LinkPort {
+ public:
+  TricklingLink(std::unique_ptr<hal::LinkPort> link, const bool& trickles, const Duration& now)
+      : link_(std::move(link)), trickles_(trickles), now_(now) {}
+
+  Result<std::size_t> read(std::span<std::uint8_t> into) override {
+    if (!trickles_) return link_->read(into);
+    if (read_at_ == now_) return 0;
+    read_at_ = now_;
+    return link_->read(into.first(1));
+  }
+  Result<std::size_t> write(std::span<const std::uint8_t> from) override {
+    if (!trickles_) return link_->write(from);
+    if (written_at_ == now_) return 0;
+    written_at_ = now_;
+    return link_->write(from.first(1));
+  }
+  void add_wake_ups(hal::WakeUps& to, bool to_read, bool to_write) const override {
+    link_->add_wake_ups(to, to_read, to_write);
+  }
+  const std::string& peer() const override { return link_->peer(); }
+  std::optional<hal::PeerIdentity> identity() const override { return link_->identity(); }
+
+ private:
+  std::unique_ptr<hal::LinkPort> link_;
+  const bool& trickles_;
+  const Duration& now_;
+  Duration read_at_, written_at_;
+};
+
+/// A connection whose clock advances only where it waits.
+class Trickles : public testing::Test {
+ protected:
+  void connect() {
+    auto link = std::make_unique<TricklingLink>(std::move(rig_.host_end), trickles_, now_);
+    auto connection = RigConnection::over(
+        std::move(link), "sim:rig", kPatience,
+        [this](hal::LinkPort&, bool, Duration at_most) {
+          now_ = now_ + std::clamp(at_most, Duration::milliseconds(1), step_);
+          rig_.step();
+          if (now_ < kAnHour * 3) return;
+          ADD_FAILURE() << "the wait has no end";
+          rig_.hang_up();
+        },
+        [this] { return now_; });
+    ASSERT_TRUE(connection) << connection.error().text();
+    connection_ = std::move(*connection);
+  }
+
+  static wire::Request a_pull() {
+    wire::Request request;
+    request.mutable_frame_set();
+    return request;
+  }
+
+  FakeRig rig_;
+  bool trickles_ = false;
+  Duration now_ = Duration::seconds(1);
+  Duration step_ = Duration::seconds(1);
+  std::unique_ptr<RigConnection> connection_;
+};
+
+TEST_F(Trickles, AByteASecond_WhileEventsAreWaitedFor_IsATimeoutAfterThePatience) {
+  connect();
+  rig_.answer = [this](const wire::Request&) {
+    trickles_ = true;
+    wire::Reply reply;
+    reply.mutable_status()->set_problem(std::string(50'000, 'x'));
+    return reply;
+  };
+  const Duration begun = now_;
+  const auto event = connection_->next_event(kAnHour);
+  ASSERT_FALSE(event);
+  EXPECT_EQ(event.error().code, Errc::kTimeout);
+  EXPECT_NE(event.error().message.find("too few"), std::string::npos) << event.error().message;
+  EXPECT_LT(now_ - begun, kPatience * 3);
+}
+
+TEST_F(Trickles, ARigThatTakesAByteASecondOfAnUpload_IsATimeout) {
+  connect();
+  trickles_ = true;
+  const auto body = std::make_shared<const std::vector<std::uint8_t>>(100'000);
+  const Duration begun = now_;
+  const Status sent = connection_->send_item({"meta", body, 0});
+  ASSERT_FALSE(sent);
+  EXPECT_EQ(sent.error().code, Errc::kTimeout);
+  EXPECT_LT(now_ - begun, kPatience * 3);
+}
+
+TEST_F(Trickles, ARigThatAnswersAndSendsAByteOfAFrameSetASecond_IsATimeoutThatNamesTheFrameSet) {
+  connect();
+  StreamId stream = 0;
+  rig_.answer = [&](const wire::Request& request) {
+    wire::Reply reply;
+    if (request.has_status()) {
+      reply.mutable_status();
+      return reply;
+    }
+    stream = *rig_.session().open_stream(StreamPolicy::kLossless);
+    reply.mutable_pull()->set_stream(stream);
+    return reply;
+  };
+  const auto started = connection_->ask(a_pull());
+  ASSERT_TRUE(started) << started.error().text();
+  StreamWait wait(*connection_, started->pull().stream(), kPatience, "a frame set");
+  const Duration begun = now_;
+  Status last;
+  while (last) {
+    // Items of one byte: the rig is alive and never finishes.
+    EXPECT_TRUE(rig_.session().offer(stream, {"m", std::make_shared<const std::vector<std::uint8_t>>(1), 0}));
+    const Result<Event> event = wait.next();
+    if (!event) last = fail(event.error());
+    now_ = now_ + step_;
+  }
+  EXPECT_EQ(last.error().code, Errc::kTimeout);
+  EXPECT_NE(last.error().message.find("a frame set"), std::string::npos) << last.error().message;
+  EXPECT_LT(now_ - begun, kPatience * 3);
+}
+
+TEST_F(Trickles, ASlowRigAboveTheFloor_IsWaitedFor) {
+  connect();
+  ProgressFloor floor(kPatience, now_);
+  for (int i = 0; i < 1000; ++i) {
+    now_ = now_ + Duration::seconds(1);
+    floor.moved(kMinBytesAWindow / 4, now_);
+    EXPECT_FALSE(floor.stalled(now_)) << i;
+  }
+}
+
+TEST_F(Trickles, AProgramThatWasStoppedForAWhile_LooksOnceMoreBeforeItGivesUp) {
+  ProgressFloor floor(kPatience, now_);
+  now_ = now_ + kAnHour;
+  EXPECT_FALSE(floor.stalled(now_));
+  floor.moved(kMinBytesAWindow, now_);
+  now_ = now_ + kPatience / 2;
+  EXPECT_FALSE(floor.stalled(now_));
+  now_ = now_ + kPatience / 2;
+  EXPECT_TRUE(floor.stalled(now_));
+}
+
+TEST_F(Trickles, ARequestWhoseActivityStaysTheSame_IsGivenUp) {
+  connect();
+  rig_.answer = [](const wire::Request& request) -> std::optional<wire::Reply> {
+    if (!request.has_status()) return std::nullopt;
+    wire::Reply reply;
+    reply.mutable_status()->set_activity("compiling: 40 %");
+    return reply;
+  };
+  wire::Request commit;
+  commit.mutable_upload_commit();
+  const auto reply = connection_->ask_long(commit, [](const wire::RigStatus&) {});
+  ASSERT_FALSE(reply);
+  EXPECT_EQ(reply.error().code, Errc::kTimeout);
+  EXPECT_LT(now_, ActivityFloor::kSameActivity * 2);
+}
+
+TEST_F(Trickles, ARequestThatAlwaysSaysSomethingNew_IsGivenUpAfterAnHour) {
+  connect();
+  int looks = 0;
+  rig_.answer = [&](const wire::Request& request) -> std::optional<wire::Reply> {
+    if (!request.has_status()) return std::nullopt;
+    wire::Reply reply;
+    reply.mutable_status()->set_activity("compiling: " + std::to_string(++looks));
+    return reply;
+  };
+  wire::Request commit;
+  commit.mutable_upload_commit();
+  const auto reply = connection_->ask_long(commit, [](const wire::RigStatus&) {});
+  ASSERT_FALSE(reply);
+  EXPECT_EQ(reply.error().code, Errc::kTimeout);
+  EXPECT_LT(now_, ActivityFloor::kLongestRequest * 2);
+}
+
+}  // namespace
+}  // namespace nodal::host

@@ -1,0 +1,86 @@
+// A project names pictures in its own folder only, unless the user allows others.
+#include "host_tool/input/project_pictures.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "host_tool/input/stitch_input.h"
+#include "run_nodal.h"
+#include "tests/support/pictures.h"
+
+namespace nodal::host {
+namespace {
+
+namespace fs = std::filesystem;
+
+class ProjectPictures : public testing::Test {
+ protected:
+  ProjectPictures() {
+    fs::create_directories(folder_ / "project/inner");
+    for (const char* name : {"secret.png", "project/a.png", "project/inner/b.png"})
+      std::ofstream(folder_ / name) << "x";
+    fs::create_symlink(folder_ / "secret.png", folder_ / "project/link.png");
+    fs::create_directory_symlink(folder_.path(), folder_ / "project/up");
+  }
+  Result<std::string> named(const std::string& image, PicturePlaces places = PicturePlaces::kBesideProject) const {
+    return project_picture((folder_ / "project/rig.pto").string(), image, places);
+  }
+  test::TemporaryFolder folder_;
+};
+
+TEST_F(ProjectPictures, InTheFolderOrBelowIt_AreFoundAlsoByTheirWholePath) {
+  for (const std::string& image : {std::string("a.png"), std::string("./inner/b.png"), std::string("inner/../a.png"),
+                                   (folder_ / "project/a.png").string(), std::string("missing.png")}) {
+    const auto file = named(image);
+    EXPECT_TRUE(file) << image << ": " << (file ? "" : file.error().message);
+  }
+}
+
+TEST_F(ProjectPictures, OutsideTheFolder_AreRefusedWithTheNameAndTheOption) {
+  for (const std::string& image :
+       {std::string("../secret.png"), (folder_ / "secret.png").string(), std::string("inner/../../secret.png"),
+        std::string("link.png"), std::string("up/secret.png"), std::string("/etc/passwd")}) {
+    const auto file = named(image);
+    ASSERT_FALSE(file) << image;
+    EXPECT_EQ(file.error().code, Errc::kBadValue);
+    EXPECT_NE(file.error().message.find(image), std::string::npos) << file.error().message;
+    EXPECT_NE(file.error().message.find("--pictures-anywhere"), std::string::npos) << file.error().message;
+    EXPECT_TRUE(named(image, PicturePlaces::kAnywhere)) << image;
+  }
+}
+
+TEST_F(ProjectPictures, AFolderWithTheSameBeginning_IsAnother) {
+  fs::create_directories(folder_ / "project2");
+  EXPECT_FALSE(named("../project2/a.png"));
+}
+
+TEST_F(ProjectPictures, ANameWithControlCharacters_IsShownWithoutThem) {
+  const auto file = named("../x\x1b[2J\n.png");
+  ASSERT_FALSE(file);
+  EXPECT_EQ(file.error().message.find('\x1b'), std::string::npos);
+  EXPECT_EQ(file.error().message.find('\n'), std::string::npos);
+}
+
+TEST_F(ProjectPictures, StitchAndImport_DoNotReadWhatAProjectNamesElsewhere) {
+  const std::string project = (folder_ / "project/rig.pto").string();
+  std::ofstream(project) << "p f2 w3000 h1500 v360\n"
+                            "i w640 h480 f0 v60 r0 p0 y0 n\"../secret.png\"\n"
+                            "i w640 h480 f0 v60 r0 p0 y40 n\"a.png\"\n";
+  const Outcome stitched({"stitch", project, "-o", (folder_ / "s.jpg").string()});
+  EXPECT_EQ(stitched.code, ExitCode::kBadInput);
+  EXPECT_NE(stitched.err.find("outside the project's folder"), std::string::npos) << stitched.err;
+  const Outcome imported(
+      {"import", project, "-o", (folder_ / "c.json").string(), "--rig-toml", (folder_ / "rig.toml").string()});
+  EXPECT_EQ(imported.code, ExitCode::kBadInput);
+  EXPECT_FALSE(fs::exists(folder_ / "rig.toml"));
+  const Outcome warned({"import", project, "-o", (folder_ / "c.json").string()});
+  EXPECT_EQ(warned.code, ExitCode::kOk) << warned.err;
+  EXPECT_NE(warned.err.find("outside the project's folder"), std::string::npos) << warned.err;
+  const Outcome allowed({"stitch", project, "-o", (folder_ / "s.jpg").string(), "--pictures-anywhere"});
+  EXPECT_EQ(allowed.err.find("outside the project's folder"), std::string::npos) << allowed.err;
+}
+
+}  // namespace
+}  // namespace nodal::host
