@@ -69,6 +69,15 @@ std::string folder_of(const std::string& file) {
   return folder.empty() ? "." : folder.string();
 }
 
+/// The folder of the name, and what the name leads to when it is a link or a device.
+void add_output(const std::string& word, CommandRights& rights) {
+  rights.write.push_back(folder_of(word));
+  std::error_code error;
+  const fs::path target = fs::canonical(word, error);
+  if (error || fs::is_directory(target, error)) return;
+  rights.write.push_back(fs::is_regular_file(target, error) ? target.parent_path().string() : target.string());
+}
+
 bool names_pictures(const std::string& file) {
   return std::ranges::any_of(std::array{".pto", ".pts", ".ptv", ".json"},
                              [&](const char* end) { return file.ends_with(end); });
@@ -89,7 +98,7 @@ void add_option(const CLI::Option& option, CommandRights& rights) {
   for (const std::string& word : option.results()) {
     switch (use) {
       case PathUse::kInput: add_input(word, rights); break;
-      case PathUse::kOutputFile: rights.write.push_back(folder_of(word)); break;
+      case PathUse::kOutputFile: add_output(word, rights); break;
       case PathUse::kOutputFolder: rights.write.push_back(existing(word)); break;
       case PathUse::kNone: break;
     }
