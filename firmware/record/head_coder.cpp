@@ -10,8 +10,7 @@
 namespace nodal::firmware {
 namespace {
 
-/// The fields of a frame, the one exposed first comes first: FFmpeg takes the order of the JPEGs for that of the exposures, and
-/// knows from the file's FieldOrder which rows the first one has.
+/// The fields of a frame, the one exposed first comes first. FFmpeg knows from the file's FieldOrder which rows the first one has.
 std::vector<FieldParity> parities_of(Fields fields) {
   switch (fields) {
     case Fields::kProgressive: return {};

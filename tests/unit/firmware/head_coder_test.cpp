@@ -54,6 +54,7 @@ TEST_P(HeadCoderFiles, FfmpegShowsTheRowsWhereTheyWere) {
   track.height = kCodedHeight;
   track.rate = FrameRate{30, 1};
   track.fields = fields;
+  track.fields_apart = true;
   take::MatroskaWriter writer(track);
   Bytes file = writer.head();
   for (int k = 0; k < 3; ++k) {
