@@ -135,6 +135,7 @@ Status check_and_clean(wire::Reply& reply) {
   Check check;
   if (reply.has_error()) check.sentence(reply.mutable_error()->mutable_message());
   check.sentence(reply.mutable_not_stored());
+  check.sentence(reply.mutable_not_recorded());
   switch (reply.what_case()) {
     case wire::Reply::kStatus: clean(check, *reply.mutable_status()); break;
     case wire::Reply::kHeads: clean(check, *reply.mutable_heads()); break;
