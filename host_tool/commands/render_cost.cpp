@@ -5,13 +5,17 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
-#include <fstream>
+#include <cstdio>
+#include <cstdlib>
 #include <limits>
 #include <string>
+#include <string_view>
 
 #include "host_tool/console/quantities.h"
+#include "protocol/files/open_file.h"
 #include "stitch/blend/blend_table.h"
 #include "stitch/geometry/raymap/registry.h"
 #include "stitch/sets/table_job.h"
@@ -59,10 +63,10 @@ RaymapConfig trial_of(const RaymapConfig& raymap) {
 }
 
 std::uint64_t kilobytes_of(const char* file, const std::string& key) {
-  std::ifstream lines(file);
-  std::uint64_t value = 0;
-  for (std::string word; lines >> word;) {
-    if (word == key && lines >> value) return value;
+  const Result<FilePtr> lines = open_to_read(file);
+  std::array<char, 256> line{};
+  while (lines && std::fgets(line.data(), line.size(), lines->get()) != nullptr) {
+    if (std::string_view(line.data()).starts_with(key)) return std::strtoull(line.data() + key.size(), nullptr, 10);
   }
   return 0;
 }

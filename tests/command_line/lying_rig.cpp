@@ -26,6 +26,13 @@ LyingRig::LyingRig(const std::string& socket) : hello(make_hello("liar")) {
   if (listener) listener_ = std::move(*listener);
 }
 
+void LyingRig::reply_rate(const wire::Request& request) {
+  wire::Reply rate;
+  rate.mutable_genlock()->set_rate_numerator(30);
+  rate.mutable_genlock()->set_rate_denominator(1);
+  reply(request, std::move(rate));
+}
+
 void LyingRig::greet() {
   decoder_ = std::make_unique<FrameDecoder>();
   sequence_ = 0;
@@ -81,6 +88,14 @@ void LyingRig::first_piece(StreamId stream, std::uint64_t item, const std::strin
   append(payload, 0, 8);
   append(payload, meta.size(), 4);
   frame(FrameType::kBulk, stream, payload + meta + body);
+}
+
+std::string raymap_meta(std::uint32_t width, std::uint32_t height, const std::string& coding) {
+  wire::RaymapHeader header;
+  header.set_width(width);
+  header.set_height(height);
+  header.set_coding(coding);
+  return header.SerializeAsString();
 }
 
 }  // namespace nodal::command_line

@@ -33,6 +33,8 @@ class LyingRig {
   virtual void on(const wire::Request& request) = 0;
 
   void reply(const wire::Request& request, wire::Reply reply);
+  /// Answers a request about the genlock with 30 frames a second, from which a host makes its deadlines.
+  void reply_rate(const wire::Request& request);
   void frame(FrameType type, StreamId stream, const std::string& payload);
   void open_stream(StreamId stream, StreamPolicy policy);
   /// Sends the first piece of an item: it announces `total` bytes of body, and contains `body`.
@@ -52,5 +54,8 @@ class LyingRig {
   std::uint32_t sequence_ = 0;
   std::vector<std::uint8_t> out_;
 };
+
+/// A raymap's header as the meta of its item.
+std::string raymap_meta(std::uint32_t width, std::uint32_t height, const std::string& coding);
 
 }  // namespace nodal::command_line

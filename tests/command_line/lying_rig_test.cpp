@@ -23,6 +23,7 @@ class ScriptedRig final : public LyingRig {
   using LyingRig::LyingRig;
   using LyingRig::open_stream;
   using LyingRig::reply;
+  using LyingRig::reply_rate;
   using LyingRig::waiting;
 
   std::function<void(ScriptedRig&, const wire::Request&)> respond;
@@ -42,14 +43,6 @@ void start_pull(ScriptedRig& rig, const wire::Request& request, StreamId stream 
   rig.reply(request, started);
 }
 
-std::string raymap_meta(std::uint32_t width, std::uint32_t height, const std::string& coding) {
-  wire::RaymapHeader header;
-  header.set_width(width);
-  header.set_height(height);
-  header.set_coding(coding);
-  return header.SerializeAsString();
-}
-
 std::uint64_t bytes_of(PixelFormat format, int width, int height) { return packed_size(format, width, height); }
 
 class LyingRigs : public RigTest {
@@ -62,11 +55,8 @@ class LyingRigs : public RigTest {
                    const std::string& timeout = "10s") {
     const bool of_genlock = words.starts_with("genlock");
     rig_.respond = [respond = std::move(respond), of_genlock](ScriptedRig& rig, const wire::Request& request) {
-      if (!request.has_genlock() || of_genlock) return respond(rig, request);
-      wire::Reply rate;  // deadlines are made from it
-      rate.mutable_genlock()->set_rate_numerator(30);
-      rate.mutable_genlock()->set_rate_denominator(1);
-      rig.reply(request, rate);
+      if (request.has_genlock() && !of_genlock) return rig.reply_rate(request);
+      respond(rig, request);
     };
 #ifdef __SANITIZE_ADDRESS__
     const std::string limit;  // the sanitizer needs terabytes of address space
