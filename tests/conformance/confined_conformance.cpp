@@ -28,7 +28,7 @@ using linux_os::ConfinedProcess;
 
 constexpr std::size_t kMost = 8 << 20;
 
-Bytes bytes_of(const std::string& text) { return {text.begin(), text.end()}; }
+Bytes as_bytes(const std::string& text) { return {text.begin(), text.end()}; }
 
 /// By the job's name.
 Result<Bytes> work(const ConfinedJob& job, const ConfinedProgress& progress) {
@@ -37,7 +37,7 @@ Result<Bytes> work(const ConfinedJob& job, const ConfinedProgress& progress) {
   if (job.what == "counts")
     return Bytes{static_cast<std::uint8_t>(std::accumulate(job.input.begin(), job.input.end(), 0))};
   if (job.what == "returns much") return Bytes(kMost, 7);
-  return bytes_of(job.what);
+  return as_bytes(job.what);
 }
 
 struct ConfinedWorld {
@@ -82,7 +82,7 @@ TEST_P(ConfinedConformance, SecondJobWhileOneRuns_IsBusyAndTheFirstIsUnharmed) {
   const Status second = port_->begin({"second"});
   ASSERT_FALSE(second);
   EXPECT_EQ(second.error().code, Errc::kBusy);
-  EXPECT_EQ(result_of(*port_).value_or(Bytes()), bytes_of("first"));
+  EXPECT_EQ(result_of(*port_).value_or(Bytes()), as_bytes("first"));
 }
 
 TEST_P(ConfinedConformance, EndedJob_HasNoResultAndTheNextOneHasItsOwn) {
@@ -94,13 +94,13 @@ TEST_P(ConfinedConformance, EndedJob_HasNoResultAndTheNextOneHasItsOwn) {
     ASSERT_LT(std::chrono::steady_clock::now(), until);
     (void)port_->take_result();
   }
-  EXPECT_EQ(result_of(*port_).value_or(Bytes()), bytes_of("second"));
+  EXPECT_EQ(result_of(*port_).value_or(Bytes()), as_bytes("second"));
 }
 
 TEST_P(ConfinedConformance, ManyJobsAndLargeResults_ComeInOrder) {
   for (int k = 0; k < 20; ++k) {
     ASSERT_TRUE(port_->begin({std::to_string(k)}));
-    EXPECT_EQ(result_of(*port_).value_or(Bytes()), bytes_of(std::to_string(k)));
+    EXPECT_EQ(result_of(*port_).value_or(Bytes()), as_bytes(std::to_string(k)));
   }
   ASSERT_TRUE(port_->begin({"returns much"}));
   EXPECT_EQ(result_of(*port_).value_or(Bytes()), Bytes(kMost, 7));
@@ -133,7 +133,7 @@ void expect_failure(ConfinedPort& port, const std::string& job, Errc code, const
   EXPECT_EQ(result.error().code, code) << result.error().text();
   EXPECT_NE(result.error().message.find(says), std::string::npos) << result.error().text();
   ASSERT_TRUE(port.begin({"next"}));
-  EXPECT_EQ(result_of(port).value_or(Bytes()), bytes_of("next"));
+  EXPECT_EQ(result_of(port).value_or(Bytes()), as_bytes("next"));
 }
 
 TEST(ConfinedProcess, WorkThatCrashes_IsAnErrorAndTheNextJobIsDone) {

@@ -11,7 +11,7 @@
 namespace nodal::scenario {
 namespace {
 
-wire::AuditLog audit_of(TestHost& host) {
+wire::AuditLog audit_log_of(TestHost& host) {
   wire::Request request;
   request.mutable_audit_log();
   return host.ask(request).audit_log();
@@ -39,7 +39,7 @@ bool has(const std::vector<wire::AuditEntry>& log, const std::string& what, cons
   });
 }
 
-wire::Request exposure_of_all(std::uint64_t ns) {
+wire::Request exposures_of_all(std::uint64_t ns) {
   wire::Request request;
   request.mutable_head_set()->set_exposure_ns(ns);
   return request;
@@ -49,7 +49,7 @@ TEST(AuditOfARig, AFloodOfSettings_IsMergedAndTheCalibrationBeforeItStays) {
   Stand stand;
   TestHost& host = stand.bring_up();
   TestHost& greedy = stand.connect({1001, 1});
-  for (std::uint64_t i = 0; i < 3000; ++i) greedy.ask(exposure_of_all(1'000'000 + i * 1000));
+  for (std::uint64_t i = 0; i < 3000; ++i) greedy.ask(exposures_of_all(1'000'000 + i * 1000));
   const std::vector<wire::AuditEntry> log = all_of(host);
   EXPECT_TRUE(has(log, "upload_commit", "calibration "));
   EXPECT_LE(log.size(), 40u);
@@ -61,7 +61,7 @@ TEST(AuditOfARig, AFloodOfSettings_IsMergedAndTheCalibrationBeforeItStays) {
   const std::size_t size = stand.disk->size(firmware::kAuditFile).value_or(0);
   EXPECT_LE(size, 20'000u);
   // One that another user makes has its own entry.
-  host.ask(exposure_of_all(7'000'000));
+  host.ask(exposures_of_all(7'000'000));
   EXPECT_TRUE(has(all_of(host), "head_set", "exposure 7000000 ns"));
 }
 
@@ -131,10 +131,10 @@ TEST(AuditOfARig, TheDiskTakesNoEntry_TheReplyAndTheStateSayItAndLaterItIsWritte
   EXPECT_NE(reply.not_recorded().find("audit log: "), std::string::npos) << reply.not_recorded();
   EXPECT_TRUE(stand.run_until([&] { return host.status().problem().find("audit log: ") == 0; }))
       << host.status().problem();
-  EXPECT_NE(audit_of(host).problem(), "");
+  EXPECT_NE(audit_log_of(host).problem(), "");
   stand.disk->be_read_only(false);
-  ASSERT_TRUE(stand.run_until([&] { return audit_of(host).problem().empty(); }));
-  EXPECT_EQ(audit_of(host).newest(), 2u);
+  ASSERT_TRUE(stand.run_until([&] { return audit_log_of(host).problem().empty(); }));
+  EXPECT_EQ(audit_log_of(host).newest(), 2u);
 }
 
 /// The n-th of many changes of different kinds, of which every third is refused.

@@ -17,7 +17,7 @@ namespace {
 constexpr Duration kExclusiveWithin = Duration::seconds(10);
 constexpr std::size_t kControlHosts = firmware::Admission::kMaxClients;
 
-StandOptions recording_rig() {
+StandOptions rig_with_takes() {
   StandOptions options;
   options.config.takes = firmware::TakesConfig{.folder = "takes", .buffer_mb = 16};
   return options;
@@ -148,7 +148,7 @@ TEST(CalibrationTurns, SeveralHostsInstall_AListIsAnsweredBeforeAnyOfThemAndAllA
 
 class TakeTurns : public testing::Test {
  protected:
-  Stand stand{recording_rig()};
+  Stand stand{rig_with_takes()};
   TestHost& host{stand.bring_up()};
 
   void record(Duration length) {

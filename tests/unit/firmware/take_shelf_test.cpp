@@ -22,8 +22,8 @@ using hal::sim::SimDisk;
 using Bytes = std::vector<std::uint8_t>;
 
 /// A slot with an empty card, and a rig that records on it.
-struct World {
-  World() { slot.insert(std::make_shared<SimDisk>(1)); }
+struct ShelfWorld {
+  ShelfWorld() { slot.insert(std::make_shared<SimDisk>(1)); }
   SimDisk& card() { return *slot.disk(); }
 
   SimClock clock;
@@ -77,7 +77,7 @@ std::vector<std::uint64_t> numbers(const std::vector<TakeEntry>& takes) {
 using Numbers = std::vector<std::uint64_t>;
 
 TEST(TakeShelf, ATakeIsBroughtWhileNodaldRuns_ItIsListedAndTheNextGetsAnotherNumber) {
-  World world;
+  ShelfWorld world;
   ASSERT_EQ(record(world.stage), 1U);
   copy_folder(world.card(), "000001", world.card(), "000002");
   const auto brought = files_of(world.card(), "000002");
@@ -90,7 +90,7 @@ TEST(TakeShelf, ATakeIsBroughtWhileNodaldRuns_ItIsListedAndTheNextGetsAnotherNum
 }
 
 TEST(TakeShelf, AnythingThatHasTheName_IsNeverWrittenOver) {
-  World world;
+  ShelfWorld world;
   put(world.card(), "000001", {'x'});
   world.card().put_link("000002");
   EXPECT_EQ(record(world.stage), 3U);
@@ -104,7 +104,7 @@ TEST(TakeShelf, AnythingThatHasTheName_IsNeverWrittenOver) {
 }
 
 TEST(TakeShelf, TakesBeyondTheListsLimit_CountForNumbers) {
-  World world;
+  ShelfWorld world;
   for (std::uint64_t number = 1; number <= TakeShelf::kMaxTakes + 1; ++number) {
     ASSERT_TRUE(world.card().make_folder(take::take_folder(number)));
     put(world.card(), take::take_folder(number) + "/film.mov", {'x'});
@@ -119,7 +119,7 @@ TEST(TakeShelf, TakesBeyondTheListsLimit_CountForNumbers) {
 }
 
 TEST(TakeShelf, TheHighestNumberIsUsedUp_NoTakeBeginsAndItSaysWhatToDo) {
-  World world;
+  ShelfWorld world;
   ASSERT_TRUE(write_durably(world.card(), "", kNextTakeFile, "18446744073709551615"));
   const TakeAnswer refused = world.stage.start();
   ASSERT_FALSE(refused.result);
@@ -127,7 +127,7 @@ TEST(TakeShelf, TheHighestNumberIsUsedUp_NoTakeBeginsAndItSaysWhatToDo) {
 }
 
 TEST(TakeShelf, ATakeIsRemovedByHand_ItIsNoLongerListedAndItsNumberNotUsedAgain) {
-  World world;
+  ShelfWorld world;
   ASSERT_EQ(record(world.stage), 1U);
   ASSERT_EQ(record(world.stage), 2U);
   remove_folder(world.card(), "000002");
@@ -140,7 +140,7 @@ TEST(TakeShelf, ATakeIsRemovedByHand_ItIsNoLongerListedAndItsNumberNotUsedAgain)
 
 /// Somebody may still be copying it.
 TEST(TakeShelf, AnUnfinishedTakeComesWhileNodaldRuns_IsLeftAloneUntilTheNextStart) {
-  World world;
+  ShelfWorld world;
   ASSERT_EQ(record(world.stage), 1U);
   copy_folder(world.card(), "000001", world.card(), "000002");
   ASSERT_TRUE(world.card().remove("000002/manifest"));
@@ -156,7 +156,7 @@ TEST(TakeShelf, AnUnfinishedTakeComesWhileNodaldRuns_IsLeftAloneUntilTheNextStar
 }
 
 TEST(TakeShelf, TwoUseOneFolder_OnlyOneRecordsAndNothingOfTheOtherIsTouched) {
-  World world;
+  ShelfWorld world;
   ASSERT_TRUE(world.stage.start().result);
   world.stage.run(Duration::seconds(3));
   const auto other_port = world.slot.port();
@@ -186,7 +186,7 @@ TEST(TakeShelf, TwoUseOneFolder_OnlyOneRecordsAndNothingOfTheOtherIsTouched) {
 }
 
 TEST(TakeShelf, TheOneThatRecordsIsKilled_AnotherThatWaitsFinishesItsTake) {
-  World world;
+  ShelfWorld world;
   std::unique_ptr<hal::DiskPort> killed_port = world.slot.port();
   auto killed = std::make_unique<TakeStage>(*killed_port, world.clock, TakeStage::Options{});
   ASSERT_TRUE(killed->start().result);
@@ -204,7 +204,7 @@ TEST(TakeShelf, TheOneThatRecordsIsKilled_AnotherThatWaitsFinishesItsTake) {
 }
 
 TEST(TakeShelf, NothingIsRecorded_NothingOfTheDiskIsHeld) {
-  World world;
+  ShelfWorld world;
   EXPECT_FALSE(world.card().claimed());
   ASSERT_TRUE(world.stage.start().result);
   EXPECT_TRUE(world.card().claimed());
@@ -221,7 +221,7 @@ TEST(TakeShelf, NothingIsRecorded_NothingOfTheDiskIsHeld) {
 }
 
 TEST(TakeShelf, TheCardIsExchanged_TheNewOneIsNoticedWithinTwoSecondsAndTheNextTakeIsOnIt) {
-  World world;
+  ShelfWorld world;
   ASSERT_EQ(record(world.stage), 1U);
   ASSERT_EQ(record(world.stage), 2U);
   const auto first = world.slot.disk();
@@ -240,7 +240,7 @@ TEST(TakeShelf, TheCardIsExchanged_TheNewOneIsNoticedWithinTwoSecondsAndTheNextT
 }
 
 TEST(TakeShelf, TheCardComesWithAnUnfinishedTake_ItIsFinished) {
-  World world;
+  ShelfWorld world;
   auto other = std::make_shared<SimDisk>(5);
   {
     SimClock clock;
@@ -256,7 +256,7 @@ TEST(TakeShelf, TheCardComesWithAnUnfinishedTake_ItIsFinished) {
 }
 
 TEST(TakeShelf, TheCardIsExchangedWhileATakeIsRecorded_ItIsFinishedOnItsOwnAndTheOtherIsNotTouched) {
-  World world;
+  ShelfWorld world;
   ASSERT_TRUE(world.stage.start().result);
   world.stage.run(Duration::seconds(3));
   const auto first = world.slot.disk();
@@ -276,7 +276,7 @@ TEST(TakeShelf, TheCardIsExchangedWhileATakeIsRecorded_ItIsFinishedOnItsOwnAndTh
 }
 
 TEST(TakeShelf, TheCardIsPulledAndComesBack_ItsTakeIsFinished) {
-  World world;
+  ShelfWorld world;
   ASSERT_TRUE(world.stage.start().result);
   world.stage.run(Duration::seconds(5));
   const auto card = world.slot.disk();
@@ -296,7 +296,7 @@ TEST(TakeShelf, TheCardIsPulledAndComesBack_ItsTakeIsFinished) {
 }
 
 TEST(TakeShelf, TheFolderOfARunningTakeIsRemoved_TheTakeEndsAndSaysWhy) {
-  World world;
+  ShelfWorld world;
   ASSERT_TRUE(world.stage.start().result);
   world.stage.run(Duration::seconds(2));
   remove_folder(world.card(), "000001");
@@ -307,7 +307,7 @@ TEST(TakeShelf, TheFolderOfARunningTakeIsRemoved_TheTakeEndsAndSaysWhy) {
 }
 
 TEST(TakeShelf, Ejected_TheTakeIsFinishedAndTheDiskIsLeftAloneUntilAnotherComes) {
-  World world;
+  ShelfWorld world;
   ASSERT_TRUE(world.stage.start().result);
   world.stage.run(Duration::seconds(3));
   const TakeAnswer ejected = world.stage.ask(TakeRequest::Eject{});
@@ -335,7 +335,7 @@ TEST(TakeShelf, Ejected_TheTakeIsFinishedAndTheDiskIsLeftAloneUntilAnotherComes)
 }
 
 TEST(TakeShelf, EjectedAndATakeIsAskedFor_TheDiskIsUsedAgain) {
-  World world;
+  ShelfWorld world;
   ASSERT_EQ(record(world.stage), 1U);
   const TakeAnswer ejected = world.stage.ask(TakeRequest::Eject{});
   ASSERT_TRUE(ejected.result);
@@ -345,7 +345,7 @@ TEST(TakeShelf, EjectedAndATakeIsAskedFor_TheDiskIsUsedAgain) {
 }
 
 TEST(TakeShelf, ALinkHasATakesName_DeletingItIsRefusedAndTheProtectedTakeStaysWhole) {
-  World world;
+  ShelfWorld world;
   ASSERT_EQ(record(world.stage), 1U);
   ASSERT_TRUE(world.stage.ask(TakeRequest::Protect{1, true}).result);
   world.card().put_link("000002");  // to 000001
@@ -355,7 +355,7 @@ TEST(TakeShelf, ALinkHasATakesName_DeletingItIsRefusedAndTheProtectedTakeStaysWh
 }
 
 TEST(TakeShelf, ATakeHoldsLinksAndAFolder_TheFolderStaysWithAllOfTheTakeAndLinksGoAsSuch) {
-  World world;
+  ShelfWorld world;
   ASSERT_EQ(record(world.stage), 1U);
   world.card().put_link("000001/cam9-0000.mkv");
   ASSERT_TRUE(world.card().make_folder("000001/notes"));

@@ -19,7 +19,7 @@
 namespace nodal::hal {
 namespace {
 
-std::span<const std::uint8_t> bytes_of(const std::string& text) {
+std::span<const std::uint8_t> as_bytes(const std::string& text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }
 
@@ -53,7 +53,7 @@ TEST(LinkHelper, BytesOfALink_ArriveBothWaysInOrder_MoreThanItsBuffers) {
   std::vector<std::uint8_t> buffer(65536);
   std::size_t at = 0;
   ASSERT_TRUE(test::wait_until([&] {
-    if (at < sent.size()) at += (*link)->write(bytes_of(sent).subspan(at)).value_or(0);
+    if (at < sent.size()) at += (*link)->write(as_bytes(sent).subspan(at)).value_or(0);
     const std::size_t got = (*link)->read(buffer).value_or(0);
     back.append(buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(got));
     return back.size() >= sent.size();
@@ -65,8 +65,8 @@ TEST(LinkHelper, SeveralLinks_AreApart) {
   const auto helper = helper_for({"cat"});
   auto first = helper->connect(), second = helper->connect();
   ASSERT_TRUE(first && second);
-  ASSERT_TRUE((*first)->write(bytes_of("one")));
-  ASSERT_TRUE((*second)->write(bytes_of("two")));
+  ASSERT_TRUE((*first)->write(as_bytes("one")));
+  ASSERT_TRUE((*second)->write(as_bytes("two")));
   EXPECT_EQ(read_all(**first, 3), "one");
   first->reset();
   EXPECT_EQ(read_all(**second, 3), "two");
@@ -116,7 +116,7 @@ TEST(LinkHelper, ThatIsDestroyed_EndsAndLeavesItsLinks) {
   auto link = helper->connect();
   ASSERT_TRUE(link);
   helper.reset();
-  ASSERT_TRUE((*link)->write(bytes_of("still")));
+  ASSERT_TRUE((*link)->write(as_bytes("still")));
   EXPECT_EQ(read_all(**link, 5), "still");
 }
 
