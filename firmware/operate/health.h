@@ -73,7 +73,7 @@ struct HealthInputs {
   const TakeReport* takes;              ///< null: the rig records nothing
   Duration since_lost_set;              ///< of a take, by the disk
   const std::vector<hal::Heartbeat>& threads;
-  const std::string& undecodable;       ///< a sentence about a head whose newest frame could not be decoded, or empty
+  const std::string& undecodable;  ///< a sentence about a head whose newest frame could not be decoded, or empty
 };
 
 /// Half a sentence about the head's newest frame, if it could not be decoded: "its pictures ..."; otherwise empty.

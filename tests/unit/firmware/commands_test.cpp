@@ -144,7 +144,8 @@ TEST(Commands, EveryRequestThatAStageCarriesOut_IsACommandOfThatStageUnderItsOwn
   const Command install(CalibrationCommand(KeeperRequest::Install{"", Duration::seconds(1), ""}));
   EXPECT_EQ(command_name(install), "upload_commit");
   EXPECT_TRUE(check(install, two_heads()));
-  for (const Duration trial : {Duration::milliseconds(999), Duration::seconds(24 * 3600 + 1), Duration::milliseconds(-1)}) {
+  for (const Duration trial :
+       {Duration::milliseconds(999), Duration::seconds(24 * 3600 + 1), Duration::milliseconds(-1)}) {
     EXPECT_FALSE(check(Command(CalibrationCommand(KeeperRequest::Install{"", trial, ""})), two_heads()));
   }
 }

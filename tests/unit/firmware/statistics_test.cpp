@@ -46,7 +46,9 @@ TEST(RecentRate, OneInSeconds_IsExactFromTheSecondOn) {
       const int events = tenth / (10 * seconds);
       rate.observe(static_cast<std::uint64_t>(events), now);
       now = now + Duration::milliseconds(100);
-      if (events >= 2) { ASSERT_EQ(rate.millihertz(), 1000u / static_cast<unsigned>(seconds)) << tenth << " tenths"; }
+      if (events >= 2) {
+        ASSERT_EQ(rate.millihertz(), 1000u / static_cast<unsigned>(seconds)) << tenth << " tenths";
+      }
     }
   }
 }
