@@ -87,6 +87,8 @@ class TakeStage {
       settle(end);
     }
   }
+  /// For so long no set comes, as when nodald is not scheduled.
+  void pause(Duration length) { next_set_at_ = next_set_at_ + length; }
   /// Ends as nodald does.
   void close() { keeper_.close(clock_.now()); }
   const TakeReport& report() { return keeper_.snapshot().read(); }

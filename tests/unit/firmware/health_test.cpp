@@ -158,6 +158,17 @@ TEST_F(HealthTest, TheDiskIsTooSlowForTheTake_IsDegradedAndSaysWhatIsLost) {
             "the disk is too slow for the take: JPEG quality is 75 of 90, raymaps are left out, 12 sets were lost");
 }
 
+TEST_F(HealthTest, AnErrorOfTheDiskLostSets_IsNamedAndTheDiskIsNotCalledSlow) {
+  config.takes = TakesConfig{.folder = "takes"};
+  TakeReport takes;
+  takes.recording = 7;
+  takes.lost_sets = takes.lost_by_errors = 12;
+  takes.problem = "take 7: 12 sets were lost by an error of the disk: Input/output error";
+  recording = &takes;
+  EXPECT_EQ(judged().state, "degraded");
+  EXPECT_EQ(judged().problem, takes.problem);
+}
+
 TEST_F(HealthTest, ATakeEndedByItself_IsDegradedUntilTheNextBegins) {
   config.takes = TakesConfig{.folder = "takes"};
   TakeReport takes;

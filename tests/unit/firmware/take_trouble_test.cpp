@@ -85,6 +85,22 @@ TEST(TakeTrouble, TheReserveIsReached_TheTakeEndsAndIsFinished) {
   EXPECT_EQ(account_of(disk, 1).sets, stage.list()[0].sets);
 }
 
+TEST(TakeTrouble, NoSetComesForFiveSeconds_TheListSaysHowManyWereNotCaptured) {
+  hal::sim::SimClock clock;
+  hal::sim::SimDisk disk;
+  TakeStage stage(disk, clock, {});
+  ASSERT_TRUE(stage.start().result);
+  stage.run(Duration::seconds(4));
+  stage.pause(Duration::seconds(5));
+  stage.run(Duration::seconds(9));
+  ASSERT_TRUE(stage.ask(TakeRequest::Stop{}).result);
+  const TakeEntry entry = stage.list().at(0);
+  EXPECT_EQ(entry.lost_sets, 0U);
+  EXPECT_EQ(entry.gaps.capture, 25U);
+  EXPECT_EQ(entry.gaps.count, 1U);
+  EXPECT_EQ(entry.gaps.longest, Duration::seconds(5));
+}
+
 TEST(TakeTrouble, ASlowDisk_LosesWholeSetsWhichAreCountedAndGoesOn) {
   hal::sim::SimClock clock;
   hal::sim::SimDisk disk;
