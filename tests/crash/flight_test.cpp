@@ -22,9 +22,7 @@ struct FlyingRig : RigFolder {
 };
 
 wire::Reply reply_to(LinkHost& host, const std::function<void(wire::Request&)>& fill) {
-  wire::Request request;
-  fill(request);
-  return host.ask(request).value_or(wire::Reply());
+  return host.ask(fill).value_or(wire::Reply());
 }
 
 /// Waits until so many sets of the take are recorded.

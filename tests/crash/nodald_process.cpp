@@ -41,6 +41,10 @@ RigFolder::~RigFolder() {
   std::filesystem::remove_all(path, ignored);
 }
 
+RecordingRig::RecordingRig(const std::string& takes, const std::string& more) {
+  std::ofstream(config(), std::ios::app) << "[takes]\nfolder = \"" << takes << "\"\nbuffer_mb = 16\n" << more;
+}
+
 std::vector<std::string> nodald(std::vector<std::string> arguments) {
   arguments.insert(arguments.begin(), NODAL_BIN_DIR "/nodald");
   return arguments;
@@ -101,6 +105,12 @@ std::optional<wire::Reply> LinkHost::ask(wire::Request request, int seconds) {
     if (!pump()) return std::nullopt;
   }
   return std::nullopt;
+}
+
+std::optional<wire::Reply> LinkHost::ask(const std::function<void(wire::Request&)>& fill) {
+  wire::Request request;
+  fill(request);
+  return ask(std::move(request));
 }
 
 std::optional<wire::RigStatus> LinkHost::status() {

@@ -23,6 +23,11 @@ class RigFolder {
   std::string socket() const { return (path / "sock").string(); }
 };
 
+/// A rig that records takes into this folder; `more` lines of its [takes].
+struct RecordingRig : RigFolder {
+  explicit RecordingRig(const std::string& takes = "takes", const std::string& more = "");
+};
+
 /// nodald with these arguments.
 std::vector<std::string> nodald(std::vector<std::string> arguments);
 
@@ -34,6 +39,8 @@ class LinkHost {
   static std::unique_ptr<LinkHost> connect(const std::string& socket, int seconds = 30);
 
   std::optional<wire::Reply> ask(wire::Request request, int seconds = 30);
+  /// Asks what this fills in.
+  std::optional<wire::Reply> ask(const std::function<void(wire::Request&)>& fill);
   void post(wire::Request request);
   /// Does an upload except for waiting for its answer.
   bool upload_and_commit(const std::string& document);

@@ -4,7 +4,6 @@
 
 #include <csignal>
 #include <fstream>
-#include <functional>
 
 #include "nodald_process.h"
 #include "protocol/take/documents.h"
@@ -17,37 +16,25 @@ namespace {
 namespace fs = std::filesystem;
 using test::wait_until;
 
-/// A rig whose takes are in this folder.
-struct RecordingRig : RigFolder {
-  explicit RecordingRig(const std::string& takes = "takes", const std::string& more = "") {
-    std::ofstream(config(), std::ios::app) << "[takes]\nfolder = \"" << takes << "\"\nbuffer_mb = 16\nraymap = false\n"
-                                           << more;
-  }
-};
-
-std::optional<wire::Reply> ask(LinkHost& host, const std::function<void(wire::Request&)>& fill) {
-  wire::Request request;
-  fill(request);
-  return host.ask(request);
-}
+const std::string kNoRaymap = "raymap = false\n";
 
 /// Number of the take; 0 and the message if there is none.
 std::pair<std::uint64_t, std::string> start(LinkHost& host) {
   EXPECT_TRUE(host.wait_for([](const wire::RigStatus& status) { return status.full_sets() > 3; }));
-  const auto reply = ask(host, [](wire::Request& request) { request.mutable_take_start(); });
+  const auto reply = host.ask([](wire::Request& request) { request.mutable_take_start(); });
   if (!reply) return {0, "no answer"};
   return {reply->take().take(), reply->error().message()};
 }
 
 bool stop(LinkHost& host) {
   EXPECT_TRUE(host.wait_for([](const wire::RigStatus& status) { return status.recording().sets() > 3; }));
-  const auto reply = ask(host, [](wire::Request& request) { request.mutable_take_stop(); });
+  const auto reply = host.ask([](wire::Request& request) { request.mutable_take_stop(); });
   return reply && reply->has_take();
 }
 
 std::vector<std::uint64_t> list(LinkHost& host) {
   std::vector<std::uint64_t> numbers;
-  const auto reply = ask(host, [](wire::Request& request) { request.mutable_take_list(); });
+  const auto reply = host.ask([](wire::Request& request) { request.mutable_take_list(); });
   if (!reply) return numbers;
   for (const wire::TakeEntry& take : reply->takes().takes()) numbers.push_back(take.number());
   return numbers;
@@ -65,8 +52,8 @@ int open_in(pid_t process, const fs::path& folder) {
 }
 
 TEST(GuestDisk, ASecondNodaldOnTheFolder_EndsAndSaysWhyAndTheTakeGoesOn) {
-  const RecordingRig first;
-  const RecordingRig second((first.path / "takes").string());
+  const RecordingRig first("takes", kNoRaymap);
+  const RecordingRig second((first.path / "takes").string(), kNoRaymap);
   test::Process daemon(nodald({"--config", first.config()}));
   const auto host = LinkHost::connect(first.socket());
   ASSERT_TRUE(host) << daemon.complained();
@@ -90,7 +77,7 @@ TEST(GuestDisk, ASecondNodaldOnTheStore_EndsAndSaysWhy) {
 }
 
 TEST(GuestDisk, NothingIsRecorded_NothingIsOpenThereAndATakeBroughtMeanwhileKeepsItsBytes) {
-  const RecordingRig rig;
+  const RecordingRig rig("takes", kNoRaymap);
   const fs::path takes = rig.path / "takes";
   test::Process daemon(nodald({"--config", rig.config()}));
   const auto host = LinkHost::connect(rig.socket());
@@ -111,7 +98,7 @@ TEST(GuestDisk, NothingIsRecorded_NothingIsOpenThereAndATakeBroughtMeanwhileKeep
 }
 
 TEST(GuestDisk, Ejected_TheTakeIsFinishedAndNothingIsOpenThere) {
-  const RecordingRig rig;
+  const RecordingRig rig("takes", kNoRaymap);
   test::Process daemon(nodald({"--config", rig.config()}));
   const auto host = LinkHost::connect(rig.socket());
   ASSERT_TRUE(host) << daemon.complained();
@@ -127,7 +114,7 @@ TEST(GuestDisk, Ejected_TheTakeIsFinishedAndNothingIsOpenThere) {
 }
 
 TEST(GuestDisk, NoCardIsMounted_TheRigRunsAndATakeIsRefusedUntilThereIsOne) {
-  const RecordingRig rig("card", "mounted = true\n");
+  const RecordingRig rig("card", kNoRaymap + "mounted = true\n");
   fs::create_directory(rig.path / "card");
   test::Process daemon(nodald({"--config", rig.config()}));
   const auto host = LinkHost::connect(rig.socket());
@@ -160,7 +147,7 @@ class Card {
 };
 
 TEST(GuestDisk, ACardIsExchanged_ItCanBeUnmountedAndTheNextTakeIsOnTheOneThatIsMounted) {
-  const RecordingRig rig("card", "mounted = true\nstart = \"boot\"\n");
+  const RecordingRig rig("card", kNoRaymap + "mounted = true\nstart = \"boot\"\n");
   const fs::path place = rig.path / "card";
   fs::create_directory(place);
   Card first(place);
@@ -169,7 +156,7 @@ TEST(GuestDisk, ACardIsExchanged_ItCanBeUnmountedAndTheNextTakeIsOnTheOneThatIsM
   const auto host = LinkHost::connect(rig.socket());
   ASSERT_TRUE(host) << daemon.complained();
   ASSERT_TRUE(host->wait_for([](const wire::RigStatus& status) { return status.recording().sets() > 3; }));
-  ASSERT_TRUE(ask(*host, [](wire::Request& request) { request.mutable_disk_eject(); })->has_take());
+  ASSERT_TRUE(host->ask([](wire::Request& request) { request.mutable_disk_eject(); })->has_take());
   ASSERT_TRUE(first.unmount());
   Card second(place);
   ASSERT_TRUE(second.there());

@@ -5,7 +5,6 @@
 #include <chrono>
 #include <csignal>
 #include <fstream>
-#include <functional>
 
 #include "nodald_process.h"
 #include "protocol/take/documents.h"
@@ -20,21 +19,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A rig that records.
-struct RecordingRig : RigFolder {
-  RecordingRig() { std::ofstream(config(), std::ios::app) << "[takes]\nfolder = \"takes\"\nbuffer_mb = 16\n"; }
-};
-
-std::optional<wire::Reply> ask(LinkHost& host, const std::function<void(wire::Request&)>& fill) {
-  wire::Request request;
-  fill(request);
-  return host.ask(request);
-}
-
 /// The number of the take that has begun; 0 and a failure if there is none.
 std::uint64_t start_take(LinkHost& host) {
   EXPECT_TRUE(host.wait_for([](const wire::RigStatus& status) { return status.full_sets() > 3; }));
-  const auto reply = ask(host, [](wire::Request& request) { request.mutable_take_start(); });
+  const auto reply = host.ask([](wire::Request& request) { request.mutable_take_start(); });
   EXPECT_TRUE(reply && reply->has_take()) << (reply ? reply->error().message() : "no answer");
   return reply ? reply->take().take() : 0;
 }
@@ -91,15 +79,15 @@ TEST(RecordedTakes, StartedMarkedAndStopped_AreOnTheDiskAndInTheList) {
   ASSERT_TRUE(host->upload_and_commit(to_json(scenario::small_calibration("truth"))));
   ASSERT_TRUE(host->wait_for([](const wire::RigStatus& status) { return !status.calibration_id().empty(); }));
   ASSERT_EQ(start_take(*host), 1U);
-  const auto second = ask(*host, [](wire::Request& request) { request.mutable_take_start(); });
+  const auto second = host->ask([](wire::Request& request) { request.mutable_take_start(); });
   ASSERT_TRUE(second && second->has_error());
   EXPECT_NE(second->error().message().find("take 1 is being recorded"), std::string::npos);
   ASSERT_TRUE(wait_for_sets(*host, 30));
-  ASSERT_TRUE(ask(*host, [](wire::Request& request) { request.mutable_take_mark()->set_text("here"); })->has_take());
-  const auto refused = ask(*host, [](wire::Request& request) { request.mutable_take_delete()->set_take(1); });
+  ASSERT_TRUE(host->ask([](wire::Request& request) { request.mutable_take_mark()->set_text("here"); })->has_take());
+  const auto refused = host->ask([](wire::Request& request) { request.mutable_take_delete()->set_take(1); });
   ASSERT_TRUE(refused && refused->has_error());
-  ASSERT_TRUE(ask(*host, [](wire::Request& request) { request.mutable_take_stop(); })->has_take());
-  const auto listed = ask(*host, [](wire::Request& request) { request.mutable_take_list(); });
+  ASSERT_TRUE(host->ask([](wire::Request& request) { request.mutable_take_stop(); })->has_take());
+  const auto listed = host->ask([](wire::Request& request) { request.mutable_take_list(); });
   ASSERT_TRUE(listed);
   ASSERT_EQ(listed->takes().takes_size(), 1);
   const wire::TakeEntry& take = listed->takes().takes(0);
@@ -135,14 +123,14 @@ TEST(RecordedTakes, StartedMarkedAndStopped_AreOnTheDiskAndInTheList) {
   test::write_bytes(picture, whole);
   EXPECT_EQ(verify().code, 0);
 
-  ASSERT_TRUE(ask(*host, [](wire::Request& request) {
+  ASSERT_TRUE(host->ask([](wire::Request& request) {
                 request.mutable_take_protect()->set_take(1);
                 request.mutable_take_protect()->set_on(true);
               })->has_take());
-  const auto kept = ask(*host, [](wire::Request& request) { request.mutable_take_delete()->set_take(1); });
+  const auto kept = host->ask([](wire::Request& request) { request.mutable_take_delete()->set_take(1); });
   EXPECT_TRUE(kept && kept->has_error());
-  ASSERT_TRUE(ask(*host, [](wire::Request& request) { request.mutable_take_protect()->set_take(1); })->has_take());
-  ASSERT_TRUE(ask(*host, [](wire::Request& request) { request.mutable_take_delete()->set_take(1); })->has_take());
+  ASSERT_TRUE(host->ask([](wire::Request& request) { request.mutable_take_protect()->set_take(1); })->has_take());
+  ASSERT_TRUE(host->ask([](wire::Request& request) { request.mutable_take_delete()->set_take(1); })->has_take());
   EXPECT_FALSE(fs::exists(folder.path / "takes/000001"));
   ASSERT_EQ(start_take(*host), 2U) << "a number is never used again";
   ASSERT_TRUE(wait_for_sets(*host, 5));
@@ -160,7 +148,7 @@ TEST(RecordedTakes, NodaldKilledWhileRecording_EveryTakeIsWholeAfterTheNextStart
     ASSERT_TRUE(host) << daemon.complained();
     // What the last kill left is finished by now or soon.
     ASSERT_TRUE(test::wait_until([&] {
-      const auto listed = ask(*host, [](wire::Request& request) { request.mutable_take_list(); });
+      const auto listed = host->ask([](wire::Request& request) { request.mutable_take_list(); });
       EXPECT_TRUE(listed);
       if (!listed) return true;
       EXPECT_EQ(listed->takes().takes_size(), static_cast<int>(kill - 1));
