@@ -183,7 +183,7 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
   ending_ = broken_ = false;
   cause_.clear();
   lost_by_sync_.clear();
-  dropped_sets_ = 0;
+  given_sets_ = 0;
   lost_before_ = recorder_.counts().lost_sets.load();
   raymaps_lost_before_ = recorder_.counts().lost_raymaps.load();
   next_sync_ = now + kSyncEvery;
@@ -240,11 +240,8 @@ bool TakeKeeper::write_rows(Instant now) {
     take_seams();
     busy = true;
     std::unique_ptr<TakeRow> row = std::move(row_);
-    if (broken_) {
-      dropped_sets_ += row->sets.size();
-    } else if (const Status written = writing_->write(*row); !written) {
-      give_up(written.error());
-    }
+    given_sets_ += row->sets.size();
+    if (const Status written = broken_ ? Status() : writing_->write(*row); !written) give_up(written.error());
     const bool last = row->last;
     recorder_.ring().release(row->ring_end);
     const bool returned = recorder_.rows_back().push(std::move(row));
@@ -270,7 +267,6 @@ void TakeKeeper::sync_if_due(Instant now) {
   const std::uint64_t sets = writing_->sets();
   const Status synced = writing_->sync(now, utc_());
   const std::uint64_t cut = sets - std::min(sets, writing_->sets());
-  dropped_sets_ += cut;
   if (synced) {
     report_.durable = now;
     if (!lost_by_sync_.empty()) report_.problem = std::exchange(lost_by_sync_, {});
@@ -306,9 +302,9 @@ Status TakeKeeper::make_room_while_recording() {
 
 void TakeKeeper::end(Instant now) {
   const std::uint64_t number = writing_->number();
-  const LostSets lost{recorder_.counts().lost_sets.load() - lost_before_, dropped_sets_};
+  const SetCounts counts{recorder_.counts().lost_sets.load() - lost_before_, given_sets_};
   end_flight(now);
-  const auto manifest = writing_->end(reason_, lost);
+  const auto manifest = writing_->end(reason_, counts);
   writing_.reset();
   ending_ = broken_ = false;
   report_.recording.reset();
@@ -344,8 +340,8 @@ void TakeKeeper::publish(Instant now) {
   report_.test_percent.reset();
   if (test_) report_.test_percent = test_->test->percent(now);
   report_.sets = writing_ ? writing_->sets() : 0;
-  report_.lost_sets = writing_ ? counts.lost_sets.load() - lost_before_ + dropped_sets_ : 0;
-  report_.lost_by_errors = writing_ ? dropped_sets_ : 0;
+  report_.lost_by_errors = writing_ ? given_sets_ - std::min(given_sets_, report_.sets) : 0;
+  report_.lost_sets = writing_ ? counts.lost_sets.load() - lost_before_ + report_.lost_by_errors : 0;
   report_.lost_raymaps = writing_ ? counts.lost_raymaps.load() - raymaps_lost_before_ : 0;
   const bool encodes = writing_ && std::ranges::count(config_.heads, TakeMode::kJpeg, &HeadConfig::take_mode) > 0;
   report_.quality = encodes ? recorder_.quality_now() : 0;

@@ -240,7 +240,7 @@ class TakeKeeper {
   std::string cause_;                    ///< why the take ended without a request; empty: it did not
   std::string lost_by_sync_;             ///< what a failed sync cost; not reported yet
   bool broken_ = false;                  ///< the disk failed: rows are dropped until the last
-  std::uint64_t dropped_sets_ = 0;
+  std::uint64_t given_sets_ = 0;         ///< to the writer, or dropped after an error
   std::uint64_t expected_set_bytes_ = 0;
   FrameRate rate_;                 ///< of the sets, when the newest take or test began
   std::uint64_t lost_before_ = 0;  ///< Recorder's counts when the take began

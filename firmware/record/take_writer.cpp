@@ -64,6 +64,7 @@ Status TakeWriter::write(const TakeRow& row) {
                    segment_->largest_file() >= kLargestFile || segment_->evidence_bytes() >= kLargestEvidence)) {
     if (const Status finished = finish_segment("segment"); !finished) return finished;
   }
+  if (const Status cut = cut_segment("sync failed"); !cut) return cut;
   if (!segment_) {
     if (row.sets.empty()) return {};
     if (const Status begun = begin_segment(row); !begun) return begun;
@@ -231,10 +232,20 @@ Status TakeWriter::sync(Instant now, std::int64_t utc_ns) {
   if (!synced && segment_) {
     segment_.reset();
     place_.after_error = true;
-    auto done = recover_segment(place_, next_segment_ - 1, Trust::kDurable, "sync failed");
-    if (done && *done) add(std::move(**done));
+    to_cut_ = Trust::kDurable;
+    (void)cut_segment("sync failed");  // tried again before anything is written after it
   }
   return synced;
+}
+
+/// Until this has worked the take has neither a further segment nor a manifest, because they would say that nothing is missing.
+Status TakeWriter::cut_segment(const std::string& reason) {
+  if (!to_cut_) return {};
+  auto done = recover_segment(place_, next_segment_ - 1, *to_cut_, reason);
+  if (!done) return fail(done.error());
+  to_cut_.reset();
+  if (*done) add(std::move(**done));
+  return {};
 }
 
 Status TakeWriter::mark(const std::string& text, Instant now) {
@@ -271,24 +282,24 @@ Status TakeWriter::use_calibration(const TakeCalibration& calibration) {
   return noted;
 }
 
-Result<take::Manifest> TakeWriter::end(const std::string& reason, LostSets lost) {
+Result<take::Manifest> TakeWriter::end(const std::string& reason, SetCounts counts) {
   if (segment_ && !failed_) {
     if (const Status finished = finish_segment(reason); !finished) failed_ = true;
   }
   if (segment_) {
     segment_.reset();
-    auto done = recover_segment(place_, next_segment_ - 1, Trust::kChecked, reason);
-    if (!done) return fail(done.error());
-    if (*done) add(std::move(**done));
+    to_cut_ = Trust::kChecked;
   }
+  if (const Status cut = cut_segment(reason); !cut) return fail(cut.error());
   ManifestSum sum(place_.number, reason, heads_);
   for (const FinishedSegment& segment : finished_) sum.add(segment);
   take::Manifest manifest = sum.finish(finished_sets_);
   manifest.calibrations = place_.calibrations;
   // The evidence does not know of those after the last set, nor of those before a segment that was deleted.
   take::Gap rest;
-  rest.slow = lost.slow - std::min(lost.slow, manifest.gaps.slow);
-  rest.error = lost.error - std::min(lost.error, manifest.gaps.error);
+  const std::uint64_t lost = counts.given - std::min(counts.given, finished_sets_);
+  rest.slow = counts.slow - std::min(counts.slow, manifest.gaps.slow);
+  rest.error = lost - std::min(lost, manifest.gaps.error);
   if (rest.sets() != 0) take::add(manifest.gaps, rest);
   manifest.lost_sets = manifest.gaps.slow + manifest.gaps.error;
   auto flight = finish_flight();

@@ -21,10 +21,10 @@
 
 namespace nodal::firmware {
 
-/// Sets that the rig made and did not record, by its own count.
-struct LostSets {
-  std::uint64_t slow = 0;   ///< the disk or the board was too slow
-  std::uint64_t error = 0;  ///< by an error of the disk
+/// The rig's own count of a take's sets.
+struct SetCounts {
+  std::uint64_t slow = 0;   ///< not given to the writer, because the disk or the board was too slow
+  std::uint64_t given = 0;  ///< to the writer; those that are not in the take were lost by errors of the disk
 };
 
 /// Cuts the take into segments: after kLongestSegment or kLargestFile, when a head's format changes, and when a sync fails. A
@@ -50,7 +50,7 @@ class TakeWriter {
   static Result<std::unique_ptr<TakeWriter>> begin(hal::DiskPort& disk, Documents documents);
 
   Status write(const TakeRow& row);
-  /// Makes everything written durable. Errors: that of the sync; the take goes on.
+  /// Makes everything written durable. Errors: that of the sync; the take goes on, if the segment can be cut.
   Status sync(Instant now, std::int64_t utc_ns);
   Status mark(const std::string& text, Instant now);
   /// Stores a calibration, durably, and notes from which set on it is in force. One that is in force already is left out. After
@@ -61,9 +61,9 @@ class TakeWriter {
   bool takes_seams() const { return seams_ahead_.size() < kMostSeamsAhead; }
   /// Appends to the flight record, and makes its file first. After an error the take goes on without it.
   void write_flight(std::span<const std::uint8_t> record);
-  /// Finishes all files and writes the manifest. After an error of the disk this may work or not; if not, the take is recovered
-  /// at the next start.
-  Result<take::Manifest> end(const std::string& reason, LostSets lost = {});
+  /// Finishes all files and writes the manifest. After an error of the disk this may work or not; if not, there is no manifest, and
+  /// the take is recovered at the next start.
+  Result<take::Manifest> end(const std::string& reason, SetCounts counts = {});
   /// Deletes the oldest finished segment that is not near a mark, and returns its bytes; nothing if there is none.
   Result<std::optional<std::uint64_t>> delete_oldest();
 
@@ -86,6 +86,7 @@ class TakeWriter {
   Status note_seams(std::uint64_t set);
   Status begin_segment(const TakeRow& row);
   Status finish_segment(const std::string& reason);
+  Status cut_segment(const std::string& reason);
   FrameRate fastest() const;
   void write_thumbnail(const TakeRow& row);
   void close_flight();
@@ -97,6 +98,7 @@ class TakeWriter {
   TakePlace place_;
   std::size_t heads_ = 0;
   std::unique_ptr<SegmentWriter> segment_;
+  std::optional<Trust> to_cut_;  ///< the newest segment is closed, and must be cut to what is on the disk for certain
   std::uint32_t next_segment_ = 0;
   std::deque<FinishedSegment> finished_;  ///< those that are not deleted
   std::uint64_t finished_sets_ = 0;       ///< of all finished segments

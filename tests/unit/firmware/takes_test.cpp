@@ -184,6 +184,35 @@ TEST(Takes, FailedSync_IsNotRepeatedAndANewSegmentBegins) {
   EXPECT_EQ(check(disk, *manifest), 24U);
 }
 
+TEST(Takes, DiskGoneWhileASegmentIsCut_NothingIsFinishedUntilItIsBackAndThenNothingIsMissing) {
+  const Film made = film(8);
+  for (const bool back_at_once : {false, true}) {
+    hal::sim::SimDisk disk;
+    auto writer = TakeWriter::begin(disk, documents());
+    ASSERT_TRUE(writer);
+    for (std::size_t r = 0; r < 5; ++r) {
+      ASSERT_TRUE((*writer)->write(made.rows[r]));
+      if (r == 3) {
+        ASSERT_TRUE((*writer)->sync(Instant(), 0));
+      }
+    }
+    disk.unplug();
+    EXPECT_FALSE((*writer)->sync(Instant(), 0));
+    EXPECT_FALSE((*writer)->write(made.rows[5]));
+    if (back_at_once) disk.unplug(false);
+    const auto ended = (*writer)->end("disk failed", {0, 24});
+    EXPECT_EQ(ended.has_value(), back_at_once);
+    disk.unplug(false);
+    EXPECT_EQ(disk.read("000042/manifest", 1 << 20).has_value(), back_at_once);
+    const auto manifest = back_at_once ? ended : recover_take(disk, "000042");
+    ASSERT_TRUE(manifest) << manifest.error().text();
+    EXPECT_GE(check(disk, *manifest), 16U) << "the durable rows";
+    if (back_at_once) {
+      EXPECT_EQ(manifest->sets + manifest->lost_sets, 24U);
+    }
+  }
+}
+
 TEST(Takes, AMarkBeforeTheFirstSet_IsThatOfTheFirstSet) {
   const Film made = film(3);
   hal::sim::SimDisk disk;
