@@ -23,9 +23,8 @@ class HealthTest : public testing::Test {
     keeper.in_force = Sha256{};
   }
   Health judged() {
-    const Diagnosis found =
-        diagnose(config, {capture, keeper, 29'970, rate, unfit, since_last_set, Duration::seconds(60), shed, settings,
-                          recording, since_lost_set, threads, undecodable});
+    const Diagnosis found = diagnose(config, {capture, keeper, 29'970, rate, unfit, since_last_set, blending, shed,
+                                              settings, recording, since_lost_set, threads, undecodable});
     return {rig_state_name(transition(found.condition, RigState::kRunning).to), found.sentence};
   }
 
@@ -35,6 +34,7 @@ class HealthTest : public testing::Test {
   std::uint32_t rate = 29'970;
   std::uint64_t unfit = 0;
   Duration since_last_set;
+  Duration blending = Duration::seconds(60);
   ShedLevel shed;
   std::string settings;
   const TakeReport* recording = nullptr;
@@ -83,6 +83,15 @@ TEST_F(HealthTest, GenlockLost_IsDegradedAndSaysSo) {
   EXPECT_NE(judged().problem.find("genlock is lost"), std::string::npos);
 }
 
+TEST_F(HealthTest, Holdover_IsDegradedAndSaysWhatIsMissing) {
+  capture.genlock.state = GenlockState::kHoldover;
+  EXPECT_EQ(judged().state, "degraded");
+  EXPECT_NE(judged().problem.find("the trigger's pulses are not seen"), std::string::npos) << judged().problem;
+  capture.genlock.aligned = true;
+  EXPECT_EQ(judged().state, "degraded");
+  EXPECT_NE(judged().problem.find("does not carry out its nudges"), std::string::npos) << judged().problem;
+}
+
 TEST_F(HealthTest, SettingsThatCannotBeStored_AreDegradedWithTheReason) {
   settings = "settings will not survive a restart: no space";
   EXPECT_EQ(judged().state, "degraded");
@@ -102,6 +111,14 @@ TEST_F(HealthTest, TooSlow_IsDegradedWithBothRates) {
   EXPECT_EQ(judged().state, "degraded");
   EXPECT_NE(judged().problem.find("20.12 raymaps a second are made instead of 29.97"), std::string::npos)
       << judged().problem;
+}
+
+TEST_F(HealthTest, TheRateOfTheFirst5SOfABlend_IsNotJudged) {
+  rate = 10'000;
+  blending = Duration::seconds(5);
+  EXPECT_EQ(judged().state, "running");
+  blending = Duration::seconds(5) + Duration::nanoseconds(1);
+  EXPECT_EQ(judged().state, "degraded");
 }
 
 TEST_F(HealthTest, RatesWithinMeasuringError_AreNeverCalledTooSlow) {
@@ -274,6 +291,16 @@ TEST_F(SupervisorTest, AStageThatHangs_IsNamedAndTheWatchdogGoesHungryUntilItGet
   seconds(2, true, false);
   EXPECT_EQ(supervisor.state(), RigState::kRunning);
   EXPECT_FALSE(watchdog.would_bite(Duration::seconds(1)));
+}
+
+TEST_F(SupervisorTest, AStageThatRestsForExactly5S_DoesNotHangYet) {
+  const auto step = [&](Duration since) {
+    supervisor.step({{"blend", 1, false}}, {}, Instant() + since);
+    return supervisor.state();
+  };
+  EXPECT_EQ(step(Duration()), RigState::kRunning);
+  EXPECT_EQ(step(Supervisor::kStuckAfter), RigState::kRunning);
+  EXPECT_EQ(step(Supervisor::kStuckAfter + Duration::nanoseconds(1)), RigState::kHanging);
 }
 
 TEST_F(SupervisorTest, StoreNotYetRead_SystemdIsNotToldReadyAndFedAllTheSame) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "firmware/record/loop.h"
+#include "hal/sim/card_slot.h"
 #include "hal/sim/disk.h"
 #include "tests/support/take_account.h"
 #include "tests/support/take_stage.h"
@@ -101,6 +102,51 @@ TEST(LoopPlan, ARecordingMustEndAllTheSame_NothingIsDeletedForIt) {
   ASSERT_GE(after.size(), 3U);
   EXPECT_EQ(after.at(2), before.at(2));
   EXPECT_EQ(world.stage.report().deleted_segments, 0U);
+}
+
+TEST(LoopPlan, OnlyTheRunningTakeCanMakeRoom_ItsOldestSegmentGoesAndItGoesOn) {
+  hal::sim::SimClock clock;
+  hal::sim::SimDisk disk;
+  TakeStage stage(disk, clock, in_a_loop());
+  ASSERT_TRUE(stage.start().result);
+  stage.run(Duration::seconds(70));
+  // Less than what the rows on the way and the end need: another program has filled the disk.
+  disk.set_capacity(disk.total_bytes().value() - disk.free_bytes().value() + TakeKeeper::kReserveBytes / 2);
+  stage.run(Duration::seconds(2));
+  EXPECT_TRUE(stage.report().recording) << stage.report().problem;
+  EXPECT_EQ(stage.report().deleted_segments, 1U);
+}
+
+TEST(LoopPlan, ACardComesWithATakeToFinishAndARecordingNeedsItsRoom_ItIsFinishedTrimmedAndTheDiskLetGo) {
+  TakeStage::Options options;
+  options.takes.loop = true;
+  auto card = std::make_shared<hal::sim::SimDisk>();
+  {
+    hal::sim::SimClock clock;
+    TakeStage killed(*card, clock, options);
+    ASSERT_TRUE(killed.start().result);
+    killed.run(Duration::seconds(130));
+  }
+  card = card->after_kill();
+  constexpr std::uint64_t kSmallSecond = 2 * 32 * 16 * 5;
+  card->set_capacity(card->total_bytes().value() - card->free_bytes().value() + 2 * TakeKeeper::kReserveBytes +
+                     120 * kSmallSecond);
+  hal::sim::SimClock clock;
+  hal::sim::SimCardSlot slot;
+  slot.insert(std::make_shared<hal::sim::SimDisk>(1));
+  const auto port = slot.port();
+  TakeStage stage(*port, clock, options);
+  slot.insert(card);
+  clock.advance(TakeKeeper::kLookEvery);  // it is noticed in the step that also begins the take
+  const TakeAnswer started = stage.start();
+  ASSERT_TRUE(started.result) << started.result.error().text();
+  EXPECT_EQ(stage.report().deleted_segments, 1U);
+  const TakeEntry finished = stage.list().at(0);
+  EXPECT_EQ(finished.ended, "recovered");
+  EXPECT_GT(finished.deleted_sets, 0U);
+  ASSERT_TRUE(stage.ask(TakeRequest::Stop{}).result);
+  stage.run(Duration::seconds(2));
+  EXPECT_FALSE(card->claimed()) << "nothing of it is held while nothing is recorded";
 }
 
 }  // namespace

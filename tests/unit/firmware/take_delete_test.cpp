@@ -62,6 +62,32 @@ TEST(TakeDelete, ThePowerFailsAtAnyOperation_TheTakeIsWholeOrGoneAndTheOtherStay
   EXPECT_GT(gone, 0U);
 }
 
+TEST(TakeDelete, OneOperationOfTheDiskFails_TheErrorIsTheDisksAndTheSecondTimeItIsDeleted) {
+  int failed = 0;
+  for (std::uint64_t call = 0;; ++call) {
+    SCOPED_TRACE("operation " + std::to_string(call));
+    hal::sim::SimDisk disk;
+    record_takes(disk);
+    hal::sim::SimClock clock;
+    TakeStage stage(disk, clock, {});
+    const std::uint64_t before = disk.operations();
+    disk.fail_at(before + call);
+    const TakeAnswer first = stage.ask(TakeRequest::Delete{1});
+    if (disk.operations() - before <= call) break;
+    if (!first.result) {
+      ++failed;
+      EXPECT_EQ(first.result.error().code, Errc::kIo) << first.result.error().text();
+      const TakeAnswer second = stage.ask(TakeRequest::Delete{1});
+      EXPECT_TRUE(second.result || second.result.error().code == Errc::kNotFound) << second.result.error().text();
+    }
+    EXPECT_FALSE(disk.list("000001"));
+    const std::vector<TakeEntry> takes = stage.list();
+    ASSERT_EQ(takes.size(), 1U);
+    EXPECT_EQ(takes[0].number, 2U);
+  }
+  EXPECT_GT(failed, 3);
+}
+
 TEST(TakeDelete, TheDiskIsFull_ATakeCanStillBeDeleted) {
   hal::sim::SimDisk disk;
   record_takes(disk);

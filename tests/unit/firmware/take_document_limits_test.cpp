@@ -4,7 +4,10 @@
 #include <string>
 #include <vector>
 
+#include "hal/sim/disk.h"
 #include "protocol/take/documents.h"
+#include "protocol/take/limits.h"
+#include "tests/support/take_stage.h"
 
 namespace nodal::take {
 namespace {
@@ -55,11 +58,14 @@ TEST(TakeDocumentLimits, AsWritten_EveryFieldIsRead) {
   EXPECT_EQ(take->heads, (std::vector<std::string>{"left", "right"}));
 }
 
-TEST(TakeDocumentLimits, AFieldIsMissing_IsRefused) {
+TEST(TakeDocumentLimits, AFieldIsMissing_IsRefusedByItsName) {
   for (std::size_t i = 0; i < fields().size(); ++i) {
     Fields all = fields();
     all.erase(all.begin() + static_cast<std::ptrdiff_t>(i));
-    EXPECT_FALSE(parse_take_json(text_of(all), "take.json")) << fields()[i].first;
+    const auto refused = parse_take_json(text_of(all), "take.json");
+    ASSERT_FALSE(refused) << fields()[i].first;
+    EXPECT_EQ(refused.error().code, Errc::kMissingField) << refused.error().text();
+    EXPECT_EQ(refused.error().message, "take.json: " + fields()[i].first + " is missing");
   }
 }
 
@@ -116,3 +122,23 @@ TEST(TakeDocumentLimits, AnotherVersion_IsTheFuture) {
 
 }  // namespace
 }  // namespace nodal::take
+
+namespace nodal::firmware {
+namespace {
+
+TEST(TakeDocumentLimits, PicturesAboveWhatAReaderTakes_StartNoTake) {
+  hal::sim::SimClock clock;
+  hal::sim::SimDisk disk;
+  TakeStage stage(disk, clock, {});
+  const auto start_with = [&](int height) {
+    TakeRequest::Start start;
+    start.heads.push_back(HeadShape{PixelFormat::kGrey8, 8192, height});
+    return stage.ask(std::move(start)).result.error();
+  };
+  static_assert(8192 * 8192 == take::kMaxTakePictureBytes);
+  EXPECT_EQ(start_with(8192).code, Errc::kBadValue) << "only this rig's buffer is too small";
+  EXPECT_EQ(start_with(8193).code, Errc::kTooLarge);
+}
+
+}  // namespace
+}  // namespace nodal::firmware

@@ -344,6 +344,20 @@ TEST(TakeShelf, EjectedAndATakeIsAskedFor_TheDiskIsUsedAgain) {
   EXPECT_EQ(numbers(world.stage.list()), (Numbers{1, 2}));
 }
 
+TEST(TakeShelf, Protected_TheTakeIsListedAsSuchAndNotDeletedUntilItIsNot) {
+  ShelfWorld world;
+  ASSERT_EQ(record(world.stage), 1U);
+  ASSERT_TRUE(world.stage.ask(TakeRequest::Protect{1, true}).result);
+  const TakeAnswer refused = world.stage.ask(TakeRequest::Delete{1});
+  ASSERT_FALSE(refused.result);
+  EXPECT_EQ(refused.result.error().code, Errc::kWrongState);
+  EXPECT_TRUE(world.stage.list().at(0).is_protected);
+  ASSERT_TRUE(world.stage.ask(TakeRequest::Protect{1, false}).result);
+  EXPECT_FALSE(world.stage.list().at(0).is_protected);
+  EXPECT_TRUE(world.stage.ask(TakeRequest::Protect{1, false}).result) << "it is";
+  EXPECT_TRUE(world.stage.ask(TakeRequest::Delete{1}).result);
+}
+
 TEST(TakeShelf, ALinkHasATakesName_DeletingItIsRefusedAndTheProtectedTakeStaysWhole) {
   ShelfWorld world;
   ASSERT_EQ(record(world.stage), 1U);

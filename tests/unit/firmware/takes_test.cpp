@@ -17,6 +17,7 @@
 #include "stitch/media/jpeg_writer.h"
 #include "stitch/media/thumbnail.h"
 #include "take_film.h"
+#include "tests/support/matroska_elements.h"
 
 namespace nodal::firmware {
 namespace {
@@ -87,7 +88,11 @@ TEST(Takes, PowerCutWhileTheThumbnailIsWritten_ItIsWholeOrNotThere) {
     const auto before = left->read("000042/" + take::kThumbFile, 1 << 20);
     torn += before && !media::is_whole_jpeg(*before) ? 1 : 0;
     if (!left->size("000042/" + take::kManifestFile)) {
-      ASSERT_TRUE(recover_take(*left, "000042")) << "operation " << k;
+      const auto manifest = recover_take(*left, "000042");
+      ASSERT_TRUE(manifest) << "operation " << k;
+      EXPECT_EQ(std::ranges::count(manifest->files, take::kThumbFile, &take::Manifest::File::name),
+                left->size("000042/" + take::kThumbFile) ? 1 : 0)
+          << "operation " << k;
     }
     const auto after = left->read("000042/" + take::kThumbFile, 1 << 20);
     if (!after) continue;
@@ -161,6 +166,62 @@ TEST(Takes, Killed_LosesOnlyTheRowBeingWritten) {
   const auto manifest = recover_take(*left, "000042");
   ASSERT_TRUE(manifest) << manifest.error().text();
   EXPECT_EQ(check(*left, *manifest), 36U);
+}
+
+constexpr std::uint32_t kMatroskaSegment = 0x18538067, kMatroskaCluster = 0x1F43B675, kMatroskaCues = 0x1C53BB6B;
+
+/// The times of a file's clusters, in 1/100 ms, and of the entries of its index.
+struct ClusterTimes {
+  std::vector<std::uint64_t> clusters, index;
+};
+ClusterTimes times_of(const Bytes& file) {
+  ClusterTimes times;
+  const test::Element ebml = test::element_at(file, 0, file.size()).value();
+  const test::Element segment = test::element_at(file, ebml.content + ebml.size, file.size()).value();
+  EXPECT_EQ(segment.id, kMatroskaSegment);
+  for (const test::Element& each : test::children(file, segment)) {
+    if (each.id == kMatroskaCluster) times.clusters.push_back(test::value_of(file, *test::child(file, each, 0xE7)));
+    if (each.id != kMatroskaCues) continue;
+    for (const test::Element& point : test::children(file, each)) {
+      times.index.push_back(test::value_of(file, *test::child(file, point, 0xB3)));
+    }
+  }
+  return times;
+}
+
+TEST(Takes, EveryFile_HasClustersAtTheTimesOfTheirSetsAndAnIndexOfThem) {
+  const Film made = film(9);
+  hal::sim::SimDisk ended;
+  record(ended, made, true);
+  hal::sim::SimDisk torn;
+  record(torn, made, false);
+  const auto recovered = torn.after_kill();
+  ASSERT_TRUE(recover_take(*recovered, "000042"));
+  for (hal::DiskPort* disk : {static_cast<hal::DiskPort*>(&ended), static_cast<hal::DiskPort*>(recovered.get())}) {
+    for (const char* name : {"cam0-0000.mkv", "cam2-0000.mkv", "raymap-0000.mkv"}) {
+      const ClusterTimes times = times_of(read(*disk, name));
+      std::vector<std::uint64_t> rows;
+      for (std::uint64_t r = 0; r < made.rows.size(); ++r) rows.push_back(r * kSetsARow * kTakePeriod.ms() * 100);
+      EXPECT_EQ(times.clusters, rows) << name;
+      EXPECT_EQ(times.index, rows) << name;
+    }
+  }
+}
+
+TEST(Takes, TheFlightRecordCannotBeMade_TheTakeIsWholeWithoutIt) {
+  const Film made = film(3);
+  hal::sim::SimDisk disk;
+  auto writer = TakeWriter::begin(disk, documents());
+  ASSERT_TRUE(writer);
+  disk.fail_at(disk.operations());
+  const Bytes events(100, 'e');
+  for (const TakeRow& row : made.rows) {
+    (*writer)->write_flight(events);
+    ASSERT_TRUE((*writer)->write(row));
+  }
+  const auto manifest = (*writer)->end("stopped");
+  ASSERT_TRUE(manifest) << manifest.error().text();
+  EXPECT_EQ(check(disk, *manifest), made.rows.size() * kSetsARow);
 }
 
 TEST(Takes, FailedSync_IsNotRepeatedAndANewSegmentBegins) {

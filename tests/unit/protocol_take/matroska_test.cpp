@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "protocol/take/matroska_writer.h"
+#include "tests/support/matroska_elements.h"
 #include "tests/support/pictures.h"
 #include "tests/support/process.h"
 
@@ -17,56 +18,11 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
-struct Element {
-  std::uint64_t id = 0, at = 0, content = 0, size = 0;  ///< positions in the file
-};
-
-/// The element at `at`, if it is complete within `end`; a length of all ones is "to the end".
-std::optional<Element> element_at(const Bytes& file, std::uint64_t at, std::uint64_t end) {
-  const auto number = [&](bool with_marker) -> std::optional<std::uint64_t> {
-    if (at >= end) return std::nullopt;
-    int bytes = 1;
-    while (bytes <= 8 && (file[at] & (0x100 >> bytes)) == 0) ++bytes;
-    if (bytes > 8 || at + static_cast<std::uint64_t>(bytes) > end) return std::nullopt;
-    std::uint64_t value = 0;
-    for (int k = 0; k < bytes; ++k) value = value << 8 | file[at++];
-    const std::uint64_t marker = std::uint64_t{1} << (7 * bytes);
-    if (with_marker) return value;
-    return value - marker == marker - 1 ? UINT64_MAX : value - marker;
-  };
-  Element element;
-  element.at = at;
-  const auto id = number(true);
-  const auto size = id ? number(false) : std::nullopt;
-  if (!size) return std::nullopt;
-  element.id = *id;
-  element.content = at;
-  element.size = *size == UINT64_MAX ? end - at : *size;
-  if (element.size > end - at) return std::nullopt;
-  return element;
-}
-
-std::vector<Element> children(const Bytes& file, const Element& of) {
-  std::vector<Element> all;
-  for (std::uint64_t at = of.content; const auto element = element_at(file, at, of.content + of.size);) {
-    all.push_back(*element);
-    at = element->content + element->size;
-  }
-  return all;
-}
-
-std::uint64_t value_of(const Bytes& file, const Element& element) {
-  std::uint64_t value = 0;
-  for (std::uint64_t k = 0; k < element.size; ++k) value = value << 8 | file[element.content + k];
-  return value;
-}
-
-std::optional<Element> child(const Bytes& file, const Element& of, std::uint64_t id) {
-  for (const Element& each : children(file, of)) {
-    if (each.id == id) return each;
-  }
-  return std::nullopt;
-}
+using test::child;
+using test::children;
+using test::Element;
+using test::element_at;
+using test::value_of;
 
 struct Frame {
   std::uint64_t us = 0;

@@ -117,6 +117,18 @@ TEST(TakeFiles, EvidenceOfManyCalibrations_HasThemUpToTheLimit) {
   EXPECT_FALSE(read_evidence(bytes_of(many), "evidence-0000"));
 }
 
+TEST(TakeFiles, ABeginWithoutAFileOrVersion_IsRefusedWithoutAnyRecordAfterIt) {
+  EXPECT_TRUE(read_evidence(bytes_of({records().front()}), "evidence-0000"));
+  for (const bool files : {true, false}) {
+    std::vector<wire::Record> begin{records().front()};
+    if (files) begin[0].mutable_begin()->clear_files();
+    else begin[0].mutable_begin()->set_version(0);
+    const auto segment = read_evidence(bytes_of(begin), "evidence-0000");
+    ASSERT_FALSE(segment);
+    EXPECT_EQ(segment.error().code, Errc::kBadFormat);
+  }
+}
+
 TEST(TakeFiles, EvidenceThatContradictsItself_IsRefusedWithItsRecord) {
   struct Case {
     const char* what;
@@ -161,6 +173,17 @@ TEST(TakeFiles, EvidenceThatContradictsItself_IsRefusedWithItsRecord) {
     ASSERT_FALSE(segment) << each.what;
     EXPECT_NE(segment.error().message.find("evidence-0000: record "), std::string::npos) << segment.error().text();
   }
+}
+
+TEST(TakeFiles, AReaderThatRefusedARecord_HasNoSegmentInTheEnd) {
+  std::vector<wire::Record> spoilt = records();
+  spoilt[2].mutable_set()->set_since_start_ns(-1);
+  EvidenceReader reader("evidence-0000");
+  const Status refused = reader.add(bytes_of(spoilt));
+  ASSERT_FALSE(refused);
+  const auto segment = std::move(reader).finish();
+  ASSERT_FALSE(segment);
+  EXPECT_EQ(segment.error().text(), refused.error().text());
 }
 
 TEST(TakeFiles, Documents_AreReadAsTheyWereWritten) {

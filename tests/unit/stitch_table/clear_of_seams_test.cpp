@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "rigs.h"
+#include "stitch/table/head_weight.h"
 #include "stitch/table/ray_sampler.h"
 #include "tests/support/layouts.h"
 
@@ -128,6 +129,32 @@ TEST(ClearOfSeams, ALargePicture_WeightsAreThoseOfTheSlopes) {
   options.transition = Transition::kSeam;
   options.least_weight = 0;
   compare(rig, "equirectangular", 1000, options);
+}
+
+TEST(SteepestScore, OfAHead_IsALimitOfItsSlopesAndOfTheirSize) {
+  const Calibration rig = test::turned_fisheyes({0});
+  const auto layout = test::layout_of("equirectangular", 64);
+  TableOptions options;
+  options.transition = Transition::kSeam;
+  const auto sampler =
+      RaySampler::make(rig, *layout, PixelFormat::kGrey8, std::vector(1, PixelFormat::kGrey8), options).value();
+  const auto score = [&](double angle, double turn) -> std::optional<double> {
+    const auto seen = sampler.sight(
+        0, geometry::Ray::towards(std::sin(angle) * std::cos(turn), std::sin(angle) * std::sin(turn), std::cos(angle)));
+    if (!seen || seen->inside < 0) return std::nullopt;
+    return score_of(*seen, sampler.optics()[0].depth_per_px);
+  };
+  constexpr double kStep = 1e-5;
+  double steepest = 0;
+  for (double angle = 0.001; angle < 1.1; angle += 0.001) {
+    for (const double turn : {0.0, 1.0, 2.5, 4.0}) {
+      const auto here = score(angle, turn), along = score(angle + kStep, turn);
+      if (here && along) steepest = std::max(steepest, std::abs(*along - *here) / kStep);
+    }
+  }
+  ASSERT_GT(steepest, 0);
+  EXPECT_GE(sampler.steepest(0), steepest);
+  EXPECT_LE(sampler.steepest(0), 2 * steepest);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <stdexcept>
+#include <utility>
 
 #include "rigs.h"
 #include "stitch/table/table_compiler.h"
@@ -41,6 +42,19 @@ blend::Tile& shared_tile(BlendTable& table) {
     if (tile.how() != blend::Sharing::kAlone && (&tile + 1)->record > tile.record + 1) return tile;
   }
   throw std::logic_error("no tile is shared");
+}
+
+/// A tile of the first grid with weights of several records, and how many weights those are.
+std::pair<blend::Tile*, std::size_t> widely_shared_tile(BlendTable& table) {
+  std::vector<blend::Tile>& tiles = table.grids[0].tiles;
+  for (std::size_t t = 0; t + 1 < tiles.size(); ++t) {
+    const std::size_t records = tiles[t + 1].record - tiles[t].record;
+    const bool open = tiles[t].how() == blend::Sharing::kOpen;
+    const std::size_t with_weights = open || records == 0 ? records : records - 1;
+    const std::size_t each = tiles[t].how() == blend::Sharing::kBilinear ? 4 : blend::kTilePixels;
+    if (tiles[t].how() != blend::Sharing::kAlone && with_weights > 1) return {&tiles[t], with_weights * each};
+  }
+  throw std::logic_error("no tile has weights of several records");
 }
 
 /// A record of the first grid with polynomial coordinates.
@@ -197,6 +211,13 @@ std::vector<Fault> faults() {
       {"GainsTooFew", "one gain a record", [](BlendTable& t) { t.grids[0].gains.pop_back(); }},
       {"ListCutShort", "cut short", [](BlendTable& t) { t.grids[0].coordinates.resize(127); }},
       {"WeightsRunAway", "weights run past", [](BlendTable& t) { t.grids[0].tiles[0].sharing |= 0x3fffffff; }},
+      {"WeightsOfTheLastRecordRunAway", "weights run past",
+       [](BlendTable& t) {
+         const std::size_t all = t.grids[0].weights.size();
+         const auto [tile, own] = widely_shared_tile(t);
+         ASSERT_EQ((all - own) % 4, 0U);
+         tile->sharing = (tile->sharing & 0xc0000000) | static_cast<std::uint32_t>((all - own) / 4 + 1);
+       }},
       {"SeveralAlone", "are alone", [](BlendTable& t) { shared_tile(t).sharing = 0; }},
       {"HeadNotThere", "names a head", [](BlendTable& t) { t.grids[0].records[0].source |= 5; }},
       {"LevelNotThere", "names a level", [](BlendTable& t) { t.grids[0].records[0].source |= 3 << 4; }},
@@ -338,6 +359,12 @@ std::vector<Fault> low_faults() {
       {"RightOfTheLowPicture", "outside its head's low picture",
        [](BlendTable& t) { shared_sight(t).x = 14 * 256 + 1; }},
       {"BelowTheLowPicture", "outside its head's low picture", [](BlendTable& t) { shared_sight(t).y = 65535; }},
+      {"JustBelowTheLowPicture", "outside its head's low picture",
+       [](BlendTable& t) {
+         shared_sight(t).y = 14 * 256;  // in the last of 15 rows
+         ASSERT_TRUE(validate_blend_table(t).has_value());
+         shared_sight(t).y = 14 * 256 + 1;
+       }},
       {"WeightsTooSmall", "do not sum to one", [](BlendTable& t) { shared_sight(t).weight -= 1; }},
       {"NoGainOfASight", "gain out of range", [](BlendTable& t) { shared_sight(t).gain = 0; }},
   };
