@@ -124,9 +124,10 @@ TEST(RecordedTakes, StartedMarkedAndStopped_AreOnTheDiskAndInTheList) {
   EXPECT_EQ(verify().code, 0);
 
   ASSERT_TRUE(host->ask([](wire::Request& request) {
-                request.mutable_take_protect()->set_take(1);
-                request.mutable_take_protect()->set_on(true);
-              })->has_take());
+                    request.mutable_take_protect()->set_take(1);
+                    request.mutable_take_protect()->set_on(true);
+                  })
+                  ->has_take());
   const auto kept = host->ask([](wire::Request& request) { request.mutable_take_delete()->set_take(1); });
   EXPECT_TRUE(kept && kept->has_error());
   ASSERT_TRUE(host->ask([](wire::Request& request) { request.mutable_take_protect()->set_take(1); })->has_take());
