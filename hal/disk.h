@@ -87,7 +87,7 @@ class DiskPort {
   virtual Status sync_folder(const std::string& name) = 0;
   /// Names of the direct entries, sorted.
   virtual Result<std::vector<std::string>> list(const std::string& folder) = 0;
-  /// The same with what they are, sorted by name; "" is the root.
+  /// The same with what they are, sorted by name; "" is the root. Both: kTooLarge for a folder that exceeds FolderListing's limits.
   virtual Result<std::vector<FolderEntry>> entries(const std::string& folder) = 0;
   virtual Result<std::uint64_t> free_bytes() = 0;
   virtual Result<std::uint64_t> total_bytes() = 0;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <new>
 
+#include "firmware/calibration/rehearsal.h"
 #include "stitch/sets/rig_heads.h"
 #include "stitch/sets/seam_views.h"
 #include "stitch/table/meter_compiler.h"
@@ -273,10 +274,8 @@ Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration
   auto fitted = fit_to_rig(calibration, config_.heads, heads);
   if (!fitted) return fail(fitted.error());
   try {
-    auto job =
-        sets::TableJob::make(*fitted, config_.raymap, config_.heads[0].fields, delivered_formats(config_, heads));
+    auto job = tables_within_budget(*fitted, config_, heads);
     if (!job) return fail(job.error().in("calibration " + short_id(id)));
-    if (Status fits = job->check_budget(); !fits) return fail(fits.error().in("calibration " + short_id(id)));
     installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), false, false,
                                      std::make_shared<const std::string>(canonical_json(calibration)), generation});
   } catch (const std::bad_alloc&) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cstdio>
+#include <functional>
 #include <sstream>
 
 #include "firmware/storage/durable_file.h"
@@ -71,8 +72,9 @@ Result<CalibrationStore> CalibrationStore::open(hal::DiskPort& disk) {
   if (Status made = disk.make_folder(kFolder); !made && made.error().code != Errc::kExists) return fail(made.error());
   // Syncs the parent first: otherwise a crash could lose the folder with everything in it.
   if (Status synced = disk.sync_folder(""); !synced) return fail(synced.error());
+  store.parse_pointer();
   if (Status read = store.read_folder(); !read) return fail(read.error());
-  store.read_pointer();
+  store.follow_pointer();
   store.read_signed();
   return store;
 }
@@ -80,6 +82,7 @@ Result<CalibrationStore> CalibrationStore::open(hal::DiskPort& disk) {
 Status CalibrationStore::read_folder() {
   const auto names = disk_->list(kFolder);
   if (!names) return fail(names.error());
+  std::vector<Entry> stored;
   for (const std::string& name : *names) {
     const std::string file = kFolder + "/" + name;
     if (name.ends_with(kTemporarySuffix)) {
@@ -89,24 +92,30 @@ Status CalibrationStore::read_folder() {
     const auto parsed = parse_file_name(name);
     if (!parsed) continue;
     next_generation_ = std::max(next_generation_, parsed->generation + 1);
-    Entry found{parsed->generation, parsed->id, "", 0, file};
-    const auto calibration = load(found);
-    if (!calibration) {
-      damaged_.push_back(file);
-      add_note("stored calibration " + short_id(found.id) + " cannot be used: " + calibration.error().message);
-      continue;
-    }
-    found.name = calibration->name;
-    found.heads = calibration->heads.size();
-    entries_.push_back(found);
+    stored.push_back({parsed->generation, parsed->id, "", 0, file});
+  }
+  std::ranges::sort(stored, std::greater(), &Entry::generation);
+  for (std::size_t k = 0; k < stored.size(); ++k) {
+    const bool wanted = stored[k].id == pointed_at_ || stored[k].id == before_;
+    if (k < kMaxRead || wanted) read_entry(std::move(stored[k]));
+    else damaged_.push_back(stored[k].file);
   }
   for (const std::string& name : *names) {
     if (name.ends_with(kSigned)) drop_if_orphan(kFolder + "/" + name);
   }
-  std::sort(entries_.begin(), entries_.end(),
-            [](const Entry& a, const Entry& b) { return a.generation > b.generation; });
   drop_copies();
   return {};
+}
+
+void CalibrationStore::read_entry(Entry found) {
+  const auto calibration = load(found);
+  if (!calibration) {
+    damaged_.push_back(found.file);
+    return add_note("stored calibration " + short_id(found.id) + " cannot be used: " + calibration.error().message);
+  }
+  found.name = calibration->name;
+  found.heads = calibration->heads.size();
+  entries_.push_back(std::move(found));
 }
 
 /// Marks duplicates for removal: the same calibration under an older generation, which a person made by copying files.
@@ -127,19 +136,20 @@ void CalibrationStore::drop_if_orphan(const std::string& file) {
   if (!stored && !damaged) (void)disk_->remove(file);
 }
 
-void CalibrationStore::read_pointer() {
+void CalibrationStore::parse_pointer() {
   const auto bytes = disk_->read(kPointer, kMaxPointerBytes);
-  std::optional<Sha256> wanted;
-  if (bytes) {
-    std::istringstream text(std::string(bytes->begin(), bytes->end()));
-    std::string head, now, before;
-    std::getline(text, head);
-    text >> now >> before;
-    if (head == kPointerHead) {
-      wanted = from_hex(now);
-      before_ = from_hex(before);
-    }
-  }
+  if (!bytes) return;
+  std::istringstream text(std::string(bytes->begin(), bytes->end()));
+  std::string head, now, before;
+  std::getline(text, head);
+  text >> now >> before;
+  if (head != kPointerHead) return;
+  pointed_at_ = from_hex(now);
+  before_ = from_hex(before);
+}
+
+void CalibrationStore::follow_pointer() {
+  const std::optional<Sha256>& wanted = pointed_at_;
   if (wanted && entry(*wanted)) {
     in_force_ = wanted;
   } else if (!entries_.empty()) {

@@ -49,6 +49,8 @@ class CalibrationStore {
 
   /// Generations that are kept. The one in force and the one before are never removed.
   static constexpr std::size_t kKept = 8;
+  /// Generations that open() reads: the newest, and beside them the one in force and the one before.
+  static constexpr std::size_t kMaxRead = 64;
 
   /// Reads the folder. A damaged calibration is skipped and named by note(); if it was the one in force, the newest good
   /// one is put in its place.
@@ -85,10 +87,12 @@ class CalibrationStore {
  private:
   explicit CalibrationStore(hal::DiskPort& disk) : disk_(&disk) {}
   Status read_folder();
+  void read_entry(Entry found);
+  void parse_pointer();
   void drop_copies();
   Result<std::string> read(const Entry& entry) const;
   Result<Calibration> load(const Entry& entry) const;
-  void read_pointer();
+  void follow_pointer();
   void read_signed();
   void drop_if_orphan(const std::string& file);
   const Entry* entry(const Sha256& id) const;
@@ -98,7 +102,9 @@ class CalibrationStore {
 
   hal::DiskPort* disk_;
   std::vector<Entry> entries_;
-  std::vector<std::string> damaged_;  ///< files of damaged calibrations and of copies; prune() removes them first
+  /// Files of damaged calibrations, of copies, and of more old generations than are read; prune() removes them first.
+  std::vector<std::string> damaged_;
+  std::optional<Sha256> pointed_at_;  ///< by the pointer on the disk
   std::optional<Sha256> in_force_;
   std::optional<Sha256> before_;
   std::uint64_t next_generation_ = 1;

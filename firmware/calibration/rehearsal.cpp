@@ -43,6 +43,14 @@ HeadShapes shapes_of(const std::string& text) {
 
 }  // namespace
 
+Result<sets::TableJob> tables_within_budget(const Calibration& fitted, const RigConfig& config,
+                                            const HeadShapes& heads) {
+  auto job = sets::TableJob::make(fitted, config.raymap, config.heads[0].fields, delivered_formats(config, heads));
+  if (!job) return fail(job.error());
+  if (const Status within = job->check_budget(); !within) return fail(within.error());
+  return job;
+}
+
 hal::ConfinedJob rehearsal_job(std::string json, const HeadShapes& heads) {
   return {text_of(heads), {json.begin(), json.end()}};
 }
@@ -54,7 +62,7 @@ Result<std::vector<std::uint8_t>> rehearse(const RigConfig& config, const hal::C
   if (!calibration) return fail(calibration.error());
   const auto fitted = fit_to_rig(*calibration, config.heads, heads);
   if (!fitted) return fail(fitted.error());
-  auto tables = sets::TableJob::make(*fitted, config.raymap, config.heads[0].fields, delivered_formats(config, heads));
+  auto tables = tables_within_budget(*fitted, config, heads);
   if (!tables) return fail(tables.error());
   while (!tables->done()) {
     progress();

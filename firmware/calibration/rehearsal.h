@@ -9,8 +9,14 @@
 #include "firmware/frame/frame_set.h"
 #include "hal/confined.h"
 #include "protocol/base/result.h"
+#include "protocol/calibration.h"
+#include "stitch/sets/table_job.h"
 
 namespace nodal::firmware {
+
+/// The only way in which a rig begins to compile. Errors: those of TableJob; kTooLarge for work above its budget.
+Result<sets::TableJob> tables_within_budget(const Calibration& fitted, const RigConfig& config,
+                                            const HeadShapes& heads);
 
 /// The document and what the heads deliver.
 hal::ConfinedJob rehearsal_job(std::string json, const HeadShapes& heads);

@@ -7,12 +7,15 @@
 #include "firmware/record/disk_test.h"
 #include "firmware/record/stored_documents.h"
 #include "firmware/record/take_shelf.h"
+#include "hal/folder_listing.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
 
 namespace nodal::firmware {
 
 static_assert(TakeShelf::kMaxTakeNumber == take::kMaxTakeNumber);
+static_assert(TakeShelf::kMaxBytesAStep >= take::kMaxManifestBytes);
+static_assert(hal::FolderListing::kMaxEntries > take::kMaxTakeFiles + TakeShelf::kMaxTakes, "each take can be listed");
 
 namespace {
 
@@ -66,14 +69,24 @@ void TakeShelf::follow(const std::vector<hal::FolderEntry>& entries, bool fresh)
     if (gone) recovery_.forget(each.first);
     return gone;
   });
+  std::erase_if(unread_, [&](const auto& each) { return !takes_.contains(each.first); });
   std::erase_if(half_deleted_, [&](std::uint64_t take) { return !takes_.contains(take); });
+  std::uint64_t read = 0;
   for (const auto& [number, entry] : found) {
     const auto known = takes_.find(number);
     if (known == takes_.end() && is_full()) continue;
     const bool recording =
         recovery_.is_running(number) || (known != takes_.end() && known->second.state == TakeState::kRecording);
     const bool same = known != takes_.end() && known->second.version == entry->version;
-    if (!recording && !same) load(number, *entry, fresh);
+    if (recording || same) continue;
+    const std::uint64_t bytes = document_bytes(entry->name);
+    if (read > 0 && read + bytes > kMaxBytesAStep) {
+      leave_unread(number, *entry, fresh);
+      continue;
+    }
+    read += bytes;
+    const auto waited = unread_.extract(number);
+    load(number, *entry, waited ? waited.mapped() : fresh);
   }
   if (!has_work()) contested_.clear();
 }
@@ -81,6 +94,25 @@ void TakeShelf::follow(const std::vector<hal::FolderEntry>& entries, bool fresh)
 void TakeShelf::set_damaged(TakeEntry& entry, const Error& why) {
   entry.state = TakeState::kDamaged;
   entry.problem = why.message;
+}
+
+/// Bytes that load() reads, at most.
+std::uint64_t TakeShelf::document_bytes(const std::string& folder) {
+  const auto bytes = [&](const std::string& name, std::uint64_t most) {
+    return std::min(disk_.size(folder + "/" + name).value_or(0), most);
+  };
+  return bytes(take::kManifestFile, take::kMaxManifestBytes) + bytes(take::kTakeFile, take::kMaxTakeJsonBytes);
+}
+
+void TakeShelf::leave_unread(std::uint64_t number, const hal::FolderEntry& folder, bool fresh) {
+  TakeEntry& entry = takes_[number];
+  entry = {};
+  entry.number = number;
+  entry.version = ~folder.version;  // so that the next look reads it
+  entry.is_protected = disk_.size(folder.name + "/" + take::kProtectedFile).has_value();
+  entry.state = TakeState::kUnfinished;
+  entry.problem = "it has not been read yet, because the disk has takes with very large manifests; list takes again";
+  unread_.try_emplace(number, fresh);
 }
 
 void TakeShelf::load(std::uint64_t number, const hal::FolderEntry& folder, bool fresh) {

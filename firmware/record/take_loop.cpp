@@ -11,6 +11,7 @@ namespace nodal::firmware {
 Result<std::uint64_t> TakeShelf::make_room(std::uint64_t wanted, std::uint64_t least, TakeWriter* writing) {
   const auto free = disk_.free_bytes();
   if (!free || !loop_ || *free >= wanted) return free;
+  if (!unread_.empty()) (void)refresh();  // some of them may go
   const auto more = deletable(wanted - *free, writing);
   if (!more) return fail(more.error());
   if (*free + *more < least) return free;

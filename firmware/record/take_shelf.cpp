@@ -41,6 +41,7 @@ Result<TakeShelf::Hold> TakeShelf::hold() {
 
 void TakeShelf::forget() {
   takes_.clear();
+  unread_.clear();
   recovery_.forget_all();
   half_deleted_.clear();
   highest_ = 0;
@@ -64,7 +65,7 @@ bool TakeShelf::watch() {
     lose(now.error());
     return first || was_here;
   }
-  if (identity_ == *now) return first;
+  if (identity_ == *now && unread_.empty()) return first;
   (void)refresh();  // its error is the problem
   return true;
 }

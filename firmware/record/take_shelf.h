@@ -103,6 +103,8 @@ class TakeShelf {
   std::uint64_t deleted_segments() const { return deleted_segments_; }
 
   static constexpr std::size_t kMaxTakes = 1000;
+  /// Of documents that one refresh() reads; further takes wait for the next one. At least one take is read.
+  static constexpr std::uint64_t kMaxBytesAStep = std::uint64_t{32} << 20;
   static constexpr std::uint64_t kMaxTakeNumber = std::uint64_t{1} << 40;
   static constexpr Duration kTryAgainAfter = Duration::seconds(1);
 
@@ -111,6 +113,8 @@ class TakeShelf {
   void lose(const Error& why);
   void follow(const std::vector<hal::FolderEntry>& entries, bool fresh);
   void load(std::uint64_t number, const hal::FolderEntry& folder, bool fresh);
+  void leave_unread(std::uint64_t number, const hal::FolderEntry& folder, bool fresh);
+  std::uint64_t document_bytes(const std::string& folder);
   void load_unfinished(TakeEntry& entry, const std::optional<TakeEntry>& before, bool half_deleted, bool fresh);
   bool has_work() const { return !recovery_.idle() || !half_deleted_.empty() || leftover_; }
   bool note(const TakeRecovery::Done& done);
@@ -137,7 +141,8 @@ class TakeShelf {
   std::string contested_;  ///< takes wait for their recovery, and another nodald has claimed the disk
   Status counter_read_;    ///< kNextTakeFile
   std::map<std::uint64_t, TakeEntry> takes_;
-  std::uint64_t highest_ = 0;  ///< number on the disk, also of takes that are not listed
+  std::map<std::uint64_t, bool> unread_;  ///< takes that later steps read; true: they were there with the disk
+  std::uint64_t highest_ = 0;             ///< number on the disk, also of takes that are not listed
   std::uint64_t next_take_ = 1;
   TakeRecovery recovery_;
   std::optional<Hold> recovering_;  ///< while takes are recovered

@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <initializer_list>
 
+#include "hal/folder_listing.h"
 #include "hal/linux/disk.h"
 #include "hal/linux/disk_parts.h"
 
@@ -221,9 +222,7 @@ Status LinuxDisk::sync_folder(const std::string& name) {
 Result<std::vector<std::string>> LinuxDisk::list(const std::string& folder) {
   auto found = entries(folder);
   if (!found) return fail(found.error());
-  std::vector<std::string> names;
-  for (FolderEntry& entry : *found) names.push_back(std::move(entry.name));
-  return names;
+  return FolderListing::names_of(std::move(*found));
 }
 
 Result<std::vector<FolderEntry>> LinuxDisk::entries(const std::string& folder) {
@@ -235,21 +234,22 @@ Result<std::vector<FolderEntry>> LinuxDisk::entries(const std::string& folder) {
   DIR* const stream = ::fdopendir(fd->get());
   if (stream == nullptr) return fail(failure("listing it", folder, errno));
   fd->release();  // the stream now closes it
-  std::vector<FolderEntry> found;
+  FolderListing found(folder.empty() ? path_ : path_ + "/" + folder);
+  Status added;
   errno = 0;
-  while (const dirent* entry = ::readdir(stream)) {
+  while (const dirent* entry = added ? ::readdir(stream) : nullptr) {
     const std::string name = entry->d_name;
     struct stat about {};
     // What was removed meanwhile is left out.
     if (name != "." && name != ".." && ::fstatat(::dirfd(stream), entry->d_name, &about, AT_SYMLINK_NOFOLLOW) == 0)
-      found.push_back({name, kind_of(about.st_mode), version_of(about)});
+      added = found.add({name, kind_of(about.st_mode), version_of(about)});
     errno = 0;
   }
   const int error = errno;
   ::closedir(stream);
+  if (!added) return fail(added.error());
   if (error != 0) return fail(failure("listing it", folder, error));
-  std::ranges::sort(found, {}, &FolderEntry::name);
-  return found;
+  return std::move(found).entries();
 }
 
 Result<std::uint64_t> LinuxDisk::free_bytes() {

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "hal/folder_listing.h"
 #include "hal/sim/disk.h"
 #include "hal/sim/disk_inode.h"
 
@@ -113,11 +114,9 @@ Status SimDisk::sync_folder(const std::string& name) {
 }
 
 Result<std::vector<std::string>> SimDisk::list(const std::string& folder) {
-  const auto found = entries(folder);
+  auto found = entries(folder);
   if (!found) return fail(found.error());
-  std::vector<std::string> names(found->size());
-  std::ranges::transform(*found, names.begin(), &FolderEntry::name);
-  return names;
+  return FolderListing::names_of(std::move(*found));
 }
 
 Result<std::vector<FolderEntry>> SimDisk::entries(const std::string& folder) {
@@ -130,14 +129,14 @@ Result<std::vector<FolderEntry>> SimDisk::entries(const std::string& folder) {
     if (found == tree_.end()) return fail(not_there(folder));
     if (!found->second->folder) return fail(Errc::kIo, "file '" + folder + "': is not a folder");
   }
-  std::vector<FolderEntry> found;
+  FolderListing found(folder);
   for (const auto& [name, inode] : tree_) {
     if (parent_of(name) != folder) continue;
     const EntryKind kind = inode->link ? EntryKind::kOther : inode->folder ? EntryKind::kFolder : EntryKind::kFile;
-    found.push_back({name.substr(folder.empty() ? 0 : folder.size() + 1), kind, inode->version});
+    const std::string entry = name.substr(folder.empty() ? 0 : folder.size() + 1);
+    if (const Status added = found.add({entry, kind, inode->version}); !added) return fail(added.error());
   }
-  std::ranges::sort(found, {}, &FolderEntry::name);
-  return found;
+  return std::move(found).entries();
 }
 
 Result<std::uint64_t> SimDisk::free_bytes() {

@@ -93,6 +93,18 @@ TEST_P(DiskGuestConformance, Entries_SayWhatTheyAreAndWhenTheyChange) {
   EXPECT_EQ(after[2], before[2]);
 }
 
+TEST_P(DiskGuestConformance, AFolderOfMoreThanCanBeListed_IsTooLargeAndNamedAndItsFilesAreReached) {
+  ASSERT_TRUE(disk().make_folder("many"));
+  put("many/film", "frames");
+  const std::string name = "many/" + std::string(200, 'x');
+  for (std::size_t k = 0; k * 200 <= FolderListing::kMaxNamesBytes; ++k)
+    world_->make_link("film", name + std::to_string(k));
+  expect_error(disk().list("many"), Errc::kTooLarge, "many");
+  expect_error(disk().entries("many"), Errc::kTooLarge, "many");
+  EXPECT_EQ(get("many/film"), "frames");
+  EXPECT_EQ(disk().list("").value(), Names{"many"});
+}
+
 TEST_P(DiskGuestConformance, ClaimedByOne_IsRefusedToEveryOtherUntilItIsReleased) {
   const auto other = world_->other();
   ASSERT_TRUE(disk().claim());

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "hal/disk.h"
+#include "hal/folder_listing.h"
 #include "hal/linux/disk.h"
 #include "hal/sim/card_slot.h"
 #include "hal/sim/disk.h"

@@ -56,6 +56,31 @@ TEST(CalibrationRehearsal, DocumentThatIsWrong_IsRefusedByItWithTheReason) {
   EXPECT_EQ(rig.port.begun(), 3);
 }
 
+/// Thin masks along the diagonal of every head, so that the box of each is the whole picture.
+Calibration long_to_compile() {
+  Calibration rig = small_calibration("long");
+  for (HeadCalibration& head : rig.heads) {
+    for (int m = 0; m < 16; ++m) {
+      std::vector<Region::Point> mask;
+      const double step = (head.width - 4) / 7.0;
+      for (int k = 0; k < 8; ++k) mask.push_back({1.0 + m * 0.1 + k * step, 1 + k * step});
+      for (int k = 7; k >= 0; --k) mask.push_back({1.05 + m * 0.1 + k * step, 1.02 + k * step});
+      head.region.masks.push_back(std::move(mask));
+    }
+  }
+  return rig;
+}
+
+TEST(CalibrationRehearsal, WorkAboveTheBudget_IsRefusedBeforeARowIsCompiled) {
+  Rehearsed rig;
+  TestHost& host = rig.stand->bring_up();
+  const wire::Reply refused = host.upload(to_json(long_to_compile()));
+  ASSERT_TRUE(refused.has_error());
+  EXPECT_EQ(rig.port.begun(), 2) << "it was the worker that refused";
+  EXPECT_NE(refused.error().message().find("million steps"), std::string::npos) << refused.error().message();
+  EXPECT_EQ(rig.port.progress(), 0U);
+}
+
 TEST(CalibrationRehearsal, WhileOneRuns_ListsAreAnsweredAndTheUploadIsNot) {
   Rehearsed rig;
   TestHost& host = rig.stand->bring_up();

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdio>
 
 #include "hal/sim/disk.h"
 #include "tests/support/rigs.h"
@@ -97,6 +98,30 @@ TEST(CalibrationStore, DamagedOnes_CountAndGoBeforeTheGoodOnes) {
   }
   put_in_force(store, 200);
   EXPECT_EQ(store.entries().size(), CalibrationStore::kKept) << "now a good one had to go";
+}
+
+TEST(CalibrationStore, MoreFilesThanAreRead_TheNewestAreReadAndTheOneInForceHoweverOldItIs) {
+  SimDisk disk;
+  {
+    CalibrationStore store = opened(disk);
+    put_in_force(store, 1);
+  }
+  // Somebody copies files there. Those of the generations 2 to 11 are damaged.
+  constexpr int kOld = 10;
+  const int newest = 1 + kOld + static_cast<int>(CalibrationStore::kMaxRead) - 1;
+  for (int n = 2; n <= newest + 1; ++n) {
+    const std::string text = n <= 1 + kOld ? "damaged" : canonical_json(numbered(n));
+    char generation[16];
+    std::snprintf(generation, sizeof generation, "%08d", n);
+    disk.put("calibrations/" + std::string(generation) + "-" + to_hex(calibration_id(numbered(n))) + ".json",
+             std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+  }
+  CalibrationStore store = opened(disk);
+  EXPECT_EQ(store.in_force(), calibration_id(numbered(1)));
+  EXPECT_EQ(store.entries().size(), CalibrationStore::kMaxRead + 1);
+  EXPECT_EQ(store.note(), "") << "the damaged ones are not read";
+  put_in_force(store, 1000);
+  EXPECT_EQ(disk.list("calibrations").value().size(), CalibrationStore::kKept + 1) << "and the pointer";
 }
 
 TEST(CalibrationStore, MoreThanItKeeps_TheOldestGoButNeverTheOneInForceOrBefore) {
