@@ -24,9 +24,16 @@ using swarm::Line;
 
 constexpr std::array<std::string_view, kOccupations> kNames{"nothing",
                                                             "status",
+                                                            "heads",
+                                                            "genlock, shown",
+                                                            "exposure, shown",
+                                                            "hosts",
+                                                            "devices",
                                                             "calibration_list",
                                                             "take_list",
                                                             "audit_log",
+                                                            "pull, read",
+                                                            "pull, not read",
                                                             "frame_set, read",
                                                             "frame_set, not read",
                                                             "frame_set, view-only, not read",
@@ -35,13 +42,15 @@ constexpr std::array<std::string_view, kOccupations> kNames{"nothing",
                                                             "upload_commit, slow to compile",
                                                             "calibration_use",
                                                             "disk_test of a minute",
-                                                            "head_set"};
+                                                            "head_set",
+                                                            "take_mark, refused",
+                                                            "take_protect"};
 
 constexpr std::uint64_t kMinuteNs = 60'000'000'000;
 
 bool reads(Occupation kind) {
-  return kind != Occupation::kFrameSetsUnread && kind != Occupation::kFrameSetsViewOnly &&
-         kind != Occupation::kTakeReadsUnread;
+  return kind != Occupation::kFrameSetsUnread && kind != Occupation::kPullsUnread &&
+         kind != Occupation::kFrameSetsViewOnly && kind != Occupation::kTakeReadsUnread;
 }
 
 /// One host with one request at a time. It connects anew when the rig has closed it.
@@ -87,6 +96,13 @@ class Occupier {
     switch (kind_) {
       case Occupation::kNothing: return;
       case Occupation::kStatus: request.mutable_status(); break;
+      case Occupation::kHeads: request.mutable_heads(); break;
+      case Occupation::kGenlock: request.mutable_genlock(); break;
+      case Occupation::kExposure: request.mutable_exposure(); break;
+      case Occupation::kHosts: request.mutable_hosts(); break;
+      case Occupation::kDevices: request.mutable_devices(); break;
+      case Occupation::kPulls:
+      case Occupation::kPullsUnread: request.mutable_pull(); break;
       case Occupation::kCalibrationList: request.mutable_calibration_list(); break;
       case Occupation::kTakeList: request.mutable_take_list(); break;
       case Occupation::kAuditLog: request.mutable_audit_log(); break;
@@ -116,6 +132,11 @@ class Occupier {
       case Occupation::kDiskTests: request.mutable_disk_test()->set_length_ns(kMinuteNs); break;
       case Occupation::kSettings:
         request.mutable_head_set()->set_exposure_ns(1'000'000 + number_ * 1000 + asked_ % 1000);
+        break;
+      case Occupation::kTakeMarks: request.mutable_take_mark()->set_text("a mark"); break;
+      case Occupation::kTakeProtects:
+        request.mutable_take_protect()->set_take(1);
+        request.mutable_take_protect()->set_on(true);
     }
     request.set_id(++asked_);
     waits_ = line_->session().send(request).has_value();

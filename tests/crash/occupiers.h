@@ -13,9 +13,16 @@ namespace nodal::crash {
 enum class Occupation : std::uint8_t {
   kNothing,
   kStatus,
+  kHeads,
+  kGenlock,   ///< shown
+  kExposure,  ///< likewise
+  kHosts,
+  kDevices,
   kCalibrationList,
   kTakeList,
   kAuditLog,
+  kPulls,  ///< of raymaps, without an end
+  kPullsUnread,
   kFrameSets,  ///< and read them
   kFrameSetsUnread,
   kFrameSetsViewOnly,  ///< at the view-only socket, unread
@@ -25,8 +32,10 @@ enum class Occupation : std::uint8_t {
   kCalibrationUse,
   kDiskTests,  ///< of a minute
   kSettings,
+  kTakeMarks,  ///< while none is recorded
+  kTakeProtects,
 };
-inline constexpr int kOccupations = 14;
+inline constexpr int kOccupations = 23;
 std::string_view name_of(Occupation kind);
 
 /// Forked from a single-threaded program; killed by the destructor and at the program's end. Of the lowest priority, because
