@@ -41,14 +41,17 @@ int run(int argc, char** argv) {
   }
   std::printf(
       "%llu seeds: %llu takes finished, %llu of them recovered; %llu starts refused, %llu kills, %llu power cuts, "
-      "%llu exchanges, %llu pulls, %llu takes brought, %llu removed, %llu ejects: none lost, overwritten or with two "
-      "owners\n",
+      "%llu exchanges, %llu pulls, %llu takes brought, %llu removed, %llu ejects, %llu hang-ups, %llu vanished hosts, "
+      "%llu floods, "
+      "%llu changes of rate, %llu clocks set: none lost, overwritten, relabelled or with two owners\n",
       static_cast<unsigned long long>(seeds), static_cast<unsigned long long>(tally.takes),
       static_cast<unsigned long long>(tally.recovered), static_cast<unsigned long long>(tally.refused),
       static_cast<unsigned long long>(tally.kills), static_cast<unsigned long long>(tally.power_cuts),
       static_cast<unsigned long long>(tally.exchanges), static_cast<unsigned long long>(tally.pulls),
       static_cast<unsigned long long>(tally.brought), static_cast<unsigned long long>(tally.removed),
-      static_cast<unsigned long long>(tally.ejects));
+      static_cast<unsigned long long>(tally.ejects), static_cast<unsigned long long>(tally.hang_ups),
+      static_cast<unsigned long long>(tally.vanished), static_cast<unsigned long long>(tally.floods),
+      static_cast<unsigned long long>(tally.rates), static_cast<unsigned long long>(tally.clock_sets));
   return canary ? 1 : 0;
 }
 

@@ -23,9 +23,29 @@ void TakeTally::add(const TakeTally& other) {
   brought += other.brought;
   removed += other.removed;
   ejects += other.ejects;
+  hang_ups += other.hang_ups;
+  vanished += other.vanished;
+  rates += other.rates;
+  clock_sets += other.clock_sets;
+  floods += other.floods;
 }
 
-TakeWorld::TakeWorld(std::uint64_t seed) : random_(seed, "takes") {
+namespace {
+
+constexpr FrameRate kOrdinary{5, 1};
+constexpr Duration kOpenRow = Duration::milliseconds(600);
+constexpr std::array<FrameRate, 6> kRates{{{1, 1000}, {1, 60}, {1, 2}, {30'000, 1001}, {60, 1}, {240, 1}}};
+
+/// A length that is for kOrdinary, at this rate: as many sets come. At fast rates it has more of them.
+Duration scaled(Duration length, FrameRate rate) {
+  const double factor = static_cast<double>(rate.period().ns()) / static_cast<double>(kOrdinary.period().ns());
+  return Duration::nanoseconds(static_cast<std::int64_t>(static_cast<double>(length.ns()) * std::max(0.25, factor)));
+}
+
+}  // namespace
+
+TakeWorld::TakeWorld(std::uint64_t seed)
+    : random_(seed, "takes"), rate_(random_.below(2) == 0 ? kOrdinary : kRates[random_.below(kRates.size())]) {
   for (Card& card : cards_) card.disk = std::make_shared<SimDisk>(random_.next());
   slot_.insert(cards_[0].disk);
   for (Daemon& daemon : daemons_) begin(daemon);
@@ -35,7 +55,8 @@ std::optional<std::string> TakeWorld::run(int events) {
   for (int k = 0; k < events && !failure_; ++k) {
     act();
     check();
-    if (!failure_) run_for(Duration::milliseconds(static_cast<std::int64_t>(50 + random_.below(1500))));
+    const Duration length = Duration::milliseconds(static_cast<std::int64_t>(50 + random_.below(1500)));
+    if (!failure_) run_for(scaled(length, rate_));
     check();
   }
   if (!failure_) check_all_finished();
@@ -54,7 +75,16 @@ TakeWorld::Card* TakeWorld::card_in_slot() {
 
 void TakeWorld::begin(Daemon& daemon) {
   daemon.port = slot_.port();
-  daemon.stage = std::make_unique<TakeStage>(*daemon.port, clock_, TakeStage::Options{});
+  TakeStage::Options options;
+  options.rate = some_rate();
+  options.configured = FrameRate{25, 1};
+  daemon.stage = std::make_unique<TakeStage>(*daemon.port, clock_, options);
+}
+
+/// The world's, its double or its half.
+FrameRate TakeWorld::some_rate() {
+  const std::uint64_t up = 1 + random_.below(2), down = 1 + random_.below(2);
+  return FrameRate::make(rate_.numerator * up, rate_.denominator * down).value_or(rate_);
 }
 
 /// `cut`: nothing is finished.
@@ -69,13 +99,14 @@ void TakeWorld::end(Daemon& daemon, bool cut) {
 
 void TakeWorld::run_for(Duration length) {
   const Instant until = clock_.now() + length;
+  const Duration turn = scaled(Duration::milliseconds(50), rate_);
   // Each is run for its part of the time, so that both have their turns; the clock is one.
   while (clock_.now() < until) {
     bool alive = false;
     for (Daemon& daemon : daemons_) {
       if (!daemon.stage) continue;
       alive = true;
-      daemon.stage->run(Duration::milliseconds(50));
+      daemon.stage->run(turn);
       follow(daemon);
     }
     if (!alive) clock_.advance_to(until);
@@ -87,9 +118,13 @@ void TakeWorld::note_durable(const Daemon& daemon) {
   if (!daemon.card) return;
   const firmware::TakeReport& report = daemon.stage->report();
   if (report.recording != daemon.take || !report.durable) return;
-  const std::int64_t sets = (*report.durable - report.since).ms() * static_cast<std::int64_t>(kSetsASecond) / 1000 - 3;
+  const std::vector<Instant>& times = daemon.stage->times();
+  const auto first = std::ranges::lower_bound(times, report.since);
+  // What is in the recorder's open row is not there yet.
+  const std::ptrdiff_t sets = std::min(std::ranges::lower_bound(times, *report.durable) - first - 3,
+                                       std::ranges::lower_bound(times, *report.durable - kOpenRow) - first);
   auto& durable = daemon.card->durable[take::take_folder(daemon.take)];
-  durable = std::max(durable, static_cast<std::uint64_t>(std::max<std::int64_t>(0, sets)));
+  durable = std::max(durable, static_cast<std::uint64_t>(std::max<std::ptrdiff_t>(0, sets)));
 }
 
 /// A take may end by itself.
@@ -110,6 +145,7 @@ void TakeWorld::act_on(Daemon& daemon) {
     event_ = "a start of nodald";
     return begin(daemon);
   }
+  if (random_.below(4) == 0) return act_as_host(daemon);
   switch (random_.below(8)) {
     case 0:
     case 1:
@@ -142,21 +178,107 @@ void TakeWorld::act_on(Daemon& daemon) {
   }
 }
 
-void TakeWorld::start(Daemon& daemon) {
-  event_ = "a start of a take";
-  Card* const card = card_in_slot();
-  const TakeAnswer answer = daemon.stage->start();
+/// What is rarer.
+void TakeWorld::act_as_host(Daemon& daemon) {
+  switch (random_.below(5)) {
+    case 0: return hang_up(daemon);
+    case 1: return vanish(daemon);
+    case 2: return flood(daemon);
+    case 3: return change_rate(daemon);
+    default: return set_clock(daemon);
+  }
+}
+
+/// nodald ends by itself, as at SIGHUP or SIGTERM: what it records is finished, if the card is there.
+void TakeWorld::hang_up(Daemon& daemon) {
+  event_ = "a hang-up of nodald";
+  ++tally_.hang_ups;
+  Card* const card = daemon.card;
+  const std::uint64_t take = daemon.take;
+  end(daemon, false);
+  if (!card || slot_.disk() != card->disk || !card->disk->identity()) return;
+  if (!files_of(*card->disk, take::take_folder(take)).contains(take::kManifestFile))
+    fail("take " + std::to_string(take) + " was not finished when nodald ended");
+}
+
+/// A host that asks for something and is gone before the answer.
+void TakeWorld::vanish(Daemon& daemon) {
+  event_ = "a host that vanishes";
+  ++tally_.vanished;
+  if (random_.below(2) == 0) return start(daemon, false);
+  daemon.stage->request(TakeRequest::Stop{});
+  daemon.stage->run(Duration::milliseconds(1));
+  daemon.stage->drop_answers();
   follow(daemon);
-  if (!answer.result) {
+}
+
+/// Requests without a pause, none of which changes a take.
+void TakeWorld::flood(Daemon& daemon) {
+  event_ = "a flood of requests";
+  ++tally_.floods;
+  constexpr std::size_t kFlood = 60;
+  for (std::size_t k = 0; k < kFlood; ++k) {
+    switch (random_.below(4)) {
+      case 0: daemon.stage->request(TakeRequest::List{}); break;
+      case 1: daemon.stage->request(TakeRequest::Mark{std::string(random_.below(300), '\x1b')}); break;
+      case 2: daemon.stage->request(TakeRequest::Delete{999'999}); break;
+      default: daemon.stage->request(TakeRequest::Protect{999'999, true}); break;
+    }
+  }
+  for (std::size_t k = 0; k < kFlood; ++k) {
+    const TakeAnswer answer = daemon.stage->next_answer();
+    if (!answer.result && answer.result.error().code == Errc::kTimeout) return fail("a request was not answered");
+  }
+  follow(daemon);
+}
+
+void TakeWorld::change_rate(Daemon& daemon) {
+  if (daemon.stage->offered() == 0) return;
+  event_ = "a change of the rate";
+  ++tally_.rates;
+  daemon.stage->set_rate(some_rate());
+  if (daemon.card) {
+    daemon.card->rates[take::take_folder(daemon.take)][daemon.stage->offered()] = daemon.stage->rate();
+  }
+}
+
+void TakeWorld::set_clock(Daemon& daemon) {
+  event_ = "a board's clock is set";
+  ++tally_.clock_sets;
+  constexpr std::array<std::int64_t, 4> kTo{0, TakeStage::kUtcNs - 86'400'000'000'000, TakeStage::kUtcNs + 1,
+                                            take::kMaxUtcNs};
+  const std::uint64_t which = random_.below(kTo.size() + 1);
+  daemon.stage->set_utc(which < kTo.size() ? std::optional(kTo[which]) : std::nullopt);
+}
+
+/// Without waiting for the answer if the host is gone.
+void TakeWorld::start(Daemon& daemon, bool waits) {
+  if (waits) event_ = "a start of a take";
+  Card* const card = card_in_slot();
+  std::uint64_t began = 0;
+  if (waits) {
+    const TakeAnswer answer = daemon.stage->start();
+    if (answer.result) began = std::get<TakeAnswer::Done>(*answer.result).take;
+  } else {
+    const auto before = daemon.stage->report().recording;
+    daemon.stage->request(daemon.stage->start_request());
+    daemon.stage->run(Duration::milliseconds(1));
+    daemon.stage->drop_answers();
+    const auto now = daemon.stage->report().recording;
+    if (now && now != before) began = *now;
+  }
+  follow(daemon);
+  if (began == 0) {
     ++tally_.refused;
     return;
   }
   if (!card) return fail("a take began, and no card is there");
-  daemon.take = std::get<TakeAnswer::Done>(*answer.result).take;
+  daemon.take = began;
   const std::string folder = take::take_folder(daemon.take);
   if (!card->used.insert(folder).second) return fail("take " + folder + " has the number of an earlier one");
   if (daemon.stage->report().recording == daemon.take) daemon.card = card;
   card->durable[folder] = 0;
+  card->rates[folder] = {{0, daemon.stage->rate()}};
 }
 
 void TakeWorld::handle_cards() {
@@ -227,82 +349,6 @@ void TakeWorld::cut_power() {
     const bool there = slot_.disk() == card.disk;
     card.disk = card.disk->after_power_loss(random_.next());
     if (there) slot_.insert(card.disk);
-  }
-}
-
-TakeWorld::Files TakeWorld::files_of(SimDisk& disk, const std::string& folder) {
-  Files files;
-  for (const std::string& name : disk.list(folder).value_or(std::vector<std::string>())) {
-    if (auto bytes = disk.read(folder + "/" + name, std::uint64_t{1} << 30)) files[name] = std::move(*bytes);
-  }
-  return files;
-}
-
-void TakeWorld::check() {
-  for (Card& card : cards_) {
-    if (!failure_) check(card);
-  }
-  if (daemons_[0].card && daemons_[0].card == daemons_[1].card) fail("two nodalds record on one card");
-}
-
-void TakeWorld::check(Card& card) {
-  if (!card.disk->identity()) return;  // it was pulled
-  for (const auto& [folder, files] : card.kept) {
-    if (files_of(*card.disk, folder) != files) return fail("take " + folder + " is finished, and was changed or lost");
-  }
-  for (auto next = card.durable.begin(); next != card.durable.end();) {
-    const std::string folder = next->first;
-    const Files files = files_of(*card.disk, folder);
-    if (files.empty() && next->second > 0) return fail("take " + folder + ", of which sets were durable, is lost");
-    if (!files.contains(take::kManifestFile)) {
-      ++next;
-      continue;
-    }
-    check_finished(card, folder, files);
-    card.kept[folder] = files;
-    next = card.durable.erase(next);
-  }
-}
-
-void TakeWorld::check_finished(Card& card, const std::string& folder, const Files& files) {
-  const Bytes& text = files.at(take::kManifestFile);
-  const auto manifest = take::parse_manifest({reinterpret_cast<const char*>(text.data()), text.size()}, folder);
-  if (!manifest) return fail(manifest.error().message);
-  if (take::take_folder(manifest->number) != folder)
-    return fail("take " + folder + " has another number in its manifest");
-  for (const take::Manifest::File& file : manifest->files) {
-    const auto found = files.find(file.name);
-    take::PieceHashes hashes;
-    if (found != files.end()) hashes.update(found->second);
-    if (found == files.end() || take::digest_of(hashes.all()) != file.digest)
-      return fail("take " + folder + ": " + file.name + " is not what its manifest says");
-  }
-  if (manifest->sets < card.durable.at(folder)) {
-    return fail("take " + folder + " has " + std::to_string(manifest->sets) + " sets, and " +
-                std::to_string(card.durable.at(folder)) + " were durable");
-  }
-  ++tally_.takes;
-  tally_.recovered += manifest->ended == "recovered" ? 1 : 0;
-}
-
-/// Nothing disturbs the rigs any more.
-void TakeWorld::check_all_finished() {
-  event_ = "the end of all faults";
-  for (Daemon& daemon : daemons_) end(daemon, false);
-  check();
-  for (Card& card : cards_) {
-    if (failure_) return;
-    card.disk->unplug(false);
-    slot_.insert(card.disk);
-    begin(daemons_[0]);
-    run_for(Duration::seconds(5));
-    check(card);
-    for (const firmware::TakeEntry& take : daemons_[0].stage->list()) {
-      if (take.state == firmware::TakeState::kComplete) continue;
-      fail("take " + std::to_string(take.number) + " is " + std::string(take_state_name(take.state)) + ": " +
-           take.problem);
-    }
-    end(daemons_[0], false);
   }
 }
 

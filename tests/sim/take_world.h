@@ -28,15 +28,22 @@ struct TakeTally {
   std::uint64_t brought = 0;  ///< takes, by hand
   std::uint64_t removed = 0;  ///< by hand, or on request
   std::uint64_t ejects = 0;
+  std::uint64_t hang_ups = 0;    ///< of nodald
+  std::uint64_t vanished = 0;    ///< hosts that asked and were gone
+  std::uint64_t rates = 0;       ///< changes
+  std::uint64_t clock_sets = 0;  ///< of boards
+  std::uint64_t floods = 0;
   void add(const TakeTally& other);
 };
 
 /// Two nodalds share one slot, in which three cards are exchanged. Everything is drawn from the seed: who records and stops, who is killed,
-/// when the power fails, when a card is exchanged, pulled or put back, and which takes people copy there and take away.
+/// when the power fails, when a card is exchanged, pulled or put back, which takes people copy there and take away, when a terminal hangs up on
+/// nodald, which hosts ask and are gone, which flood it, and how boards' clocks are set. Sets come at 1/1000 to 240 Hz, at another rate than
+/// rig.toml's, and rates change.
 ///
 /// After each event the truth is compared with the cards: a folder that once had a manifest never changes, but by a request to delete
-/// it; a number is never used for a second take of a card; what was durable is in the take after its recovery; at most one nodald records
-/// on a card. At the end the cards are put in one after the other, and every take on them must be finished.
+/// it; a number is never used for a second take of a card; what was durable is in the take after its recovery; it says the rate at which each of its
+/// sets came; a take is finished when nodald ends by itself; at most one nodald records on a card. At the end the cards are put in one after the other, and every take on them must be finished.
 ///
 /// Threading: thread-bound.
 /// Errors: run() returns what is wrong, in one sentence.
@@ -47,17 +54,18 @@ class TakeWorld {
   std::optional<std::string> run(int events);
   const TakeTally& tally() const { return tally_; }
 
-  static constexpr std::uint64_t kSetsASecond = 5;
-
  private:
   using Bytes = std::vector<std::uint8_t>;
   using Files = std::map<std::string, Bytes>;
+  /// At which sets come, each from a number of the rig's on.
+  using Rates = std::map<std::uint64_t, FrameRate>;
   /// One card, and what must be on it.
   struct Card {
     std::shared_ptr<hal::sim::SimDisk> disk;
     std::map<std::string, Files> kept;             ///< of takes with a manifest, by folder
     std::map<std::string, std::uint64_t> durable;  ///< sets of takes without one
     std::set<std::string> used;                    ///< folders that a take ever had
+    std::map<std::string, Rates> rates;            ///< of takes without a manifest
   };
   struct Daemon {
     std::unique_ptr<hal::DiskPort> port;
@@ -71,7 +79,14 @@ class TakeWorld {
   void act();
   void act_on(Daemon& daemon);
   void handle_cards();
-  void start(Daemon& daemon);
+  void act_as_host(Daemon& daemon);
+  void start(Daemon& daemon, bool waits = true);
+  void hang_up(Daemon& daemon);
+  void vanish(Daemon& daemon);
+  void flood(Daemon& daemon);
+  void change_rate(Daemon& daemon);
+  void set_clock(Daemon& daemon);
+  FrameRate some_rate();
   void bring_take();
   void remove_take();
   void cut_power();
@@ -81,12 +96,14 @@ class TakeWorld {
   void check();
   void check(Card& card);
   void check_finished(Card& card, const std::string& folder, const Files& files);
+  void check_rates(const Rates& rates, const std::string& folder, const Files& files);
   void check_all_finished();
   static Files files_of(hal::sim::SimDisk& disk, const std::string& folder);
   Card* card_in_slot();
   void fail(std::string why);
 
   hal::sim::Random random_;
+  const FrameRate rate_;  ///< most sets come at this one
   hal::sim::SimClock clock_;
   hal::sim::SimCardSlot slot_;
   std::array<Card, 3> cards_;

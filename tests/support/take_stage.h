@@ -21,8 +21,9 @@ class TakeStage {
   static constexpr int kStageHeads = 2;
   struct Options {
     TakesConfig takes{.folder = "takes", .buffer_mb = 16, .raymap = false};
-    FrameRate rate{5, 1};
-    int width = 32;  ///< of the pictures, px
+    FrameRate rate{5, 1};                   ///< at which sets come
+    std::optional<FrameRate> configured{};  ///< rig.toml's; empty: the same
+    int width = 32;                         ///< of the pictures, px
     int height = 16;
     std::array<TakeMode, kStageHeads> modes{};  ///< of the heads
     hal::ConfinedPort* confined = nullptr;      ///< where takes are recovered
@@ -43,14 +44,15 @@ class TakeStage {
         config_(config(options)),
         recorder_(config_, sets_in_, encoder_),
         keeper_(
-            config_, disk, recorder_, "a test", [&clock] { return kUtcNs + clock.now().ns(); }, nullptr, nullptr,
-            options.confined),
+            config_, disk, recorder_, "a test", [this] { return utc_ ? *utc_ + clock_.now().ns() : 0; }, nullptr,
+            nullptr, options.confined),
         next_set_at_(clock.now()),
         pixels_(static_cast<std::size_t>(options.width * options.height), 90) {
     settle(clock_.now());
   }
 
-  void request(const TakeCommand& what) {
+  /// Not inlined: GCC 12 then warns that the variant's other alternatives are uninitialized.
+  [[gnu::noinline]] void request(const TakeCommand& what) {
     const bool pushed = keeper_.requests().push({++ticket_, what});
     NODAL_ASSERT(pushed);
   }
@@ -58,7 +60,7 @@ class TakeStage {
   TakeAnswer next_answer() {
     for (int k = 0; k < 10'000; ++k) {
       if (auto answer = keeper_.answers().pop()) return std::move(*answer);
-      run(options_.rate.period());
+      run(std::min(rate_.period(), Duration::milliseconds(200)));
     }
     return {0, fail(Errc::kTimeout, "no answer")};
   }
@@ -66,12 +68,18 @@ class TakeStage {
     request(what);
     return next_answer();
   }
-  TakeAnswer start(bool still = false) {
+  TakeAnswer start(bool still = false) { return ask(start_request(still)); }
+  TakeCommand start_request(bool still = false) const {
     TakeRequest::Start start;
     start.still = still;
+    start.rate = rate_;
     for (std::size_t k = 0; k < kStageHeads; ++k)
       start.heads.push_back(HeadShape{PixelFormat::kGrey8, options_.width, options_.height});
-    return ask(std::move(start));
+    return start;
+  }
+  /// Of hosts that are gone.
+  void drop_answers() {
+    while (keeper_.answers().pop()) {}
   }
   std::vector<TakeEntry> list() {
     const TakeAnswer answer = ask(TakeRequest::List{});
@@ -89,6 +97,13 @@ class TakeStage {
   }
   /// For so long no set comes, as when nodald is not scheduled.
   void pause(Duration length) { next_set_at_ = next_set_at_ + length; }
+  /// From the next set on.
+  void set_rate(FrameRate rate) { rate_ = rate; }
+  FrameRate rate() const { return rate_; }
+  /// The board's clock is set: nanoseconds since 1970 at 0 of the rig's clock; empty: it is not known any more.
+  void set_utc(std::optional<std::int64_t> at_zero) { utc_ = at_zero; }
+  /// Of the sets that were offered, by their numbers.
+  const std::vector<Instant>& times() const { return times_; }
   /// Ends as nodald does.
   void close() { keeper_.close(clock_.now()); }
   const TakeReport& report() { return keeper_.snapshot().read(); }
@@ -104,7 +119,7 @@ class TakeStage {
   static RigConfig config(const Options& options) {
     RigConfig config;
     config.name = "test";
-    config.rate = options.rate;
+    config.rate = options.configured.value_or(options.rate);
     config.heads.resize(kStageHeads);
     for (std::size_t k = 0; k < kStageHeads; ++k) {
       config.heads[k].name = "head" + std::to_string(k);
@@ -116,14 +131,16 @@ class TakeStage {
     return config;
   }
   void offer_due() {
-    for (; next_set_at_ <= clock_.now(); next_set_at_ = next_set_at_ + options_.rate.period()) {
+    for (; next_set_at_ <= clock_.now(); next_set_at_ = next_set_at_ + rate_.period()) {
       SetLoan loan = pool_.take();
       NODAL_ASSERT(loan);
       FrameSet& set = loan.edit();
       set = {};
       set.number = next_++;
       set.mid_exposure = next_set_at_;
-      set.rate = options_.rate;
+      set.rate = rate_;
+      set.period = rate_.period();
+      times_.push_back(next_set_at_);
       set.mask = (1U << kStageHeads) - 1;
       for (std::size_t k = 0; k < 8; ++k) pixels_[k] = static_cast<std::uint8_t>(set.number >> (8 * k));
       for (std::size_t head = 0; head < kStageHeads; ++head) {
@@ -151,6 +168,9 @@ class TakeStage {
   const Options options_;
   hal::sim::SimClock& clock_;
   const RigConfig config_;
+  FrameRate rate_ = options_.rate;
+  std::optional<std::int64_t> utc_ = kUtcNs;
+  std::vector<Instant> times_;
   LoanPool<FrameSet> pool_{8};
   Outlet<SetLoan> sets_in_{Recorder::kSets, false};
   SpscRing<Raymap> raymaps_{4};
