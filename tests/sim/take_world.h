@@ -36,14 +36,15 @@ struct TakeTally {
   void add(const TakeTally& other);
 };
 
-/// Two nodalds share one slot, in which three cards are exchanged. Everything is drawn from the seed: who records and stops, who is killed,
-/// when the power fails, when a card is exchanged, pulled or put back, which takes people copy there and take away, when a terminal hangs up on
-/// nodald, which hosts ask and are gone, which flood it, and how boards' clocks are set. Sets come at 1/1000 to 240 Hz, at another rate than
-/// rig.toml's, and rates change.
+/// Two nodalds share one slot, in which three cards are exchanged. Everything is drawn from the seed: who records and stops, who is
+/// killed, when the power fails, when a card is exchanged, pulled or put back, which takes people copy there and take away, when a
+/// terminal hangs up on nodald, which hosts ask and are gone, which flood it, and how boards' clocks are set. Sets come at 1/1000 to
+/// 240 Hz, at another rate than rig.toml's, and rates change.
 ///
-/// After each event the truth is compared with the cards: a folder that once had a manifest never changes, but by a request to delete
-/// it; a number is never used for a second take of a card; what was durable is in the take after its recovery; it says the rate at which each of its
-/// sets came; a take is finished when nodald ends by itself; at most one nodald records on a card. At the end the cards are put in one after the other, and every take on them must be finished.
+/// After each event the truth is compared with the cards: a folder that once had a manifest never changes, but by a request to
+/// delete it; a number is never used for a second take of a card; what was durable is in the take after its recovery; a take says the
+/// rate at which each of its sets came; a take is finished when nodald ends by itself; at most one nodald records on a card. At the
+/// end the cards are put in one after the other, and every take on them must be finished.
 ///
 /// Threading: thread-bound.
 /// Errors: run() returns what is wrong, in one sentence.

@@ -118,58 +118,6 @@ TEST(TakeShelf, TakesBeyondTheListsLimit_CountForNumbers) {
   EXPECT_EQ(files_of(world.card(), "001001").size(), 1U);
 }
 
-/// A finished take whose manifest has so many bytes, most of them spaces.
-void bring_large(SimDisk& disk, const std::string& from, std::uint64_t number, std::size_t bytes) {
-  const std::string folder = take::take_folder(number), name = folder + "/" + take::kManifestFile;
-  copy_folder(disk, from, disk, folder);
-  Bytes manifest = disk.read(name, bytes).value();
-  manifest.resize(bytes, ' ');
-  disk.put(name, manifest);
-}
-
-std::size_t count_unread(const std::vector<TakeEntry>& takes) {
-  return static_cast<std::size_t>(std::ranges::count_if(
-      takes, [](const TakeEntry& take) { return take.problem.find("has not been read yet") != std::string::npos; }));
-}
-
-TEST(TakeShelf, ManifestsOfMoreThanAStepReads_AreReadInLaterSteps) {
-  ShelfWorld world;
-  ASSERT_EQ(record(world.stage), 1U);
-  constexpr std::size_t kLarge = 20 << 20;  // a second one does not fit into a step
-  for (std::uint64_t number = 2; number <= 5; ++number) bring_large(world.card(), "000001", number, kLarge);
-  put(world.card(), "000005/" + std::string(take::kProtectedFile), {});
-  const std::vector<TakeEntry> first = world.stage.list();
-  ASSERT_EQ(numbers(first), (Numbers{1, 2, 3, 4, 5}));
-  EXPECT_EQ(count_unread(first), 3U);
-  EXPECT_TRUE(first[4].is_protected) << "nothing deletes it before it is read";
-  world.stage.run(Duration::seconds(5));
-  for (const TakeEntry& take : world.stage.list()) {
-    EXPECT_EQ(take.state, TakeState::kComplete) << take.number << ": " << take.problem;
-    EXPECT_EQ(take.sets, first[0].sets);
-  }
-}
-
-TEST(TakeShelf, AnUnfinishedTakeBehindLargeManifests_IsRecoveredWhenItIsRead) {
-  ShelfWorld world;
-  ASSERT_EQ(record(world.stage), 1U);
-  {
-    const auto port = world.slot.port();
-    TakeStage killed(*port, world.clock, {});
-    ASSERT_TRUE(killed.start().result);
-    killed.run(Duration::seconds(2));
-  }
-  constexpr std::size_t kLarge = 20 << 20;
-  copy_folder(world.card(), "000002", world.card(), "000009");
-  remove_folder(world.card(), "000002");
-  for (const std::uint64_t number : {2, 3, 4}) bring_large(world.card(), "000001", number, kLarge);
-  TakeStage next(*world.port, world.clock, {});
-  next.run(Duration::seconds(10));
-  const std::vector<TakeEntry> takes = next.list();
-  ASSERT_EQ(numbers(takes), (Numbers{1, 2, 3, 4, 9}));
-  EXPECT_EQ(takes[4].state, TakeState::kComplete) << takes[4].problem;
-  EXPECT_EQ(takes[4].ended, "recovered");
-}
-
 TEST(TakeShelf, TheHighestNumberIsUsedUp_NoTakeBeginsAndItSaysWhatToDo) {
   ShelfWorld world;
   ASSERT_TRUE(write_durably(world.card(), "", kNextTakeFile, "18446744073709551615"));
