@@ -75,10 +75,9 @@ Result<std::string> rig_toml_of(const interchange::ImportResult& imported, const
                                                    args.files.front(), imported.calibration.heads[i].name));
     }
   }
-  const Result<std::vector<std::string>> pictures =
-      project_pictures(args.files.front(), imported.images, args.places());
+  const Result<FoundPictures> pictures = project_pictures(args.files.front(), imported.images, args.places());
   if (!pictures) return fail(pictures.error());
-  return replay_rig_toml(imported.calibration, *pictures, fs::path(args.files.front()).filename().string(),
+  return replay_rig_toml(imported.calibration, pictures->files, fs::path(args.files.front()).filename().string(),
                          args.rig_toml);
 }
 
@@ -90,15 +89,16 @@ std::vector<std::string> picture_warnings(const interchange::ImportResult& impor
   for (std::size_t i = 0; i < imported.images.size(); ++i) {
     const HeadCalibration& head = imported.calibration.heads[i];
     const std::string& image = imported.images[i];
-    const Result<std::string> file = project_picture(args.files.front(), image, args.places());
-    if (!file) {
-      warnings.push_back(file.error().message);
+    const Result<ProjectPicture> picture = project_picture(args.files.front(), image, args.places());
+    if (!picture) {
+      warnings.push_back(picture.error().message);
       continue;
     }
+    const std::string& file = picture->file;
     std::error_code error;
-    const bool there = !image.empty() && fs::is_regular_file(*file, error);
+    const bool there = !image.empty() && fs::is_regular_file(file, error);
     if (!there && !all) continue;
-    const Result<ImageHeader> header = media::read_image_header(*file);
+    const Result<ImageHeader> header = media::read_image_header(file);
     if (!there) {
       warnings.push_back(
           fmt::format("head '{}': there is no picture '{}'; correct its port in rig.toml", head.name, image));

@@ -17,12 +17,25 @@ inline constexpr const char* kPicturesAnywhere = "--pictures-anywhere";
 
 inline constexpr const char* kPicturesAnywhereHelp = "A project may name pictures outside its own folder";
 
-/// The file of `image` as the project `project` names it: relative to the project's folder, or absolute. With
-/// kBesideProject it must be in that folder or below it, also after links are followed.
+struct ProjectPicture {
+  std::string file;
+  bool moved = false;  ///< not where the project says, but of this name beside it
+};
+
+/// The file of `image` as the project `project` names it: relative to the project's folder, or absolute, also as another
+/// system writes paths (C:\folder\a.jpg). With kBesideProject it must be in that folder or below it, also after links are
+/// followed. A picture that is not there or not allowed is looked for beside the project: below its folder under the last
+/// parts of its path, whatever their case.
 /// Errors: kBadValue, which names project, picture and option.
-Result<std::string> project_picture(const std::string& project, const std::string& image, PicturePlaces places);
+Result<ProjectPicture> project_picture(const std::string& project, const std::string& image, PicturePlaces places);
+
+struct FoundPictures {
+  std::vector<std::string> files;
+  std::vector<std::string> notes;  ///< a whole sentence if some were found beside the project
+};
+
 /// The same for several.
-Result<std::vector<std::string>> project_pictures(const std::string& project, const std::vector<std::string>& images,
-                                                  PicturePlaces places);
+Result<FoundPictures> project_pictures(const std::string& project, const std::vector<std::string>& images,
+                                         PicturePlaces places);
 
 }  // namespace nodal::host

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iterator>
 #include <utility>
 
 #include "host_tool/console/files.h"
@@ -20,6 +21,7 @@ struct Project {
   Calibration calibration;
   std::vector<std::string> pictures;  ///< that it names; empty if it does not name one for every head
   std::vector<std::string> notes;
+  std::vector<std::string> picture_notes;  ///< of `pictures`
 };
 
 Result<Project> read_project(const std::string& file, PicturePlaces places) {
@@ -28,15 +30,16 @@ Result<Project> read_project(const std::string& file, PicturePlaces places) {
   if (text->find("\"nodal_calibration\"") != std::string::npos) {
     Result<Calibration> own = parse_calibration(*text);
     if (!own) return fail(own.error().in(file));
-    return Project{std::move(*own), {}, {}};
+    return Project{std::move(*own), {}, {}, {}};
   }
   Result<interchange::ImportResult> imported = interchange::import_project(*text, fs::path(file).stem().string());
   if (!imported) return fail(imported.error().in(file));
-  Project project{std::move(imported->calibration), {}, std::move(imported->notes)};
+  Project project{std::move(imported->calibration), {}, std::move(imported->notes), {}};
   if (std::ranges::any_of(imported->images, &std::string::empty)) return project;
-  Result<std::vector<std::string>> pictures = project_pictures(file, imported->images, places);
+  Result<FoundPictures> pictures = project_pictures(file, imported->images, places);
   if (!pictures) return fail(pictures.error());
-  project.pictures = std::move(*pictures);
+  project.pictures = std::move(pictures->files);
+  project.picture_notes = std::move(pictures->notes);
   return project;
 }
 
@@ -73,7 +76,10 @@ Result<StitchInput> read_stitch_input(const NominalWords& nominal, const std::ve
   Result<Project> project = read_project(file, named ? PicturePlaces::kAnywhere : places);
   if (!project) return fail(project.error());
   std::vector<std::string> pictures(arguments.begin() + 1, arguments.end());
-  if (pictures.empty()) pictures = project->pictures;
+  if (pictures.empty()) {
+    pictures = project->pictures;
+    std::ranges::move(project->picture_notes, std::back_inserter(project->notes));
+  }
   const std::size_t heads = project->calibration.heads.size();
   if (pictures.empty()) {
     return fail(Errc::kMissingField, fmt::format("no pictures; give one for each of the {} heads of {}", heads, file));

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "stitch/interchange/foreign_head.h"
+#include "stitch/interchange/opencv_xml.h"
 
 namespace nodal::interchange {
 namespace {
@@ -17,7 +18,7 @@ Status add_camera(std::string_view text, std::string_view path, ImportResult& re
 }  // namespace
 
 bool is_opencv(std::string_view text) {
-  return text.starts_with("%YAML") || text.find("camera_matrix") != std::string_view::npos;
+  return text.starts_with("%YAML") || is_xml(text) || text.find("camera_matrix") != std::string_view::npos;
 }
 
 bool is_ocam(std::string_view text) { return text.find("ocam_model") != std::string_view::npos; }

@@ -1,13 +1,18 @@
-// Kalibr's camchain.yaml: a chain of cameras; T_cn_cnm1 gives each camera's pose relative to the previous one.
+// Kalibr's camchain.yaml: a chain of cameras. T_cn_cnm1 gives each camera's pose relative to the previous one, T_cam_imu
+// relative to the inertial sensor.
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cmath>
+#include <optional>
 
 #include "protocol/base/angles.h"
+#include "protocol/base/text.h"
 #include "protocol/base/units.h"
 #include "protocol/calibration_limits.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/interchange/foreign_head.h"
 #include "stitch/interchange/import.h"
+#include "stitch/interchange/known_fields.h"
 #include "stitch/interchange/panotools_head.h"
 #include "stitch/interchange/pinhole_lens.h"
 #include "stitch/interchange/project.h"
@@ -99,15 +104,19 @@ Status set_lens(const YamlFields& camera, HeadCalibration& head, std::vector<std
                                       *model + "' here; there are radtan, equidistant, fov and none");
 }
 
-/// T_cn_cnm1: from the previous camera's frame to this one's.
-struct Step {
+/// From another frame to a camera's: x_camera = R x + shift.
+struct Placement {
   Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
   Eigen::Vector3d shift = Eigen::Vector3d::Zero();  ///< m
+
+  Placement inverse() const { return {R.transpose(), -(R.transpose() * shift)}; }
+  Placement after(const Placement& first) const { return {R * first.R, R * first.shift + shift}; }
 };
 
-Result<Step> read_step(const YamlFields& camera) {
-  if (!camera.has("T_cn_cnm1")) return Step{};
-  const Result<std::vector<double>> T = camera.matrix("T_cn_cnm1", 4, 4);
+/// Nothing if the camera does not have it.
+Result<std::optional<Placement>> read_placement(const YamlFields& camera, const std::string& key) {
+  if (!camera.has(key)) return std::optional<Placement>();
+  const Result<std::vector<double>> T = camera.matrix(key, 4, 4);
   if (!T) return fail(T.error());
   Eigen::Matrix3d R;
   for (Eigen::Index i = 0; i < 3; ++i) {
@@ -115,8 +124,86 @@ Result<Step> read_step(const YamlFields& camera) {
   }
   constexpr double kWritten = 1e-4;
   const Result<Eigen::Matrix3d> rotation = geometry::nearest_rotation(R, kWritten);
-  if (!rotation) return fail(rotation.error().in(camera.where() + ": T_cn_cnm1"));
-  return Step{*rotation, {(*T)[3], (*T)[7], (*T)[11]}};
+  if (!rotation) return fail(rotation.error().in(camera.where() + ": " + key));
+  return std::optional<Placement>(Placement{*rotation, {(*T)[3], (*T)[7], (*T)[11]}});
+}
+
+/// The cameras' places in the frame of the first one, one after another.
+class Places {
+ public:
+  /// Errors: those of the fields.
+  Status add(const YamlFields& camera) {
+    const Result<std::optional<Placement>> step = read_placement(camera, "T_cn_cnm1");
+    if (!step) return fail(step.error());
+    Result<std::optional<Placement>> by_imu = read_placement(camera, "T_cam_imu");
+    if (!by_imu) return fail(by_imu.error());
+    if (!*by_imu) {
+      const Result<std::optional<Placement>> inverse = read_placement(camera, "T_imu_cam");
+      if (!inverse) return fail(inverse.error());
+      if (*inverse) *by_imu = (*inverse)->inverse();
+    }
+    if (all_.empty()) {
+      first_by_imu_ = *by_imu;
+      all_.emplace_back();
+      return {};
+    }
+    const std::optional<Placement> from_imu =
+        first_by_imu_ && *by_imu ? std::optional<Placement>((*by_imu)->after(first_by_imu_->inverse())) : std::nullopt;
+    if (!*step && !from_imu) unplaced_.push_back(camera.where());
+    all_.push_back(*step ? (*step)->after(all_.back()) : from_imu.value_or(Placement{}));
+    constexpr double kAgree = 1;  // degrees
+    if (*step && from_imu) {
+      const double apart = Eigen::AngleAxisd(from_imu->R * all_.back().R.transpose()).angle() / kRadiansPerDegree;
+      if (apart > kAgree) contradictions_.push_back(camera.where());
+    }
+    return {};
+  }
+
+  const Placement& last() const { return all_.back(); }
+  void tell(std::vector<std::string>& notes) const {
+    if (!unplaced_.empty()) {
+      notes.push_back("The file does not say how " + listed(unplaced_) +
+                      " stands to cam0 (no T_cn_cnm1, no T_cam_imu of both): it looks forward; place the heads with "
+                      "`nodal pairs`, then `nodal register`.");
+    }
+    if (!contradictions_.empty()) {
+      notes.push_back("T_cn_cnm1 and T_cam_imu contradict each other by more than a degree at " +
+                      listed(contradictions_) + ": T_cn_cnm1 is used.");
+    }
+  }
+
+ private:
+  static std::string listed(const std::vector<std::string>& names) {
+    std::string text;
+    for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+    return text;
+  }
+  std::vector<Placement> all_;
+  std::optional<Placement> first_by_imu_;
+  std::vector<std::string> unplaced_, contradictions_;
+};
+
+/// Whether a name is that of a camera: cam0, cam1 and so on.
+bool is_camera(const std::string& name) {
+  return name.size() > 3 && name.starts_with("cam") && name.find_first_not_of("0123456789", 3) == std::string::npos;
+}
+
+/// Compares the fields of the chain and its cameras with the table.
+/// Errors: kBadValue for a camera behind a gap in the numbers.
+Status check_chain_fields(const YAML::Node& root, std::size_t cameras, std::vector<std::string>& notes) {
+  FieldCheck check(kalibr_fields());
+  for (const auto& member : root) {
+    if (!member.first.IsScalar()) continue;
+    const std::string name = member.first.Scalar();
+    check.see("chain", is_camera(name) ? "camN" : name, "");
+    if (!is_camera(name)) continue;
+    see_members(member.second, "camera", name, check);
+    if (name.size() > 6 || std::stoul(name.substr(3)) >= cameras) {
+      return fail(Errc::kBadValue, "there is a '" + printable(name, 40) + "', and no 'cam" + std::to_string(cameras) +
+                                       "': cameras are counted from cam0 without a gap");
+    }
+  }
+  return check.tell(notes);
 }
 
 /// The camera's name from its topic (/NAME/image_raw); without a topic, its number in the chain.
@@ -139,7 +226,7 @@ Result<ImportResult> import_kalibr(std::string_view text, std::string_view name)
   ImportResult result;
   result.calibration.name = std::string(name);
   result.calibration.comment = "Imported from a Kalibr camera chain.";
-  Eigen::Matrix3d R_head_rig = Eigen::Matrix3d::Identity();
+  Places places;
   std::vector<Eigen::Vector3d> positions;  // in the first camera's frame
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   for (std::size_t n = 0; n <= kMaxCalibratedHeads && chain.has("cam" + std::to_string(n)); ++n) {
@@ -153,11 +240,9 @@ Result<ImportResult> import_kalibr(std::string_view text, std::string_view name)
     }
     HeadCalibration head = blank_head(name_of(camera, camera_name, result), static_cast<int>((*resolution)[0]),
                                       static_cast<int>((*resolution)[1]));
-    const Result<Step> step = read_step(camera);
-    if (!step) return fail(step.error());
-    R_head_rig = step->R * R_head_rig;
-    const Eigen::Vector3d before = positions.empty() ? Eigen::Vector3d::Zero() : positions.back();
-    positions.emplace_back(before - R_head_rig.transpose() * step->shift);
+    if (const Status added = places.add(camera); !added) return fail(added.error());
+    const Eigen::Matrix3d& R_head_rig = places.last().R;
+    positions.emplace_back(-(R_head_rig.transpose() * places.last().shift));
     middle += positions.back();
     head.R_head_rig = geometry::rows_of(*geometry::nearest_rotation(R_head_rig));
     if (Status s = set_lens(camera, head, result.notes); !s) return fail(s.error());
@@ -169,6 +254,8 @@ Result<ImportResult> import_kalibr(std::string_view text, std::string_view name)
     return fail(Errc::kMissingField, "there is no 'cam0' in it: it is not a Kalibr camera chain");
   }
   if (Status s = check_head_count(result.calibration.heads.size()); !s) return fail(s.error());
+  if (Status s = check_chain_fields(*root, result.calibration.heads.size(), result.notes); !s) return fail(s.error());
+  places.tell(result.notes);
   middle /= static_cast<double>(positions.size());
   for (Eigen::Vector3d& position : positions) position -= middle;
   set_positions(positions, "the rig's nodal point is the cameras' mean", result);

@@ -8,6 +8,7 @@
 #include "protocol/base/angles.h"
 #include "stitch/interchange/camera_files.h"
 #include "stitch/interchange/foreign_head.h"
+#include "stitch/interchange/known_fields.h"
 #include "stitch/interchange/panotools_head.h"
 
 namespace nodal::interchange {
@@ -64,20 +65,18 @@ struct OcamModel {
   double angle(double r) const { return std::atan2(r, depth(r)); }
 };
 
-Result<OcamModel> read_model(std::string_view text) {
-  const Result<std::vector<Row>> rows = read_rows(text);
-  if (!rows) return fail(rows.error());
-  if (rows->size() < 5) {
+Result<OcamModel> read_model(const std::vector<Row>& rows) {
+  if (rows.size() < 5) {
     return fail(
         Errc::kMissingField,
         "an OCamCalib file has five lines of numbers (the polynomial, its inverse, the centre, c d e, and height "
         "and width), and this one " +
-            std::to_string(rows->size()));
+            std::to_string(rows.size()));
   }
   const auto wrong = [](const Row& row, const std::string& what) {
     return fail(Errc::kBadValue, "line " + std::to_string(row.line) + ": " + what);
   };
-  const Row &polynomial = (*rows)[0], &centre = (*rows)[2], &affine = (*rows)[3], &size = (*rows)[4];
+  const Row &polynomial = rows[0], &centre = rows[2], &affine = rows[3], &size = rows[4];
   OcamModel model;
   model.f.assign(polynomial.numbers.begin() + 1, polynomial.numbers.end());
   if (model.f.size() < 2 || static_cast<double>(model.f.size()) != polynomial.numbers.front()) {
@@ -119,7 +118,9 @@ double end_of(const OcamModel& model, double farthest) {
 }  // namespace
 
 Status add_ocam_camera(std::string_view text, std::string_view path, ImportResult& result) {
-  const Result<OcamModel> read = read_model(text);
+  const Result<std::vector<Row>> rows = read_rows(text);
+  if (!rows) return fail(rows.error());
+  const Result<OcamModel> read = read_model(*rows);
   if (!read) return fail(read.error());
   const OcamModel& model = *read;
   std::vector<std::string> taken;
@@ -160,6 +161,11 @@ Status add_ocam_camera(std::string_view text, std::string_view path, ImportResul
                            " px from its centre: only that circle is used.");
   }
   if (const Status good = finish_head(head, result.notes); !good) return good;
+  FieldCheck check(ocam_fields());
+  for (std::size_t row = 0; row < rows->size(); ++row) {
+    check.see("line of numbers", std::to_string(row + 1), "", "head '" + head.name + "'");
+  }
+  if (const Status told = check.tell(result.notes); !told) return told;
   result.calibration.heads.push_back(std::move(head));
   result.images.emplace_back();
   return {};

@@ -1,8 +1,12 @@
-// OpenCV's FileStorage YAML, as written by its calibration programs and by ROS: one camera per file, no orientation.
+// OpenCV's FileStorage, YAML or XML, as written by its calibration programs and by ROS: one camera per file, no orientation.
 #include <algorithm>
+#include <initializer_list>
 
+#include "protocol/base/text.h"
 #include "stitch/interchange/camera_files.h"
 #include "stitch/interchange/foreign_head.h"
+#include "stitch/interchange/known_fields.h"
+#include "stitch/interchange/opencv_xml.h"
 #include "stitch/interchange/panotools_head.h"
 #include "stitch/interchange/pinhole_lens.h"
 #include "stitch/interchange/yaml_fields.h"
@@ -21,28 +25,63 @@ Result<std::vector<double>> read_matrix(const YamlFields& file, const std::strin
   return matrix.numbers("data");
 }
 
-bool is_fisheye(const YamlFields& file) {
+/// The first of `keys` that the file has; the last one if it has none.
+std::string key_of(const YamlFields& file, std::initializer_list<const char*> keys) {
+  for (const char* key : keys) {
+    if (file.has(key)) return key;
+  }
+  return *(keys.end() - 1);
+}
+
+/// Whether the lens is a fisheye: OpenCV's flag, ROS's distortion_model, or the camera_model of ROS's calibrator.
+/// Errors: kUnsupported for a lens that has another name; kBadValue where two fields contradict each other.
+Result<bool> read_is_fisheye(const YamlFields& file) {
+  bool fisheye = false, pinhole = false;
   const Result<double> flag = file.number_or("fisheye_model", 0);
-  if (flag && *flag != 0) return true;
-  const Result<std::string> model = file.text("distortion_model");
-  return model && (*model == "fisheye" || *model == "equidistant" || *model == "kannala_brandt");
+  if (!flag) return fail(flag.error());
+  fisheye = *flag != 0;
+  for (const char* key : {"distortion_model", "camera_model"}) {
+    if (!file.has(key)) continue;
+    const Result<std::string> model = file.text(key);
+    if (!model) return fail(model.error());
+    if (*model == "fisheye" || *model == "equidistant" || *model == "kannala_brandt") {
+      fisheye = true;
+    } else if (*model == "plumb_bob" || *model == "rational_polynomial" || *model == "radtan" ||
+               *model == "thin_prism") {
+      pinhole = true;
+    } else if (*model != "pinhole" &&
+               !model->empty()) {  // ROS writes camera_model pinhole beside a fisheye's distortion
+      return fail(Errc::kUnsupported, std::string("the camera's ") + key + " is '" + printable(*model, 40) +
+                                          "'; there are plumb_bob, rational_polynomial, equidistant and fisheye");
+    }
+  }
+  if (fisheye && pinhole) {
+    return fail(Errc::kBadValue,
+                "the camera is a fisheye by one of fisheye_model, distortion_model and camera_model, and none by "
+                "another; correct the wrong one");
+  }
+  return fisheye;
+}
+
+Result<YAML::Node> parse_storage(std::string_view text) {
+  return is_xml(text) ? parse_storage_xml(text) : parse_foreign_yaml(text);
 }
 
 }  // namespace
 
 Status add_opencv_camera(std::string_view text, std::string_view path, ImportResult& result) {
-  const Result<YAML::Node> root = parse_foreign_yaml(text);
+  const Result<YAML::Node> root = parse_storage(text);
   if (!root) return fail(root.error());
   const YamlFields file(*root, "the camera");
-  const Result<int> width = file.side("image_width");
+  const Result<int> width = file.side(key_of(file, {"image_Width", "image_width"}));
   if (!width) return fail(width.error());
-  const Result<int> height = file.side("image_height");
+  const Result<int> height = file.side(key_of(file, {"image_Height", "image_height"}));
   if (!height) return fail(height.error());
-  const Result<std::vector<double>> K = read_matrix(file, "camera_matrix");
+  const Result<std::vector<double>> K = read_matrix(file, key_of(file, {"Camera_Matrix", "camera_matrix"}));
   if (!K) return fail(K.error());
   if (K->size() != 9) return fail(Errc::kBadValue, "'camera_matrix' must hold 9 numbers");
   Result<std::vector<double>> distortion =
-      read_matrix(file, file.has("distortion_coefficients") ? "distortion_coefficients" : "dist_coeffs");
+      read_matrix(file, key_of(file, {"dist_coeffs", "Distortion_Coefficients", "distortion_coefficients"}));
   if (!distortion) return fail(distortion.error());
 
   std::vector<std::string> taken;
@@ -53,14 +92,19 @@ Status add_opencv_camera(std::string_view text, std::string_view path, ImportRes
   }
   HeadCalibration head = blank_head(head_name(camera, taken), *width, *height);
   const PinholeNumbers pinhole{(*K)[0], (*K)[4], (*K)[2], (*K)[5]};
-  const Status set = is_fisheye(file) ? set_kannala_brandt(pinhole, *distortion, head)
-                                      : set_plumb_bob(pinhole, {*distortion}, head, result.notes);
+  const Result<bool> fisheye = read_is_fisheye(file);
+  if (!fisheye) return fail(fisheye.error());
+  const Status set = *fisheye ? set_kannala_brandt(pinhole, *distortion, head)
+                              : set_plumb_bob(pinhole, {*distortion}, head, result.notes);
   if (!set) return fail(set.error());
   if ((*K)[1] != 0) {
     result.notes.push_back("The camera matrix of head '" + head.name +
                            "' has a skew, which is left out: pixels have no shear.");
   }
   if (Status s = finish_head(head, result.notes); !s) return fail(s.error());
+  FieldCheck check(opencv_fields());
+  see_members(*root, "camera", "head '" + head.name + "'", check);
+  if (Status s = check.tell(result.notes); !s) return fail(s.error());
   result.calibration.heads.push_back(std::move(head));
   result.images.emplace_back();
   return {};

@@ -2,59 +2,62 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <optional>
 
-#include "protocol/base/units.h"
+#include "protocol/base/text.h"
 #include "protocol/calibration_limits.h"
 #include "stitch/interchange/import.h"
+#include "stitch/interchange/known_fields.h"
+#include "stitch/interchange/panotools_fields.h"
 #include "stitch/interchange/panotools_head.h"
 #include "stitch/interchange/panotools_masks.h"
 #include "stitch/interchange/panotools_script.h"
+#include "stitch/interchange/photometry.h"
 #include "stitch/interchange/project.h"
 
 namespace nodal::interchange {
 namespace {
 
-/// Light from encoded value in Hugin's response for Ra..Re = 0, EMoR's mean over many cameras: a polynomial fitted to
-/// nona 2022's output for a ramp at eight exposures from -2 to 4 stops, to 0.08 levels of 255 rms.
-constexpr std::array kMeanResponse{0.104165639,   2.518528026,    -12.713087053, 45.847686835, -107.436831174,
-                                   161.911780617, -147.637115033, 74.004003159,  -15.599131016};
+constexpr std::size_t kMaxNameInNote = 200;  // bytes
 
-/// One image's photometric variables: L = resp^-1(I) 2^(Eev - E) / V(r), red / Er, blue / Eb.
-struct Photometry {
-  double Eev = 0, Er = 1, Eb = 1;
-  std::array<double, 4> V{1, 0, 0, 0};
-  double Vx = 0, Vy = 0;
-  std::array<double, 5> R{};
+/// How Hugin corrects vignetting: the bits of Vm.
+constexpr int kByPolynomial = 1, kByFlatField = 2;
 
-  bool falls_off() const { return V[1] != 0 || V[2] != 0 || V[3] != 0; }
-};
-
-Result<Photometry> read_photometry(const ImageLines& images, std::size_t image) {
+Result<Photometry> read_photometry(const ImageLines& images, std::size_t image, const HeadCalibration& head,
+                                   std::vector<std::string>& notes) {
   Photometry p;
-  const std::array<std::pair<const char*, double*>, 14> variables{{{"Eev", &p.Eev},
-                                                                   {"Er", &p.Er},
-                                                                   {"Eb", &p.Eb},
-                                                                   {"Va", &p.V[0]},
+  double method = kByPolynomial;
+  std::array<double, 5> R{};
+  const std::array<std::pair<const char*, double*>, 15> variables{{{"Eev", &p.stops},
+                                                                   {"Er", p.balance.data()},
+                                                                   {"Eb", &p.balance[2]},
+                                                                   {"Va", p.V.data()},
                                                                    {"Vb", &p.V[1]},
                                                                    {"Vc", &p.V[2]},
                                                                    {"Vd", &p.V[3]},
                                                                    {"Vx", &p.Vx},
                                                                    {"Vy", &p.Vy},
-                                                                   {"Ra", &p.R[0]},
-                                                                   {"Rb", &p.R[1]},
-                                                                   {"Rc", &p.R[2]},
-                                                                   {"Rd", &p.R[3]},
-                                                                   {"Re", &p.R[4]}}};
+                                                                   {"Vm", &method},
+                                                                   {"Ra", R.data()},
+                                                                   {"Rb", &R[1]},
+                                                                   {"Rc", &R[2]},
+                                                                   {"Rd", &R[3]},
+                                                                   {"Re", &R[4]}}};
   for (const auto& [name, value] : variables) {
     const Result<double> number = images.number_or(image, name, *value);
     if (!number) return fail(number.error());
     *value = *number;
   }
-  if (!(p.V[0] > 0)) {
-    return fail(Errc::kBadValue,
-                "line " + std::to_string(images[image].number) + ": vignetting Va must be more than 0");
+  const std::string line = "line " + std::to_string(images[image].number);
+  if (!(p.V[0] > 0)) return fail(Errc::kBadValue, line + ": vignetting Va must be more than 0");
+  if (!(method >= 0 && method <= 15)) return fail(Errc::kBadValue, line + ": vignetting Vm must be 0 to 15");
+  p.radius = std::hypot(head.width, head.height) / 2;
+  p.fitted = std::ranges::any_of(R, [](double r) { return r != 0; });
+  const int how = static_cast<int>(method);
+  if ((how & kByPolynomial) == 0) p.V = {1, 0, 0, 0};
+  if ((how & kByFlatField) != 0) {
+    notes.push_back("Head '" + head.name + "' has its vignetting corrected by a picture of a flat field (Vm" +
+                    std::to_string(how) + "): it is left out.");
   }
   return p;
 }
@@ -87,48 +90,68 @@ Result<HeadCalibration> read_head(const ImageLines& images, std::size_t image, c
     if (!crop) return fail(crop.error());
     read.region = Crop{(*crop)[0], (*crop)[1], (*crop)[2], (*crop)[3]};
   }
-  for (const char* name : {"g", "t", "TrX", "TrY", "TrZ", "Tpy", "Tpp"}) {
-    const Result<double> value = images.number_or(image, name, 0);
-    if (!value) return fail(value.error());
-    if (*value != 0) {
-      notes.push_back("Head '" + read.name + "' has " + name + " = " + short_number(*value) +
-                      (name[0] == 'T' ? ", a shift of its viewpoint" : ", a shear of its picture") +
-                      ": Nodal has none, and leaves it out.");
-    }
-  }
   return to_head(read, notes);
 }
 
-/// Sets gains relative to the rig's mean exposure, vignetting, and the response as far as it is known.
-void set_photometry(const std::vector<Photometry>& all, ImportResult& result) {
-  double mean = 0;
-  for (const Photometry& p : all) mean += p.Eev / static_cast<double>(all.size());
-  bool any = false, bent = false;
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    const Photometry& p = all[i];
-    HeadCalibration& head = result.calibration.heads[i];
-    const double gain = std::exp2(mean - p.Eev);
-    head.gain = {gain * p.Er, gain, gain * p.Eb};
-    head.vignetting = {head.width / 2.0 + p.Vx,
-                       head.height / 2.0 + p.Vy,
-                       std::hypot(head.width, head.height) / 2,
-                       {p.V[1] / p.V[0], p.V[2] / p.V[0], p.V[3] / p.V[0]}};
-    if (!check_head(head) && p.falls_off()) {
-      head.vignetting.coefficients = {};
-      result.notes.push_back("The vignetting of head '" + head.name + "' goes dark inside its picture: left out.");
+/// The image lines, without those that are switched off; links count all of them.
+struct HuginImages {
+  ImageLines all;
+  std::vector<std::size_t> used;                    ///< indices in `all`
+  std::vector<std::string> disabled;                ///< pictures
+  std::vector<std::optional<std::size_t>> head_of;  ///< each image's head
+};
+
+constexpr std::string_view kAttributes = "#-hugin", kSettings = "#hugin_";
+
+HuginImages sort_lines(const std::vector<ScriptLine>& lines) {
+  HuginImages project;
+  bool disabled = false;
+  for (const ScriptLine& line : lines) {
+    if (line.comment.starts_with(kAttributes)) {
+      const std::vector<Attribute> all = attributes_of(line.comment.substr(kAttributes.size()));
+      disabled = std::ranges::any_of(all, [](const Attribute& a) { return a.name == "disabled"; });
     }
-    any = any || p.falls_off() || std::abs(gain - 1) > 1e-9 || p.Er != 1 || p.Eb != 1;
-    bent = bent || std::ranges::any_of(p.R, [](double r) { return r != 0; });
+    if (line.kind != 'i') continue;
+    const std::size_t image = project.all.size();
+    project.all.add(&line);
+    if (disabled) {
+      const std::string* file = line.find("n");
+      project.disabled.push_back(file == nullptr ? "image " + std::to_string(image) : *file);
+      project.head_of.emplace_back();
+    } else {
+      project.head_of.emplace_back(project.used.size());
+      project.used.push_back(image);
+    }
+    disabled = false;
   }
-  // The response matters only if there are exposures or vignetting to compensate.
-  if (!any && !bent) return;
-  for (HeadCalibration& head : result.calibration.heads) {
-    head.response = {Response::Curve::kPolynomial, 1, {kMeanResponse.begin(), kMeanResponse.end()}};
+  return project;
+}
+
+/// Compares the fields of all lines with the table; of images that are switched off, none.
+Status check_hugin_fields(const std::vector<ScriptLine>& lines, const HuginImages& project, ImportResult& result) {
+  FieldCheck check(hugin_fields());
+  std::size_t image = 0;
+  for (const ScriptLine& line : lines) {
+    if (line.comment.starts_with(kAttributes)) {
+      for (const Attribute& a : attributes_of(line.comment.substr(kAttributes.size())))
+        check.see("#-hugin", a.name, a.value);
+    } else if (line.comment.starts_with(kSettings)) {
+      const Attribute setting = setting_of(line.comment.substr(kSettings.size()));
+      check.see(kSettings, setting.name, setting.value);
+    }
+    if (line.kind == '#') continue;
+    check.see("file", line.kind == '*' ? "end" : std::string(1, line.kind), "");
+    if (line.kind == 'c' || line.kind == 'k') see_variables(line, check);
+    if (line.kind != 'i') continue;
+    const std::optional<std::size_t> head = project.head_of[image];
+    if (head) {
+      const Status seen =
+          see_image(project.all, image, "i", "head '" + result.calibration.heads[*head].name + "'", check);
+      if (!seen) return seen;
+    }
+    ++image;
   }
-  if (!bent) return;
-  result.notes.push_back(
-      "Hugin's fitted response curve (Ra..Re) has no counterpart here: the mean camera curve it starts from "
-      "stands in for it, so exposure and vignetting are made up for only roughly.");
+  return check.tell(result.notes);
 }
 
 }  // namespace
@@ -136,38 +159,50 @@ void set_photometry(const std::vector<Photometry>& all, ImportResult& result) {
 Result<ImportResult> import_pto(std::string_view text, std::string_view name) {
   const Result<std::vector<ScriptLine>> lines = parse_script(text, kMaxProjectBytes);
   if (!lines) return fail(lines.error());
-  ImageLines images;
-  std::vector<const ScriptLine*> masks;
-  for (const ScriptLine& line : *lines) {
-    if (line.kind == 'i') images.add(&line);
-    if (line.kind == 'k') masks.push_back(&line);
-  }
+  HuginImages project = sort_lines(*lines);
+  const ImageLines& images = project.all;
   if (images.size() == 0) return fail(Errc::kBadFormat, "there is no image line (i) in it: it is not a Hugin project");
   if (images.size() > kMaxCalibratedHeads) {
     return fail(Errc::kUnsupported, "the project has " + std::to_string(images.size()) +
                                         " images; a calibration has 1 to " + std::to_string(kMaxCalibratedHeads) +
                                         " heads");
   }
+  if (project.used.empty()) {
+    return fail(Errc::kUnsupported, "all images of the project are disabled in Hugin; enable those that are heads");
+  }
 
   ImportResult result;
   result.calibration.name = std::string(name);
   result.calibration.comment = "Imported from a Hugin project.";
+  for (const std::string& picture : project.disabled) {
+    result.notes.push_back("'" + printable(picture, kMaxNameInNote) + "' is disabled in the project: it is no head.");
+  }
   std::vector<Photometry> photometry;
   std::vector<std::string> taken;
-  for (std::size_t i = 0; i < images.size(); ++i) {
+  for (const std::size_t i : project.used) {
     Result<HeadCalibration> head = read_head(images, i, taken, result.notes);
     if (!head) return fail(head.error());
     taken.push_back(head->name);
     const std::string* file = images[i].find("n");
     result.images.push_back(file == nullptr ? "" : *file);
-    result.calibration.heads.push_back(std::move(*head));
-    const Result<Photometry> read = read_photometry(images, i);
+    const Result<Photometry> read = read_photometry(images, i, *head, result.notes);
     if (!read) return fail(read.error());
     photometry.push_back(*read);
+    result.calibration.heads.push_back(std::move(*head));
   }
   set_photometry(photometry, result);
-  if (Status s = add_masks(masks, result); !s) return fail(s.error());
-  if (Status s = add_control_points(*lines, 0, result); !s) return fail(s.error());
+  if (std::ranges::any_of(photometry, &Photometry::fitted)) {
+    result.notes.push_back(
+        "Hugin's fitted response curve (Ra..Re) has no counterpart here: the mean camera curve it starts from "
+        "stands in for it, so exposure and vignetting are made up for only roughly.");
+  }
+  std::vector<const ScriptLine*> masks;
+  for (const ScriptLine& line : *lines) {
+    if (line.kind == 'k') masks.push_back(&line);
+  }
+  if (Status s = add_masks(masks, project.head_of, result); !s) return fail(s.error());
+  if (Status s = add_control_points(*lines, project.head_of, result); !s) return fail(s.error());
+  if (Status s = check_hugin_fields(*lines, project, result); !s) return fail(s.error());
   if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
   return result;
 }

@@ -7,6 +7,8 @@
 #include "protocol/base/units.h"
 #include "protocol/calibration_limits.h"
 #include "stitch/interchange/import.h"
+#include "stitch/interchange/known_fields.h"
+#include "stitch/interchange/panotools_fields.h"
 #include "stitch/interchange/panotools_head.h"
 #include "stitch/interchange/panotools_script.h"
 #include "stitch/interchange/project.h"
@@ -41,17 +43,11 @@ Result<ImageFile> read_image_file(const ScriptLine& line) {
   return file;
 }
 
-/// Whether a comment holds anything besides its keyword and zeros.
-bool says_something(const std::string& comment, std::size_t keyword) {
-  return comment.find_first_not_of(" 0.\t-", keyword) != std::string::npos;
-}
-
 /// The lines of a project, sorted by meaning.
 struct Project {
   ImageLines lines;              // includes the dummy, because links count it
   std::vector<ImageFile> files;  // for every image except the dummy
   bool has_dummy = false;
-  bool masks = false, vignetting = false, curve = false, exposures = false, viewpoints = false;
 };
 
 Result<Project> read_project(const std::vector<ScriptLine>& lines) {
@@ -66,12 +62,6 @@ Result<Project> read_project(const std::vector<ScriptLine>& lines) {
       if (!read) return fail(read.error());
       file = std::move(*read);
     }
-    project.masks = project.masks || comment.starts_with("#-sourcemask") || line.kind == 'k';
-    project.vignetting =
-        project.vignetting || (comment.starts_with("#-vignettingparams") && says_something(comment, 18));
-    project.curve = project.curve || (comment.starts_with("#-cameracurve") && says_something(comment, 13));
-    project.exposures = project.exposures || (comment.starts_with("#-exposureparams") && says_something(comment, 16));
-    project.viewpoints = project.viewpoints || (comment.starts_with("#-viewpoint ") && says_something(comment, 12));
     if (line.kind != 'o') continue;
     if (dummy_next && project.lines.size() == 0) {
       project.has_dummy = true;
@@ -106,31 +96,28 @@ Result<HeadCalibration> read_head(const Project& project, std::size_t image, con
     read.lens = {(*crop)[0], (*crop)[1], (*crop)[2], (*crop)[3]};
     read.region = read.lens;
   }
-  for (const char* name : {"g", "t"}) {
-    const Result<double> value = project.lines.number_or(o, name, 0);
-    if (!value) return fail(value.error());
-    if (*value != 0) {
-      notes.push_back("Head '" + read.name + "' has " + name + " = " + short_number(*value) +
-                      ", a shear of its picture: Nodal has none, and leaves it out.");
-    }
-  }
   return to_head(read, notes);
 }
 
-void note_what_is_left_out(const Project& project, std::vector<std::string>& notes) {
-  if (project.vignetting) {
-    notes.push_back("Vignetting (#-vignettingparams) is left out: PTGui does not say what its numbers mean.");
+/// Compares the fields of all lines with the table.
+Status check_all(const std::vector<ScriptLine>& lines, const Project& project, ImportResult& result) {
+  constexpr std::string_view kSetting = "#-";
+  FieldCheck check(ptgui_fields());
+  for (const ScriptLine& line : lines) {
+    if (line.comment.starts_with(kSetting)) {
+      const Attribute setting = setting_of(line.comment.substr(kSetting.size()));
+      check.see(kSetting, setting.name, setting.value);
+    }
+    if (line.kind == '#') continue;
+    check.see("file", line.kind == '*' ? "end" : std::string(1, line.kind), "");
+    if (line.kind == 'c') see_variables(line, check);
   }
-  if (project.curve) {
-    notes.push_back(
-        "The camera curve (#-cameracurve) is left out, for the same reason; the response is taken as linear.");
+  for (std::size_t i = 0; i < project.files.size(); ++i) {
+    const std::string whose = "head '" + result.calibration.heads[i].name + "'";
+    const Status seen = see_image(project.lines, i + (project.has_dummy ? 1 : 0), "o", whose, check);
+    if (!seen) return seen;
   }
-  if (project.exposures) {
-    notes.push_back("Exposure and white balance corrections (#-exposureparams) are left out: all gains are 1.");
-  }
-  if (project.masks)
-    notes.push_back("Masks are left out: PTGui paints them, and Nodal's are polygons; draw them in region.masks.");
-  if (project.viewpoints) notes.push_back("Viewpoint corrections are left out: all heads share the nodal point.");
+  return check.tell(result.notes);
 }
 
 }  // namespace
@@ -159,8 +146,10 @@ Result<ImportResult> import_pts(std::string_view text, std::string_view name) {
     result.images.emplace_back(project->files[i].path);
     result.calibration.heads.push_back(std::move(*head));
   }
-  note_what_is_left_out(*project, result.notes);
-  if (Status s = add_control_points(*lines, project->has_dummy ? 1 : 0, result); !s) return fail(s.error());
+  std::vector<std::optional<std::size_t>> head_of;
+  for (std::size_t i = 0; i < project->files.size(); ++i) head_of.emplace_back(i);
+  if (Status s = add_control_points(*lines, head_of, result, project->has_dummy ? 1 : 0); !s) return fail(s.error());
+  if (Status s = check_all(*lines, *project, result); !s) return fail(s.error());
   if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
   return result;
 }

@@ -9,6 +9,7 @@
 #include "stitch/interchange/foreign_head.h"
 #include "stitch/interchange/import.h"
 #include "stitch/interchange/json_fields.h"
+#include "stitch/interchange/known_fields.h"
 #include "stitch/interchange/panotools_head.h"
 #include "stitch/interchange/project.h"
 
@@ -139,15 +140,21 @@ Result<ImportResult> import_surround360(std::string_view text, std::string_view 
   ImportResult result;
   result.calibration.name = std::string(name);
   result.calibration.comment = "Imported from a Surround360 rig.";
+  FieldCheck check(surround360_fields());
+  see_members(*json, "rig", "", check);
   std::vector<Eigen::Vector3d> origins;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     Result<HeadCalibration> head = read_camera(cameras[i], i, result);
     if (!head) return fail(head.error());
     result.calibration.heads.push_back(std::move(*head));
     result.images.emplace_back();
-    const JsonFields camera(cameras[i], "camera");
+    const JsonFields camera(cameras[i], "camera '" + result.calibration.heads.back().name + "'");
+    see_members(cameras[i], "camera", camera.where(), check);
+    origins.emplace_back(Eigen::Vector3d::Zero());
+    if (!camera.has("origin")) continue;
     const Result<std::vector<double>> origin = camera.numbers("origin", 3, 3);
-    origins.push_back(origin ? to_rig(*origin) : Eigen::Vector3d::Zero());
+    if (!origin) return fail(origin.error());
+    origins.back() = to_rig(*origin);
   }
   double farthest = 0;
   for (const Eigen::Vector3d& origin : origins) farthest = std::max(farthest, origin.norm());
@@ -155,6 +162,7 @@ Result<ImportResult> import_surround360(std::string_view text, std::string_view 
   const bool centimetres = farthest > kWidestRigInMetres;
   for (Eigen::Vector3d& origin : origins) origin *= centimetres ? 0.01 : 1;
   set_positions(origins, "the file's unit is taken for " + std::string(centimetres ? "centimetres" : "metres"), result);
+  if (Status s = check.tell(result.notes); !s) return fail(s.error());
   if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
   return result;
 }

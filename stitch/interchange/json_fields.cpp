@@ -1,5 +1,6 @@
 #include "stitch/interchange/json_fields.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "stitch/interchange/foreign_head.h"
@@ -8,6 +9,19 @@
 namespace nodal::interchange {
 
 using nlohmann::json;
+
+namespace {
+
+/// A value's text for a note: short, or only its kind.
+std::string text_of(const json& value) {
+  constexpr std::size_t kMaxShown = 16;  // elements of a list
+  if (value.is_object()) return value.empty() ? "{}" : "{...}";
+  if (!value.is_array() || value.empty()) return value.dump(-1, ' ', false, json::error_handler_t::replace);
+  const bool plain = std::ranges::none_of(value, [](const json& element) { return element.is_structured(); });
+  return plain && value.size() <= kMaxShown ? value.dump(-1, ' ', false, json::error_handler_t::replace) : "[...]";
+}
+
+}  // namespace
 
 Result<json> parse_foreign_json(std::string_view text) {
   if (text.size() > kMaxProjectBytes) {
@@ -62,6 +76,11 @@ Result<std::string> JsonFields::text(const char* key) const {
 
 Result<int> JsonFields::side(const char* key) const {
   return picture_side(number(key), where_ + ": the field '" + key + "'");
+}
+
+void see_members(const json& object, std::string_view place, const std::string& whose, FieldCheck& check) {
+  if (!object.is_object()) return;
+  for (const auto& [name, value] : object.items()) check.see(place, name, text_of(value), whose);
 }
 
 }  // namespace nodal::interchange

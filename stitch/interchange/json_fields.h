@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "protocol/base/result.h"
+#include "stitch/interchange/known_fields.h"
 
 namespace nodal::interchange {
 
@@ -38,5 +39,8 @@ class JsonFields {
   const nlohmann::json& object_;
   std::string where_;
 };
+
+/// Shows the check all members of an object.
+void see_members(const nlohmann::json& object, std::string_view place, const std::string& whose, FieldCheck& check);
 
 }  // namespace nodal::interchange

@@ -48,19 +48,22 @@ Result<std::vector<Region::Point>> corners_of(const ScriptLine& line) {
 
 }  // namespace
 
-Status add_masks(std::span<const ScriptLine* const> lines, ImportResult& result) {
+Status add_masks(std::span<const ScriptLine* const> lines, std::span<const std::optional<std::size_t>> head_of,
+                 ImportResult& result) {
   for (const ScriptLine* line : lines) {
     const std::string where = "line " + std::to_string(line->number);
     const Result<double> image = number_of(*line, "i");
     if (!image) return fail(image.error());
     auto& heads = result.calibration.heads;
-    if (!(*image >= 0 && *image < static_cast<double>(heads.size())) || *image != std::floor(*image)) {
+    if (!(*image >= 0 && *image < static_cast<double>(head_of.size())) || *image != std::floor(*image)) {
       return fail(Errc::kBadValue, where + ": the mask is of image " + short_number(*image) + ", and there are " +
-                                       std::to_string(heads.size()));
+                                       std::to_string(head_of.size()));
     }
     const Result<double> type = number_of(*line, "t");
     if (!type) return fail(type.error());
-    HeadCalibration& head = heads[static_cast<std::size_t>(*image)];
+    const std::optional<std::size_t> own = head_of[static_cast<std::size_t>(*image)];
+    if (!own) continue;
+    HeadCalibration& head = heads[*own];
     if (*type != kExclude && *type != kExcludeFromStack && *type != kExcludeFromLens) {
       result.notes.push_back("Head '" + head.name + "', " + where +
                              ": a mask that keeps what is inside it is left out: Nodal's masks hide.");

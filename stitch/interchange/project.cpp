@@ -8,11 +8,17 @@
 namespace nodal::interchange {
 namespace {
 
+/// Kalibr calls cameras cam0, cam1 and so on; OpenCV's file is of one camera, which may be called so.
+bool is_kalibr(std::string_view text) {
+  const auto says = [text](std::string_view word) { return text.find(word) != std::string_view::npos; };
+  return says("cam0") && (says("distortion_model") || says("camera_model")) && !says("camera_matrix");
+}
+
 constexpr const char* kUnknown =
     "it is none of the files Nodal knows: Hugin's .pto, PTGui's text .pts (of PTGui 9 and older; newer ones save as "
-    "JSON: export them as a text project), VideoStitch's .ptv, Surround360's JSON, OpenCV's or Kalibr's YAML, "
-    "OCamCalib's "
-    "calib_results.txt";
+    "JSON: export them as a text project), VideoStitch's .ptv, Surround360's JSON, OpenCV's YAML or XML, Kalibr's "
+    "YAML, "
+    "OCamCalib's calib_results.txt";
 
 }  // namespace
 
@@ -22,8 +28,9 @@ std::string short_number(double value) {
   return text;
 }
 
-Status add_control_points(const std::vector<ScriptLine>& lines, int first_image, ImportResult& result) {
-  const double heads = static_cast<double>(result.calibration.heads.size());
+Status add_control_points(const std::vector<ScriptLine>& lines, std::span<const std::optional<std::size_t>> head_of,
+                          ImportResult& result, int first_image) {
+  const double heads = static_cast<double>(head_of.size());
   for (const ScriptLine& line : lines) {
     if (line.kind != 'c') continue;
     const std::string* type = line.find("t");
@@ -44,10 +51,11 @@ Status add_control_points(const std::vector<ScriptLine>& lines, int first_image,
       return fail(Errc::kBadValue,
                   "line " + std::to_string(line.number) + ": the control point is on an image that is not there");
     }
-    result.control_points.push_back({static_cast<std::size_t>(numbers[0]),
-                                     {numbers[2] + 0.5, numbers[3] + 0.5},
-                                     static_cast<std::size_t>(numbers[1]),
-                                     {numbers[4] + 0.5, numbers[5] + 0.5}});
+    const std::optional<std::size_t> a = head_of[static_cast<std::size_t>(numbers[0])];
+    const std::optional<std::size_t> b = head_of[static_cast<std::size_t>(numbers[1])];
+    if (!a || !b) continue;
+    result.control_points.push_back(
+        {*a, {numbers[2] + 0.5, numbers[3] + 0.5}, *b, {numbers[4] + 0.5, numbers[5] + 0.5}});
   }
   return {};
 }
@@ -63,8 +71,8 @@ Result<ImportResult> import_project(std::string_view text, std::string_view name
     if (says("\"inputs\"") || says("\"pano\"")) return import_videostitch(text, name);
     return fail(Errc::kBadFormat, kUnknown);
   }
+  if (is_kalibr(text)) return import_kalibr(text, name);
   if (is_opencv(text) || is_ocam(text)) return import_camera(text, name);
-  if (says("distortion_model") && says("cam0")) return import_kalibr(text, name);
   const Result<std::vector<ScriptLine>> lines = parse_script(text, kMaxProjectBytes);
   if (!lines) return fail(lines.error());
   bool ptgui = false, hugin = false;

@@ -32,6 +32,23 @@ bool yaml_number(const YAML::Node& node, double& value) {
   return error == std::errc() && (rest.empty() || rest == ".") && std::isfinite(value);
 }
 
+void see_members(const YAML::Node& mapping, std::string_view place, const std::string& whose, FieldCheck& check) {
+  constexpr std::size_t kMaxShown = 16;  // elements of a list
+  if (!mapping.IsDefined() || !mapping.IsMap()) return;
+  for (const auto& member : mapping) {
+    if (!member.first.IsScalar()) continue;
+    const YAML::Node& value = member.second;
+    const YAML::Node data = value.IsMap() && value["data"].IsDefined() ? value["data"] : value;  // of a matrix
+    std::string text = data.IsScalar() ? data.Scalar() : data.IsNull() ? "" : "...";
+    if (data.IsSequence() && data.size() <= kMaxShown) {
+      text.clear();
+      for (const YAML::Node& element : data)
+        text += (text.empty() ? "" : " ") + (element.IsScalar() ? element.Scalar() : "...");
+    }
+    check.see(place, member.first.Scalar(), text, whose);
+  }
+}
+
 bool YamlFields::has(const std::string& key) const {
   return node_.IsDefined() && node_.IsMap() && node_[key].IsDefined() && !node_[key].IsNull();
 }

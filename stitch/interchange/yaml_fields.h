@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "protocol/base/result.h"
+#include "stitch/interchange/known_fields.h"
 
 namespace nodal::interchange {
 
@@ -40,6 +41,9 @@ class YamlFields {
   YAML::Node node_;
   std::string where_;
 };
+
+/// Shows the check all members of a mapping.
+void see_members(const YAML::Node& mapping, std::string_view place, const std::string& whose, FieldCheck& check);
 
 /// A scalar as a number; false if it is not a finite number.
 bool yaml_number(const YAML::Node& node, double& value);

@@ -2,6 +2,7 @@
 #include <cstdint>
 #include <string_view>
 
+#include "protocol/base/text.h"
 #include "stitch/interchange/import.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -17,6 +18,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       continue;
     }
     NODAL_ASSERT(check_calibration(result->calibration).has_value());
+    NODAL_ASSERT(result->images.size() == result->calibration.heads.size());
+    for (const std::string& note : result->notes) NODAL_ASSERT(is_printable(note) && note.ends_with('.'));
     // An imported calibration can be written and read again.
     const Result<Calibration> again = parse_calibration(to_json(result->calibration));
     NODAL_ASSERT(again.has_value());

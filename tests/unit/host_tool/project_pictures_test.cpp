@@ -24,7 +24,7 @@ class ProjectPictures : public testing::Test {
     fs::create_symlink(folder_ / "secret.png", folder_ / "project/link.png");
     fs::create_directory_symlink(folder_.path(), folder_ / "project/up");
   }
-  Result<std::string> named(const std::string& image, PicturePlaces places = PicturePlaces::kBesideProject) const {
+  Result<ProjectPicture> named(const std::string& image, PicturePlaces places = PicturePlaces::kBesideProject) const {
     return project_picture((folder_ / "project/rig.pto").string(), image, places);
   }
   test::TemporaryFolder folder_;
@@ -51,9 +51,45 @@ TEST_F(ProjectPictures, OutsideTheFolder_AreRefusedWithTheNameAndTheOption) {
   }
 }
 
+TEST_F(ProjectPictures, OfAnotherMachine_AreFoundBesideTheProject) {
+  struct {
+    std::string image, file;
+  } const kNames[] = {{"C:\\Users\\and\\a.png", "a.png"},
+                      {"/elsewhere/pictures/a.png", "a.png"},
+                      {"../../elsewhere/A.PNG", "a.png"},
+                      {"D:/rig/inner/b.png", "inner/b.png"},
+                      {"inner\\b.png", "inner/b.png"}};
+  for (const auto& [image, file] : kNames) {
+    const auto found = named(image);
+    ASSERT_TRUE(found) << image;
+    EXPECT_EQ(found->file, (folder_ / "project" / file).string()) << image;
+    EXPECT_TRUE(found->moved);
+  }
+  EXPECT_FALSE(named("a.png")->moved);
+  // Nothing outside is reached by such a name, and nothing that is not there is invented.
+  EXPECT_FALSE(named("C:\\up\\secret.png")->moved);
+  EXPECT_FALSE(named("/nowhere/c.png"));
+  EXPECT_EQ(named("c.png")->file, (folder_ / "project/c.png").string());
+}
+
+TEST_F(ProjectPictures, StitchAProjectOfAnotherMachine_SaysWhereItsPicturesAre) {
+  const std::string project = (folder_ / "project/rig.pto").string();
+  std::ofstream(project) << "i w640 h480 f0 v60 r0 p0 y0 n\"C:\\rig\\b.png\"\n"
+                            "i w640 h480 f0 v60 r0 p0 y40 n\"C:\\rig\\a.png\"\n";
+  std::ofstream(folder_ / "project/b.png") << "x";
+  const auto input = read_stitch_input({}, {project});
+  ASSERT_TRUE(input) << input.error().text();
+  EXPECT_EQ(input->sets, (std::vector<std::vector<std::string>>{
+                             {(folder_ / "project/b.png").string(), (folder_ / "project/a.png").string()}}));
+  ASSERT_EQ(input->notes.size(), 1u);
+  EXPECT_NE(input->notes[0].find("2 of 2 pictures"), std::string::npos) << input->notes[0];
+  EXPECT_NE(input->notes[0].find("b.png"), std::string::npos) << input->notes[0];
+}
+
 TEST_F(ProjectPictures, AFolderWithTheSameBeginning_IsAnother) {
   fs::create_directories(folder_ / "project2");
-  EXPECT_FALSE(named("../project2/a.png"));
+  std::ofstream(folder_ / "project2/z.png") << "x";
+  EXPECT_FALSE(named("../project2/z.png"));
 }
 
 TEST_F(ProjectPictures, ANameWithControlCharacters_IsShownWithoutThem) {

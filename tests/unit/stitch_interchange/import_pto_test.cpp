@@ -157,8 +157,8 @@ TEST(ImportPto, MasksThatHaveNoCounterpart_AreNotedAndLeftOut) {
 TEST(ImportPto, ShearAndShift_AreNoted) {
   const auto import = imported("i w800 h600 f0 v60 g3 TrX0.1 n\"a\"\n");
   ASSERT_EQ(import.notes.size(), 2u);
-  EXPECT_NE(import.notes[0].find("g = 3, a shear"), std::string::npos);
-  EXPECT_NE(import.notes[1].find("TrX = 0.1, a shift of its viewpoint"), std::string::npos);
+  EXPECT_NE(import.notes[0].find("'g' = 3 of head 'a', a shear of its picture"), std::string::npos);
+  EXPECT_NE(import.notes[1].find("'TrX' = 0.1 of head 'a', a shift of its viewpoint"), std::string::npos);
 }
 
 TEST(ImportPto, LensThatTurnsBackInItsPicture_IsCappedAndSaidSo) {

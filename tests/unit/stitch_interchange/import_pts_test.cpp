@@ -67,10 +67,10 @@ TEST(ImportPts, WhatItCannotTake_IsSaid) {
   text.replace(text.find("#-exposureparams 0 0 0 0"), 24, "#-exposureparams 0 0 0 -0.007\r\n#-sourcemask iVBOR");
   const auto import = imported_pts(text);
   ASSERT_EQ(import.notes.size(), 4u);
-  EXPECT_NE(import.notes[0].find("Vignetting"), std::string::npos);
+  EXPECT_NE(import.notes[0].find("vignetting"), std::string::npos);
   EXPECT_NE(import.notes[1].find("camera curve"), std::string::npos);
-  EXPECT_NE(import.notes[2].find("Exposure"), std::string::npos);
-  EXPECT_NE(import.notes[3].find("Masks"), std::string::npos);
+  EXPECT_NE(import.notes[2].find("exposure"), std::string::npos);
+  EXPECT_NE(import.notes[3].find("masks"), std::string::npos);
   EXPECT_EQ(import.calibration.heads[0].gain, (std::array<double, 3>{1, 1, 1}));
 }
 

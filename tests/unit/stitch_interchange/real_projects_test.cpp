@@ -50,8 +50,8 @@ TEST(RealProjects, RooftopRigOfThreeFisheyes_ItsMatchedPointsAgreeBetweenHeads) 
   ASSERT_EQ(import->calibration.heads.size(), 3u);
   EXPECT_EQ(import->calibration.heads[0].name, "input-00");
   EXPECT_EQ(import->calibration.heads[0].width, 3840);
-  EXPECT_TRUE(has_note(*import, "Vignetting"));
-  EXPECT_TRUE(has_note(*import, "Masks"));
+  EXPECT_TRUE(has_note(*import, "vignetting"));
+  EXPECT_TRUE(has_note(*import, "masks"));
   // Another program's feature matches for the same rig; its frame pixels equal picture pixels.
   const nlohmann::json project = nlohmann::json::parse(ptv);
   std::vector<ControlPoint> points;
