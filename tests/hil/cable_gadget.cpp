@@ -13,7 +13,7 @@ namespace nodal::hil {
 CableGadget::CableGadget(std::string serial, int controller, const std::string& user)
     : name_("nodal" + std::to_string(controller)),
       serial_(std::move(serial)),
-      folder_("/run/" + name_ + "-cable"),
+      folder_("/run/" + name_ + "_cable"),
       environment_{{"NODAL_GADGET", name_},
                    {"NODAL_SERIAL", serial_},
                    {"NODAL_UDC", "dummy_udc." + std::to_string(controller)}} {

@@ -36,8 +36,7 @@ class Build:
         self.commands = {}
         for entry in json.loads(commands.read_text()):
             self.commands.setdefault(os.path.relpath(entry["file"], root), shlex.split(entry["command"]))
-        if any("unity_" in path for path in self.commands):
-            fail(f"{folder} was configured with NODAL_UNITY; configure it without")
+        self.in_batches = any("unity_" in path for path in self.commands)
 
     def ninja(self, *words):
         done = run(["ninja", "-C", self.folder, *words])
@@ -77,6 +76,8 @@ class Programs:
     def __init__(self, build, names, unit, sources, work, whole):
         self.build, self.names, self.unit = build, names, unit
         self.sources, self.work, self.whole = sources, work, whole
+        if build.in_batches and any(path.endswith(".cpp") and path not in build.commands for path in sources):
+            fail(f"{build.folder} was configured with NODAL_UNITY; configure it without")
         self.links = {name: build.link_command(name) for name in names}
         self.tree = work / "tree"
 

@@ -77,7 +77,7 @@ class Cable {
   std::size_t writes_queued_ = 0;
 };
 
-/// Listens at a FunctionFS folder, such as "/run/nodal-cable", whose gadget firmware/daemon/cable has set up; it must be
+/// Listens at a FunctionFS folder, such as "/run/nodal_cable", whose gadget firmware/daemon/cable has set up; it must be
 /// bound to a USB device controller after this call. `rig` is shown to hosts as the interface's name.
 /// Errors: kNotFound, kBusy and kIo, each with what to do.
 Result<std::unique_ptr<LinkListenerPort>> listen_cable(const std::string& folder, const std::string& rig);

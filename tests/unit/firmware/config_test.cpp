@@ -144,9 +144,9 @@ TEST(RigConfig, NearlyNothing_TakesTheDefaultsOfRigMd) {
 }
 
 TEST(RigConfig, AUsbCable_IsTheFolderOfItsGadget) {
-  const auto config = parse_rig_config(kSmall + "[links]\nusb = \"/run/nodal-cable\"\n", "rig.toml");
+  const auto config = parse_rig_config(kSmall + "[links]\nusb = \"/run/nodal_cable\"\n", "rig.toml");
   ASSERT_TRUE(config) << config.error().text();
-  EXPECT_EQ(config->links.usb_folder, "/run/nodal-cable");
+  EXPECT_EQ(config->links.usb_folder, "/run/nodal_cable");
   EXPECT_FALSE(parse_rig_config(kSmall + "[links]\nusb = true\n", "rig.toml"));
 }
 
