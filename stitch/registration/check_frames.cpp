@@ -20,7 +20,7 @@ std::string number(const char* form, double value) {
 }
 
 std::string displaced(double size_px) {
-  return "where heads overlap, their pictures are displaced against each other by about " + number("%.1f", size_px) +
+  return "where heads overlap, their pictures are displaced against each other by about " + number(size_px < 1 ? "%.2f" : "%.1f", size_px) +
          " px (rms), and no rotation removes that";
 }
 

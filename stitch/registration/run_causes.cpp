@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 
 #include "stitch/registration/check_frames.h"
@@ -10,8 +11,8 @@ namespace {
 // Certainty::by_parts from which on heads contradict each other; noise and blur stay below 0.045.
 constexpr double kContradiction = 0.05;
 constexpr double kStillContradictory = 0.03;  // the same with lenses estimated: then wrong ones leave less than 0.01
-// px of the pictures; a smaller displacement is not visible in a blend, and it is too little to tell its cause.
-constexpr double kVisiblePx = 0.5;
+// Levels of 255, rms. Pictures that differ by less are equal but for rounding, which contradicts itself, too.
+constexpr double kRounding = 0.5;
 constexpr double kMostlyExplained = 0.5;  // of the contradictions
 constexpr double kMostlyFocals = 0.7;     // of what lenses explain
 
@@ -86,8 +87,7 @@ Run::Explanation Run::explained(const Certainty& certainty) {
 
 Result<Run::Explanation> Run::check_cause(const Certainty& certainty) {
   Explanation found = explained(certainty);
-  // A distance that explains most is a cause of its own, whatever is left to each part of the pictures.
-  if (certainty.parts_px < kVisiblePx && found.nearness <= 0) found.cause = Cause::kNone;
+  if (report_.objective_after < kRounding * kRounding) found.cause = Cause::kNone;
   cause_ = found.cause;
   if (cause_ == Cause::kNone) return found;
   if (cause_ == Cause::kNearThings) {

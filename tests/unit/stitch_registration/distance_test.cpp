@@ -88,7 +88,7 @@ TEST(RegisterDistance, NotAskedForInARoom_IsRecommendedWithTheDistanceAndLensesA
   EXPECT_FALSE(says(*good, "--free distance")) << ::testing::PrintToString(good->warnings);
 }
 
-TEST(RegisterDistance, HeadsAtOnePointWithLensesAThirdOfAPixelOff_NoCauseIsStated) {
+TEST(RegisterDistance, HeadsAtOnePointWithLensesAThirdOfAPixelOff_AreNotSaidToStandElsewhere) {
   const Calibration truth = test::six_fisheyes(200);
   const test::RenderedRig rig =
       test::render_rig(truth, hal::sim::town_square_scene(3), {PixelFormat::kGrey8, 0.3, 5, 3});
@@ -100,7 +100,12 @@ TEST(RegisterDistance, HeadsAtOnePointWithLensesAThirdOfAPixelOff_NoCauseIsState
     }
     const Result<Report> found = register_heads(prior, {rig.frames()}, {});
     ASSERT_TRUE(found) << found.error().text();
-    EXPECT_TRUE(found->warnings.empty()) << off_px << " px: " << ::testing::PrintToString(found->warnings);
+    const bool by_rounding = found->objective_after < 0.25;  // levels squared
+    EXPECT_EQ(found->warnings.empty(), by_rounding) << off_px << " px: " << ::testing::PrintToString(found->warnings);
+    for (const std::string& warning : found->warnings) {
+      EXPECT_NE(warning.find("the lenses may not fit"), std::string::npos) << warning;
+      EXPECT_EQ(warning.find("position"), std::string::npos) << warning;
+    }
   }
 }
 
