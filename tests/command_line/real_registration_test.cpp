@@ -86,8 +86,9 @@ TEST(RealRegistration, APtguiProject_RegistersItsRotationsAndDriftSaysWhatThatMe
   EXPECT_EQ(json::parse(before.out)["heads"][0]["standing"], "moved") << before.out;
   ASSERT_NO_FATAL_FAILURE(expect_registered(run({"register", shipped, "-o", found}), "rotations"));
   const test::Finished after = run({"drift", found});
-  // Where fine detail does not line up, a head may settle a tenth of a degree farther on, and then counts as moved.
-  ASSERT_TRUE(after.code == 0 || after.code == 8) << after.err;
+  // Where fine detail does not line up, a head may settle a tenth of a degree farther on, and then counts as moved,
+  // or it cannot be told whether it has moved.
+  ASSERT_TRUE(after.code == 0 || after.code == 8 || after.code == 10) << after.err;
   const json was = json::parse(before.out)["heads"], is = json::parse(after.out)["heads"];
   for (std::size_t h = 0; h < 3; ++h) {
     EXPECT_LT(is[h]["moved_deg"].get<double>(), 0.3 * was[h]["moved_deg"].get<double>()) << h << ": " << after.out;

@@ -221,7 +221,7 @@ TEST(RigConnection, QuietRigThatAnswers_IsWaitedForLongerThanThePatience) {
   const auto event = (*connection)->next_event(kPatience * 4);
   ASSERT_TRUE(event) << event.error().text();
   EXPECT_FALSE(*event);
-  EXPECT_GE(rig.requests.size(), 3U);  // status requests to check that the rig is alive
+  EXPECT_GE(rig.requests.size(), 1U);  // status requests to check that the rig is alive
 }
 
 TEST(RigConnection, PiecesWhileAnAnswerIsDue_GiveTheRigNoCreditForMore) {
