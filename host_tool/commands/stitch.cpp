@@ -63,6 +63,7 @@ struct Job {
   geometry::RaymapSize size;
   StitchInput input;
   std::string confidence;  ///< of a calibration that was found in the pictures; else empty
+  FoundLens lens;          ///< of that calibration
 };
 
 /// Unlike CLI::Range it refuses NaN.
@@ -116,14 +117,16 @@ Status calibrate(Console& console, Job& job) {
       first_calibration(files, own->names, [&](double done, const std::string& what) { show(0, done, what); });
   if (!first) return fail(first.error());
   job.confidence = first->confidence;
+  job.lens = first->lens;
   job.input.notes = first->notes;
   if (own->sets.size() > 1) {
     job.input.notes.push_back(fmt::format("the calibration is from set {} of {}, with {}", own->sets.size() / 2 + 1,
                                           own->sets.size(), files.front()));
   }
-  const Result<registration::Report> report =
+  Result<registration::Report> report =
       refined(*first, [&](double done, const std::string& what) { show(0.5, done, what); });
   if (report) {
+    if (!first->lens.note.empty()) report->warnings.push_back(first->lens.note);
     registration::FrameSet frames;
     for (const DecodedImage& image : first->images) frames.push_back(image.view());
     const Result<std::string> page = registration_report(first->calibration, frames, *report);
@@ -270,6 +273,13 @@ Status run_stitch(Context& context, const StitchArgs& args) {
                 {"seconds", seconds}};
   if (!job->confidence.empty()) {
     document["confidence"] = job->confidence;
+    const FoundLens& lens = job->lens;
+    document["lens"] = {{"seen_px", {lens.seen.from_px, lens.seen.to_px}},
+                        {"seen_deg", {lens.seen.from_deg, lens.seen.to_deg}},
+                        {"known_px", {lens.known.from_px, lens.known.to_px}},
+                        {"known_deg", {lens.known.from_deg, lens.known.to_deg}},
+                        {"known_everywhere", lens.whole},
+                        {"assumed_elsewhere", lens.family}};
     document["calibration_file"] = beside(args.out, ".rig.json");
     document["notes"] = job->input.notes;
   }

@@ -10,7 +10,10 @@
 #include <utility>
 
 #include "host_tool/input/pictures.h"
+#include "protocol/base/angles.h"
 #include "stitch/autocalibration/autocalibration.h"
+#include "stitch/autocalibration/point_check.h"
+#include "stitch/geometry/lens/lens.h"
 #include "stitch/media/exif/exif.h"
 #include "stitch/media/image_file.h"
 
@@ -19,6 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr double kFamilyUnsure = 0.05;  // of the distance from the axis: how far real lenses are from their family
 // Of the raymap that differences are summed on, px:
 constexpr int kTriedWidth = 768;     // for light, and to find out what the pictures determine,
 constexpr int kRefinedWidth = 2048;  // and for the result
@@ -74,6 +78,47 @@ std::string up_note(autocalibration::UpBasis basis) {
     case autocalibration::UpBasis::kLight: return "which way is up is a guess, by where the light comes from: " + seen;
   }
   return "";
+}
+
+/// `head`: the first placed one.
+FoundLens lens_of(const autocalibration::Found& found, const HeadCalibration& head) {
+  const autocalibration::LensEvidence& evidence = found.lens;
+  const Result<geometry::Lens> lens = geometry::Lens::make(head.lens);
+  const auto range = [&](double from, double to) {
+    const auto degrees = [&](double px) {
+      return lens ? lens->angle(px).value_or(lens->max_angle()) * kDegreesPerRadian : 0;
+    };
+    LensRange it{from * found.unit_px, to * found.unit_px, 0, 0};
+    it.from_deg = degrees(it.from_px);
+    it.to_deg = degrees(it.to_px);
+    return it;
+  };
+  return {std::string(evidence.family),
+          range(evidence.seen_from, evidence.seen_to),
+          range(evidence.known_from, evidence.known_to),
+          evidence.unsure,
+          evidence.mostly(),
+          evidence.whole(),
+          ""};
+}
+
+std::string text_of(const LensRange& range) {
+  return fmt::format("{:.0f}° to {:.0f}° from the lens's axis ({:.0f} to {:.0f} px)", range.from_deg, range.to_deg,
+                     range.from_px, range.to_px);
+}
+
+/// Empty if the lens is known everywhere.
+std::string lens_note(const FoundLens& lens) {
+  if (lens.whole || lens.family.empty()) return "";
+  const std::string seen = "the points that two pictures show are " + text_of(lens.seen);
+  const std::string advice = "For the whole lens give pictures that overlap more, or --nominal with its field of view";
+  if (lens.known.to_px <= lens.known.from_px) {
+    return fmt::format("{}, and do not determine the lens: it is assumed to be {}. {}", seen, lens.family, advice);
+  }
+  return fmt::format(
+      "{}. The lens is known {}; elsewhere it is assumed to be {}, and may be wrong by about {:.0f} % of the distance "
+      "from its axis. {}",
+      seen, text_of(lens.known), lens.family, std::ceil(100 * std::max(kFamilyUnsure, lens.unsure)), advice);
 }
 
 bool all_placed(const registration::Report& report) {
@@ -165,11 +210,18 @@ Result<FirstCalibration> first_calibration(const std::vector<std::string>& files
                     "place",
                     first.placed[a], first.placed[b]));
   }
+  first.points = std::make_shared<const std::vector<autocalibration::Match>>(std::move(found->points));
+  first.lens = lens_of(*found, first.calibration.heads.front());
+  first.lens.note = lens_note(first.lens);
+  if (!first.lens.note.empty()) {
+    first.notes.push_back(first.lens.note);
+    first.calibration.comment = "Lens and rotations from the pictures alone: " + first.lens.note + ".";
+  }
   if (const std::string note = up_note(found->up); !note.empty()) first.notes.push_back(note);
   first.confidence = fmt::format(
-      "{} of {} pictures placed by {} points that two of them show; the points agree within "
-      "{:.1f} px (median)",
-      first.placed.size(), files.size(), found->matches, found->error_px);
+      "{} of {} pictures placed by {} points that two of them show; the points, which are {}, agree within {:.1f} px "
+      "(median)",
+      first.placed.size(), files.size(), found->matches, text_of(first.lens.seen), found->error_px);
   return first;
 }
 
@@ -195,13 +247,22 @@ Result<registration::Report> refined(const FirstCalibration& first, const OwnPro
   const Result<registration::Report> light =
       run(first.calibration, registration::Free::kRotations, false, kTriedWidth, 0.2, "matching the light");
   if (!light) return light;
-  for (const registration::Free free : {registration::Free::kLens, registration::Free::kFocals}) {
+  const Result<std::vector<double>> points = autocalibration::point_errors(first.calibration, *first.points);
+  if (!points) return fail(points.error());
+  const auto good = [&](const Result<registration::Report>& report) {
+    if (!report || !all_placed(*report)) return false;
+    const auto after = autocalibration::point_errors(report->calibration, *first.points);
+    return after && autocalibration::agrees_as_well(*points, *after);
+  };
+  for (const registration::Free free :
+       {registration::Free::kLens, registration::Free::kFocals, registration::Free::kRotations}) {
+    if (!first.lens.mostly && free != registration::Free::kRotations) continue;
     begun = 0.2;
     const auto tried = [&](const Calibration& from) {
       return run(from, free, true, kTriedWidth, 0.05, "trying lenses");
     };
     Result<registration::Report> best = tried(first.calibration);
-    if (!best || !all_placed(*best) || best->objective_after >= light->objective_after) continue;
+    if (!good(best) || best->objective_after >= light->objective_after) continue;
     // Registration does not estimate the pixels' aspect: it is the vertex of a parabola through three of them.
     const bool anamorphic = first.calibration.heads.front().aspect != 1;
     for (const double step : {0.004, 0.0015}) {
@@ -215,12 +276,12 @@ Result<registration::Report> refined(const FirstCalibration& first, const OwnPro
       if (!(curvature > 0)) break;
       Result<registration::Report> there =
           tried(with_aspect(best->calibration, std::clamp(-slope / curvature, -2 * step, 2 * step)));
-      if (!there || !all_placed(*there) || there->objective_after >= best->objective_after) continue;
+      if (!good(there) || there->objective_after >= best->objective_after) continue;
       best = std::move(there);
     }
     Result<registration::Report> fine =
         run(best->calibration, free, true, kRefinedWidth, 1 - begun, "registering the lenses");
-    return fine && all_placed(*fine) ? fine : best;
+    return good(fine) ? fine : best;
   }
   return light;
 }

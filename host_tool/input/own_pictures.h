@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -9,6 +10,10 @@
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
 #include "stitch/registration/registration.h"
+
+namespace nodal::autocalibration {
+struct Match;
+}
 
 namespace nodal::host {
 
@@ -32,6 +37,23 @@ Result<OwnPictureSets> own_pictures(const std::vector<std::string>& arguments);
 /// Called on the caller's thread with the share of the work that is done, and what is being done.
 using OwnProgress = std::function<void(double done, const std::string& what)>;
 
+/// A range of distances from the lens's axis in the first placed picture.
+struct LensRange {
+  double from_px = 0, to_px = 0;
+  double from_deg = 0, to_deg = 0;  ///< of the rays, with the lens that was found
+};
+
+/// Where points determine the lens.
+struct FoundLens {
+  std::string family;  ///< what is assumed of the lens elsewhere: "equidistant"; empty: nothing
+  LensRange seen;      ///< where there are points
+  LensRange known;     ///< where they determine the lens to 2 %; empty: nowhere
+  double unsure = 0;   ///< elsewhere, part of the distance from the axis
+  bool mostly = true;  ///< known over most of the radius
+  bool whole = true;   ///< known everywhere
+  std::string note;    ///< what of it is assumed, in whole sentences; empty: nothing
+};
+
 struct FirstCalibration {
   Calibration calibration;           ///< of the pictures that were placed, in their order
   std::vector<std::size_t> heads;    ///< their indices in the set
@@ -39,6 +61,8 @@ struct FirstCalibration {
   std::vector<DecodedImage> images;  ///< of these files
   std::string confidence;            ///< one sentence: how many were placed, by what, and how well they agree
   std::vector<std::string> notes;    ///< whole sentences: pictures left out, what could not be determined
+  std::shared_ptr<const std::vector<autocalibration::Match>> points;  ///< that agree; of the placed pictures
+  FoundLens lens;
 };
 
 /// The lens and the rotations of a set's heads by matched points; files[n] is of head names[n].
@@ -46,8 +70,10 @@ struct FirstCalibration {
 Result<FirstCalibration> first_calibration(const std::vector<std::string>& files, const std::vector<std::string>& names,
                                            const OwnProgress& progress);
 
-/// Registers the pictures as far as they determine it: the whole lens, else the focal lengths, else gains and fall-off
-/// only. A result counts only if it places every head and lets the pictures differ less than without it.
+/// Registers the pictures as far as they determine it: the whole lens, else the focal lengths, else rotations, else gains
+/// and fall-off only; of a lens that points do not determine over most of its radius, rotations at most. A result counts only if it places
+/// every head, lets the pictures differ less than without it, and agrees with the points as well as the first calibration:
+/// near things, which heads see in different directions, draw pictures away from them.
 Result<registration::Report> refined(const FirstCalibration& first, const OwnProgress& progress);
 
 }  // namespace nodal::host

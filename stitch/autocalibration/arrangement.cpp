@@ -6,6 +6,7 @@
 
 #include "protocol/base/angles.h"
 #include "stitch/autocalibration/bundle.h"
+#include "stitch/autocalibration/lens_choice.h"
 #include "stitch/parallel/workers.h"
 #include "stitch/registration/pair_start.h"
 
@@ -18,7 +19,8 @@ constexpr double kTolerance = 0.015;  // units of radius: how far a tried lens m
 constexpr int kLeast = 8;             // matches that connect two heads
 constexpr double kLeastShare = 0.12;  // of their matches
 constexpr std::size_t kFinalists = 5;
-constexpr double kCircle = 0.97;                            // of an image circle's radius
+constexpr double kTolerances = 6;  // standard deviations within which a match agrees with a fit
+constexpr double kCircle = 0.98;   // of an image circle's radius
 constexpr double kWidestFisheye = 142 * kRadiansPerDegree;  // from the axis; the widest ones see 280 degrees
 constexpr std::array<double, 2> kSigma{0.3, 0.15};          // of a lens's coefficients, about those that are tried;
 constexpr double kSameFocal = 0.1;    // part of it, by which equal lenses may differ in what cameras state
@@ -101,11 +103,48 @@ Start start_with(const SharedLens& lens, const std::vector<UnitMatch>& matches, 
 /// Whether anybody builds a fisheye with this angle at its circle.
 bool is_built(const SharedLens& lens) {
   const Result<LensRays> rays = LensRays::make(lens);
-  const auto edge = rays ? rays->ray({kCircle, 0}) : std::nullopt;
-  return !edge || edge->z() > std::cos(kWidestFisheye);  // the rising part of its model may end before the circle
+  const std::optional<double> edge = rays ? rays->angle(kCircle) : std::nullopt;
+  return edge && *edge < kWidestFisheye;
+}
+
+Arrangement arrangement_of(const BundleFit& best, const LensEvidence& evidence, const std::vector<Match>& matches) {
+  Arrangement found{best.state.lens, best.state.own, evidence, best.state.R_head_rig, {}, best.error};
+  std::vector<int> counts(found.R_head_rig.size());
+  for (std::size_t m = 0; m < matches.size(); ++m) {
+    if (!best.used[m]) continue;
+    found.used.push_back(matches[m]);
+    ++counts[matches[m].a];
+    ++counts[matches[m].b];
+  }
+  for (std::size_t h = 0; h < counts.size(); ++h) {
+    if (counts[h] < kLeast) found.R_head_rig[h].reset();
+  }
+  return found;
+}
+
+Error not_built() {
+  return {Errc::kNoCoverage,
+          "the points that pictures seem to have in common fit no lens that is built: give pictures that overlap more, "
+          "taken at the same place, or the lens's field of view (--nominal)"};
+}
+
+/// How many matches agree with each fit, near misses in part, by the tolerance of the most accurate one.
+std::vector<double> scores_of(const std::vector<BundleFit>& fits) {
+  double noise = fits.front().noise;
+  for (const BundleFit& fit : fits) noise = std::min(noise, fit.noise);
+  const double tolerance = kTolerances * noise;
+  std::vector<double> scores;
+  for (const BundleFit& fit : fits) {
+    double score = 0;
+    for (const double error : fit.errors) score += std::max(0.0, 1 - std::pow(error / tolerance, 2));
+    scores.push_back(score);
+  }
+  return scores;
 }
 
 }  // namespace
+
+SharedLens Arrangement::lens_of(std::size_t head) const { return BundleState{lens, {}, own}.lens_of(head); }
 
 geometry::Pixel Shape::center() const {
   return circle ? geometry::Pixel{circle->x, circle->y} : geometry::Pixel{width / 2.0, height / 2.0};
@@ -114,7 +153,7 @@ geometry::Pixel Shape::center() const {
 double Shape::unit() const { return circle ? circle->radius : std::max(width, height) / 2.0; }
 
 Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std::vector<Match>& matches, int threads,
-                                     const Trust& trust) {
+                                     const Checks& checks) {
   const std::vector<UnitMatch> units = in_units(shapes, matches);
   const bool circles = std::ranges::all_of(shapes, [](const Shape& shape) { return shape.circle.has_value(); });
   const bool anamorphic = 2 * std::ranges::count_if(shapes, may_be_anamorphic) > std::ssize(shapes);
@@ -131,7 +170,7 @@ Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std
   const parallel::Workers workers(threads);
   workers.run(static_cast<int>(lenses.size()), [&](int i) {
     const auto n = static_cast<std::size_t>(i);
-    starts[n] = start_with(lenses[n], units, shapes.size(), {});
+    starts[n] = start_with(lenses[n], units, shapes.size(), checks.quick);
   });
   std::ranges::stable_sort(starts, [](const Start& a, const Start& b) { return a.agreeing > b.agreeing; });
   if (starts.front().agreeing == 0) {
@@ -144,39 +183,39 @@ Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std
     const auto n = static_cast<std::size_t>(i);
     fits[n] = adjust(starts[n].state, units, rules_for(starts[n], starts[n].state.lens));
   });
-  const auto better = [](const BundleFit& a, const BundleFit& b) {
-    const auto count = [](const BundleFit& fit) { return std::ranges::count(fit.used, true); };
-    return count(a) != count(b) ? count(a) > count(b) : a.error < b.error;
-  };
-  const auto chosen = std::ranges::min_element(fits, better) - fits.begin();
-  BundleFit best = fits[static_cast<std::size_t>(chosen)];
-  if (trust) {
+  std::vector<double> scores = scores_of(fits);
+  for (std::size_t n = 0; n < fits.size(); ++n) {
+    if (circles && !is_built(fits[n].state.lens)) scores[n] = -1;
+  }
+  const auto chosen = static_cast<std::size_t>(std::ranges::max_element(scores) - scores.begin());
+  if (scores[chosen] < 0) {
+    return fail(not_built());
+  }
+  BundleState state = fits[chosen].state;
+  std::size_t first = starts[chosen].first;
+  if (checks.thorough) {
     // With a good lens the pictures themselves can be compared, and the rotations are found once more.
-    const Start again = start_with(best.state.lens, units, shapes.size(), trust);
+    Start again = start_with(state.lens, units, shapes.size(), checks.thorough);
     if (again.agreeing == 0) {
       return fail(Errc::kNoCoverage,
                   "what the pictures seem to have in common are things that repeat, such as windows or tiles: give "
                   "pictures that overlap more, taken at the same place");
     }
-    best = adjust(again.state, units, rules_for(again, starts[static_cast<std::size_t>(chosen)].state.lens));
+    state = std::move(again.state);
+    first = again.first;
   }
-  if (circles && !is_built(best.state.lens)) {
-    return fail(Errc::kNoCoverage,
-                "the points that the pictures seem to have in common fit no fisheye that is built: give pictures that "
-                "overlap more, taken at the same place, or the lens's field of view (--nominal)");
+  BundleRules last = rules_for(starts[chosen], starts[chosen].state.lens);
+  last.first = first;
+  const LensChoice choice = choose_lens(state, units, last);
+  const BundleFit best = choice.evidence.mostly() ? with_own_lenses(choice.fit, units, choice.rules) : choice.fit;
+  if (circles && !is_built(best.state.lens)) return fail(not_built());
+  if (circles && choice.evidence.nowhere()) {
+    return fail(
+        Errc::kNoCoverage,
+        "the few points that the pictures have in common do not determine the fisheyes' lens anywhere: give pictures "
+        "that overlap more, or the lens's field of view (--nominal)");
   }
-  Arrangement found{best.state.lens, best.state.R_head_rig, {}, best.error};
-  std::vector<int> counts(shapes.size());
-  for (std::size_t m = 0; m < matches.size(); ++m) {
-    if (!best.used[m]) continue;
-    found.used.push_back(matches[m]);
-    ++counts[matches[m].a];
-    ++counts[matches[m].b];
-  }
-  for (std::size_t h = 0; h < counts.size(); ++h) {
-    if (counts[h] < kLeast) found.R_head_rig[h].reset();
-  }
-  return found;
+  return arrangement_of(best, choice.evidence, matches);
 }
 
 }  // namespace nodal::autocalibration

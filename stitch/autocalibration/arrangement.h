@@ -8,7 +8,9 @@
 
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
+#include "stitch/autocalibration/lens_evidence.h"
 #include "stitch/autocalibration/matches.h"
+#include "stitch/autocalibration/unit_lens.h"
 
 namespace nodal::autocalibration {
 
@@ -25,31 +27,38 @@ struct Shape {
   double unit() const;
 };
 
-/// One lens for all heads; radii in units of each picture's Shape::unit().
-struct SharedLens {
-  KannalaBrandtLens model;
-  double aspect = 1;            ///< height of a unit / its width, as in the calibration
-  Eigen::Vector2d shift{0, 0};  ///< of the lens's axis from Shape::center(), units
+/// A head's lens, as far as it differs from the shared one.
+struct LensDifference {
+  double log_focal = 0;
+  Eigen::Vector2d shift{0, 0};  ///< of its axis, units
 };
 
 struct Arrangement {
   SharedLens lens;
+  std::vector<LensDifference> own;  ///< by head; empty: all lenses are equal
+  LensEvidence evidence;
   std::vector<std::optional<Eigen::Matrix3d>> R_head_rig;  ///< nothing for a head that matches do not connect
-  std::vector<Match> used;                                 ///< matches that agree
-  double error = 0;  ///< median distance of the used matches' two rays, units of radius
+
+  SharedLens lens_of(std::size_t head) const;
+  std::vector<Match> used;  ///< matches that agree
+  double error = 0;  ///< median distance of the used matches' points from where the other head says they are, units
 };
 
+/// How much a rotation between two pictures is to be trusted with a lens, 0: not at all. Empty: the number of matches decides.
 using Trust = std::function<double(std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a, const SharedLens& lens)>;
+struct Checks {
+  Trust quick;     ///< asked for every lens that is tried: how many matches agree
+  Trust thorough;  ///< asked with the best lens: how far the pictures show the same where they overlap
+};
 
 /// Tries lenses from tele to fisheye (Kannala-Brandt with two coefficients; pixels that are not square for the sizes of
 /// BT.601), and for each one finds the rotations on which most matches agree; the best of these starts go through a
-/// bundle adjustment of all rotations and the lens.
+/// bundle adjustment of all rotations and the lens. Lenses that nobody builds are refused. Where matches do not determine
+/// the lens, it is that of a family (see LensEvidence).
 ///
 /// Threading: thread-safe; starts `threads` of its own (0: one per core). The result does not depend on their number.
-/// `trust`: how far two pictures show the same where they overlap with this rotation and lens, 0: they do not; empty: the
-/// number of matches decides.
 /// Errors: kNoCoverage if no two pictures have enough matches in common.
 Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std::vector<Match>& matches, int threads,
-                                     const Trust& trust = {});
+                                     const Checks& checks = {});
 
 }  // namespace nodal::autocalibration

@@ -10,6 +10,7 @@
 #include "stitch/autocalibration/arrangement.h"
 #include "stitch/autocalibration/features.h"
 #include "stitch/autocalibration/image_circle.h"
+#include "stitch/autocalibration/in_common.h"
 #include "stitch/autocalibration/matches.h"
 #include "stitch/autocalibration/overlap.h"
 #include "stitch/autocalibration/upright.h"
@@ -138,6 +139,31 @@ Status turn_upright(const std::vector<Picture>& small, const std::vector<Eigen::
   return {};
 }
 
+std::vector<Match> all_matches(const std::vector<std::vector<Feature>>& features, const parallel::Workers& workers) {
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  for (std::size_t a = 0; a < features.size(); ++a) {
+    for (std::size_t b = a + 1; b < features.size(); ++b) pairs.emplace_back(a, b);
+  }
+  std::vector<std::vector<Match>> of_pair(pairs.size());
+  workers.run(static_cast<int>(pairs.size()), [&](int i) {
+    const auto n = static_cast<std::size_t>(i);
+    of_pair[n] = find_matches(pairs[n].first, features[pairs[n].first], pairs[n].second, features[pairs[n].second]);
+  });
+  std::vector<Match> matches;
+  for (const auto& own : of_pair) matches.insert(matches.end(), own.begin(), own.end());
+  return matches;
+}
+
+void add_points(const Arrangement& arrangement, Found& found) {
+  std::vector<std::size_t> place(arrangement.R_head_rig.size(), found.placed.size());
+  for (std::size_t n = 0; n < found.placed.size(); ++n) place[found.placed[n]] = n;
+  for (Match match : arrangement.used) {
+    match.a = place[match.a];
+    match.b = place[match.b];
+    if (std::max(match.a, match.b) < found.placed.size()) found.points.push_back(match);
+  }
+}
+
 }  // namespace
 
 Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std::vector<std::string>& names,
@@ -171,24 +197,19 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
     for (Feature& feature : features[n]) feature.pixel = {feature.pixel.x * scale, feature.pixel.y * scale};
   });
   tell(0.5);
-  std::vector<std::pair<std::size_t, std::size_t>> pairs;
-  for (std::size_t a = 0; a < count; ++a) {
-    for (std::size_t b = a + 1; b < count; ++b) pairs.emplace_back(a, b);
-  }
-  std::vector<std::vector<Match>> of_pair(pairs.size());
-  workers.run(static_cast<int>(pairs.size()), [&](int i) {
-    const auto n = static_cast<std::size_t>(i);
-    of_pair[n] = find_matches(pairs[n].first, features[pairs[n].first], pairs[n].second, features[pairs[n].second]);
-  });
-  std::vector<Match> matches;
-  for (const auto& own : of_pair) matches.insert(matches.end(), own.begin(), own.end());
+  const std::vector<Match> matches = all_matches(features, workers);
   tell(0.7);
   const Overlaps overlaps(shapes, small);
-  const auto trust = [&](std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a, const SharedLens& lens) {
-    const double correlation = overlaps.correlation(a, b, R_b_a, lens);
+  const InCommon common(shapes, features, matches);
+  const auto matched = [&](std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a, const SharedLens& lens) {
+    return common.agreeing(a, b, R_b_a, lens);
+  };
+  const auto alike = [&](std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a, const SharedLens& lens) {
+    if (common.agreeing(a, b, R_b_a, lens) == 0) return 0.0;
+    const double correlation = overlaps.correlation(a, b, R_b_a, lens, lens);
     return correlation > kLeastCorrelation ? correlation : 0;
   };
-  const Result<Arrangement> arrangement = find_arrangement(shapes, matches, options.threads, trust);
+  const Result<Arrangement> arrangement = find_arrangement(shapes, matches, options.threads, {matched, alike});
   if (!arrangement) return fail(arrangement.error());
   if (const Status good = check_different(arrangement->used, count, names); !good) return fail(good.error());
   tell(0.9);
@@ -199,17 +220,21 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
     const auto& R = arrangement->R_head_rig[h];
     if (!R) continue;
     found.placed.push_back(h);
-    found.calibration.heads.push_back(head_of(shapes[h], arrangement->lens, *R, names[h]));
+    found.calibration.heads.push_back(head_of(shapes[h], arrangement->lens_of(h), *R, names[h]));
   }
   for (std::size_t i = 0; i < found.placed.size(); ++i) {
     for (std::size_t j = i + 1; j < found.placed.size(); ++j) {
       const std::size_t a = found.placed[i], b = found.placed[j];
       const Eigen::Matrix3d R_b_a = *arrangement->R_head_rig[b] * arrangement->R_head_rig[a]->transpose();
-      if (trust(a, b, R_b_a, arrangement->lens) == 0) found.doubtful.emplace_back(i, j);
+      if (overlaps.correlation(a, b, R_b_a, arrangement->lens_of(a), arrangement->lens_of(b)) <= kLeastCorrelation)
+        found.doubtful.emplace_back(i, j);
     }
   }
   found.matches = static_cast<int>(arrangement->used.size());
   found.error_px = arrangement->error * shapes.front().unit();
+  found.lens = arrangement->evidence;
+  if (!found.placed.empty()) found.unit_px = shapes[found.placed.front()].unit();
+  add_points(*arrangement, found);
   if (const Status good = check_calibration(found.calibration); !good) return fail(good.error());
   if (const Status turned = turn_upright(small, options.up, found); !turned) return fail(turned.error());
   tell(1);

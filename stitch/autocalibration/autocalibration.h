@@ -15,6 +15,8 @@
 #include "protocol/base/units.h"
 #include "protocol/calibration.h"
 #include "protocol/calibration_limits.h"
+#include "stitch/autocalibration/lens_evidence.h"
+#include "stitch/autocalibration/matches.h"
 #include "stitch/autocalibration/stance.h"
 
 namespace nodal::autocalibration {
@@ -37,6 +39,9 @@ struct Found {
   /// Pictures (indices into `placed`) that overlap and do not show the same there.
   std::vector<std::pair<std::size_t, std::size_t>> doubtful;
   UpBasis up = UpBasis::kLight;  ///< what decided which way is up
+  LensEvidence lens;             ///< where the points determine the lens
+  double unit_px = 1;            ///< of the radii in `lens`, original pixels of the first placed picture
+  std::vector<Match> points;     ///< those that agree; heads are indices into `placed`
 };
 
 /// `pictures`: taken at one place by equal lenses, grey (kGrey8), at least two. `names`: of the heads.

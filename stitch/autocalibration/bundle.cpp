@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <utility>
 
 #include "stitch/geometry/rotation.h"
@@ -14,224 +13,280 @@ namespace nodal::autocalibration {
 namespace {
 
 using Eigen::Matrix3d;
+using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr int kLensUnknowns = 6;            // log focal, two coefficients, log aspect, the axis's shift
-constexpr double kSlope = 1e-5;             // for derivatives by the lens
 constexpr double kFarthest = 0.05;          // units; a match that is farther off is an outlier
-constexpr double kNearest = 0.001;          // units; features are not more accurate than this
+constexpr double kNearest = 0.0004;         // units; features are not more accurate than this
+constexpr double kRayleighMedian = 1.1774;  // of the length of an error, in standard deviations along an axis
+constexpr double kOutlier = 6;              // standard deviations
+constexpr double kLinear = 2;               // from here on Huber's norm is linear
 constexpr double kStatedFocalSigma = 0.1;   // of its logarithm: stated for infinity, and rounded to whole millimetres
 constexpr double kAspectSigma = 0.01;       // of its logarithm, about the prior's
 constexpr double kMostAspectChange = 0.05;  // of it
-constexpr double kPixelsPerUnit = 1000;     // a lens's focal length must be at least one pixel
-constexpr int kMostSteps = 60;
+constexpr int kRounds = 8;
+constexpr int kStepsARound = 8;
 constexpr double kEnough = 1e-7;
+constexpr int kOwnUnknowns = 3;  // log focal, the axis's shift
+constexpr double kBigBlob =
+    3;  // px of the picture in which features are found: a blob of this scale has a spread of sqrt(2)
 
-SharedLens changed(const SharedLens& lens, int unknown, double by) {
-  SharedLens other = lens;
-  if (unknown == 0) other.model.focal *= std::exp(by);
-  else if (unknown == 3) other.aspect *= std::exp(by);
-  else if (unknown > 3) other.shift[unknown - 4] += by;
-  else other.model.k[static_cast<std::size_t>(unknown - 1)] += by;
-  return other;
+SharedLens moved_lens(SharedLens lens, const Eigen::Matrix<double, kLensUnknowns, 1>& step) {
+  const auto by = [&](int unknown) { return std::clamp(step[unknown], -0.1, 0.1); };
+  lens.model.focal *= std::exp(by(kLogFocal));
+  lens.model.k[0] += by(kFirstRadial);
+  lens.model.k[1] += by(kFirstRadial + 1);
+  lens.aspect *= std::exp(by(kLogAspect));
+  lens.shift += Vector2d(by(kShift), by(kShift + 1));
+  return lens;
+}
+
+Matrix3d cross_matrix(const Vector3d& v) {
+  Matrix3d cross;
+  cross << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return cross;
+}
+
+/// The lenses of a state's heads; empty if one of them is impossible.
+std::vector<LensRays> lenses_of(const BundleState& state) {
+  std::vector<LensRays> all;
+  const std::size_t heads = state.R_head_rig.size();
+  if (state.own.empty()) {
+    if (const Result<LensRays> lens = LensRays::make(state.lens)) all.assign(heads, *lens);
+    return all;
+  }
+  for (std::size_t h = 0; h < heads; ++h) {
+    const Result<LensRays> lens = LensRays::make(state.lens_of(h));
+    if (!lens) return {};
+    all.push_back(*lens);
+  }
+  return all;
 }
 
 class Bundle {
  public:
   Bundle(const BundleState& start, const std::vector<UnitMatch>& matches, const BundleRules& rules)
       : matches_(matches), rules_(rules) {
-    int count = kLensUnknowns;
+    Eigen::Index count = kLensUnknowns;
     for (std::size_t h = 0; h < start.R_head_rig.size(); ++h) {
-      columns_.push_back(-1);
-      if (!start.R_head_rig[h] || h == rules.first) continue;
-      columns_.back() = count;
-      count += 3;
+      const bool turns = start.R_head_rig[h] && h != rules.first;
+      turns_.push_back(turns ? count : -1);
+      count += turns ? 3 : 0;
+      const bool own = rules.own_sigma > 0 && start.R_head_rig[h];
+      own_.push_back(own ? count : -1);
+      count += own ? kOwnUnknowns : 0;
     }
     fixed_.assign(static_cast<std::size_t>(count), false);
-    fixed_[3] = !rules.free_aspect;
+    fixed_[kLogAspect] = !rules.free_aspect;
   }
 
   BundleFit run(BundleState start);
 
  private:
-  bool joined(const BundleState& state, const UnitMatch& match) const {
-    return state.R_head_rig[match.a] && state.R_head_rig[match.b];
-  }
-  std::vector<double> errors(const BundleState& state) const;
+  /// What a residual depends on, and how.
+  struct Row {
+    std::array<Eigen::Index, kLensUnknowns + 2 * (3 + kOwnUnknowns)> at{};
+    Eigen::Matrix<double, 2, kLensUnknowns + 2 * (3 + kOwnUnknowns), Eigen::RowMajor> slope;
+    std::size_t count = 0;
+    template <class Block>
+    void add(Eigen::Index first, const Block& block) {
+      for (Eigen::Index k = 0; first >= 0 && k < block.cols(); ++k, ++count) {
+        at[count] = first + k;
+        slope.col(static_cast<Eigen::Index>(count)) = block.col(k);
+      }
+    }
+  };
   void reweigh(const BundleState& state);
   solve::Evaluation evaluate(const BundleState& state) const;
+  /// Adds the error of where `to` sees what `from` sees at a point. False if a lens does not reach that far.
+  bool add(const LensRays::RaySlopes& from, std::size_t from_head, const LensRays& to_lens, std::size_t to_head,
+           const Vector2d& seen, const Matrix3d& R_to_from, double weight, solve::Evaluation& sum) const;
+  void add_priors(const BundleState& state, solve::Evaluation& sum) const;
   BundleState moved(const BundleState& from, const Eigen::VectorXd& step) const;
 
   const std::vector<UnitMatch>& matches_;
   BundleRules rules_;
-  std::vector<int> columns_;  // of a head's turn; -1: fixed
+  std::vector<Eigen::Index> turns_, own_;  // a head's first unknown of each kind; -1: none
   std::vector<bool> fixed_;
   std::vector<double> weights_;
-  double noise_ = 0;
+  double noise_ = 0, limit_ = kFarthest;
 };
 
-// The distance of a match's two rays, in units of radius near the lens's axis.
-std::vector<double> Bundle::errors(const BundleState& state) const {
-  std::vector<double> all(matches_.size(), std::numeric_limits<double>::infinity());
-  const Result<LensRays> rays = LensRays::make(state.lens);
-  if (!rays) return all;
-  for (std::size_t m = 0; m < matches_.size(); ++m) {
-    const UnitMatch& match = matches_[m];
-    if (!joined(state, match)) continue;
-    const auto a = rays->ray(match.at_a), b = rays->ray(match.at_b);
-    if (!a || !b) continue;
-    all[m] = state.lens.model.focal *
-             (state.R_head_rig[match.a]->transpose() * *a - state.R_head_rig[match.b]->transpose() * *b).norm();
-  }
-  return all;
-}
-
 void Bundle::reweigh(const BundleState& state) {
-  const std::vector<double> all = errors(state);
+  const std::vector<double> all = errors_of(state, matches_);
   std::vector<double> near;
   for (const double error : all) {
-    if (error < kFarthest) near.push_back(error);
+    if (error < limit_) near.push_back(error);
   }
-  noise_ = std::max(kNearest, 1.2 * solve::median(near));  // Rayleigh's median is 1.177 sigma
-  const double limit = std::min(kFarthest, 5 * noise_);
-  const solve::Huber huber{2 * noise_};
+  noise_ = std::max(kNearest, solve::median(near) / kRayleighMedian);
+  limit_ = std::min(limit_, kOutlier * noise_);
+  const solve::Huber huber{kLinear * noise_};
   weights_.clear();
-  for (const double error : all) weights_.push_back(error < limit ? huber.weight(error) : 0);
+  for (std::size_t m = 0; m < all.size(); ++m) {
+    const double spread = matches_[m].spread;
+    weights_.push_back(all[m] < limit_ ? huber.weight(all[m]) / (2 * spread * spread) : 0);  // each error counts twice
+  }
 }
 
-solve::Evaluation Bundle::evaluate(const BundleState& state) const {
-  const int count = static_cast<int>(fixed_.size());
-  solve::Evaluation sum{solve::NormalEquations(count)};
-  const auto impossible = [&] {
-    sum.cost = solve::kImpossible;
-    return sum;
+bool Bundle::add(const LensRays::RaySlopes& from, std::size_t from_head, const LensRays& to_lens, std::size_t to_head,
+                 const Vector2d& seen, const Matrix3d& R_to_from, double weight, solve::Evaluation& sum) const {
+  const Vector3d ray = R_to_from * from.ray;
+  const auto to = to_lens.point_slopes(ray);
+  if (!to) return false;
+  const Eigen::Matrix<double, 2, 3> by_from = to->by_ray * R_to_from;
+  const Eigen::Matrix<double, 2, kLensUnknowns> through_from = by_from * from.by_lens;
+  Row row;
+  row.add(0, Eigen::Matrix<double, 2, kLensUnknowns>(through_from + to->by_lens));
+  // If a head turns by w, a ray r that is fixed in the rig becomes r + w x r in the head.
+  row.add(turns_[from_head], Eigen::Matrix<double, 2, 3>(by_from * cross_matrix(from.ray)));
+  row.add(turns_[to_head], Eigen::Matrix<double, 2, 3>(-to->by_ray * cross_matrix(ray)));
+  const auto own_columns = [](const Eigen::Matrix<double, 2, kLensUnknowns>& by_lens) {
+    Eigen::Matrix<double, 2, kOwnUnknowns> own;
+    own << by_lens.col(kLogFocal), by_lens.col(kShift), by_lens.col(kShift + 1);
+    return own;
   };
-  const Result<LensRays> rays = LensRays::make(state.lens);
-  if (!rays) return impossible();
-  std::vector<std::array<LensRays, 2>> beside;
-  for (int k = 0; k < kLensUnknowns; ++k) {
-    const Result<LensRays> more = LensRays::make(changed(state.lens, k, kSlope));
-    const Result<LensRays> less = LensRays::make(changed(state.lens, k, -kSlope));
-    if (!more || !less) return impossible();
-    beside.push_back({*more, *less});
+  row.add(own_[from_head], own_columns(through_from));
+  row.add(own_[to_head], own_columns(to->by_lens));
+  const Vector2d off = to->at - seen;
+  for (Eigen::Index k = 0; k < 2; ++k) {
+    sum.equations.add(std::span(row.at).first(row.count), std::span(row.slope.row(k).data(), row.count), off[k],
+                      weight);
   }
-  using Rows = Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>;
-  Rows J(3, count);
-  const double focal = state.lens.model.focal;
-  for (std::size_t m = 0; m < matches_.size(); ++m) {
-    if (weights_[m] == 0) continue;
-    const UnitMatch& match = matches_[m];
-    J.setZero();
-    Vector3d error = Vector3d::Zero();
-    const auto add = [&](std::size_t head, const Eigen::Vector2d& at, double sign) {
-      const auto ray = rays->ray(at);
-      if (!ray) return false;
-      const Matrix3d back = state.R_head_rig[head]->transpose();
-      error += sign * (back * *ray);
-      if (columns_[head] >= 0) {
-        // If the head turns by w, its ray r is at R^T r + R^T (r x w) in the rig.
-        Matrix3d cross;
-        cross << 0, -ray->z(), ray->y(), ray->z(), 0, -ray->x(), -ray->y(), ray->x(), 0;
-        J.block<3, 3>(0, columns_[head]) += sign * focal * (back * cross);
-      }
-      for (int k = 0; k < kLensUnknowns; ++k) {
-        const auto more = beside[static_cast<std::size_t>(k)][0].ray(at),
-                   less = beside[static_cast<std::size_t>(k)][1].ray(at);
-        if (more && less) J.col(k) += sign * focal / (2 * kSlope) * (back * (*more - *less));
-      }
-      return true;
-    };
-    if (!add(match.a, match.at_a, 1) || !add(match.b, match.at_b, -1)) return impossible();
-    error *= focal;
-    J.col(0) += error;  // the unit of the error is the focal length
-    for (Eigen::Index k = 0; k < 3; ++k) sum.equations.add(J.row(k).data(), error[k], weights_[m]);
-  }
+  return true;
+}
+
+void Bundle::add_priors(const BundleState& state, solve::Evaluation& sum) const {
   const auto hold = [&](Eigen::Index unknown, double off, double sigma) {
     const double one = 1;
     sum.equations.add(std::span(&unknown, 1), std::span(&one, 1), off, std::pow(noise_ / sigma, 2));
   };
-  if (rules_.stated_focal > 0) hold(0, std::log(state.lens.model.focal / rules_.stated_focal), kStatedFocalSigma);
-  for (std::size_t k = 0; k < rules_.sigma.size(); ++k) {
-    hold(static_cast<Eigen::Index>(k) + 1, state.lens.model.k[k] - rules_.prior.model.k[k], rules_.sigma[k]);
+  if (rules_.stated_focal > 0) {
+    hold(kLogFocal, std::log(state.lens.model.focal / rules_.stated_focal), kStatedFocalSigma);
   }
-  hold(3, std::log(state.lens.aspect / rules_.prior.aspect), kAspectSigma);
-  for (int k = 0; k < 2; ++k) hold(4 + k, state.lens.shift[k], rules_.shift_sigma);
+  for (std::size_t k = 0; k < rules_.sigma.size(); ++k) {
+    hold(kFirstRadial + static_cast<Eigen::Index>(k), state.lens.model.k[k] - rules_.prior.model.k[k], rules_.sigma[k]);
+  }
+  hold(kLogAspect, std::log(state.lens.aspect / rules_.prior.aspect), kAspectSigma);
+  for (int k = 0; k < 2; ++k) hold(kShift + k, state.lens.shift[k], rules_.shift_sigma);
+  for (std::size_t h = 0; h < own_.size(); ++h) {
+    if (own_[h] < 0) continue;
+    hold(own_[h], state.own[h].log_focal, rules_.own_sigma);
+    for (int k = 0; k < 2; ++k) hold(own_[h] + 1 + k, state.own[h].shift[k], rules_.own_sigma);
+  }
+}
+
+solve::Evaluation Bundle::evaluate(const BundleState& state) const {
+  solve::Evaluation sum{solve::NormalEquations(static_cast<int>(fixed_.size()))};
+  const auto impossible = [&] {
+    sum.cost = solve::kImpossible;
+    return sum;
+  };
+  const std::vector<LensRays> lenses = lenses_of(state);
+  if (lenses.empty()) return impossible();
+  for (std::size_t m = 0; m < matches_.size(); ++m) {
+    if (weights_[m] == 0) continue;
+    const UnitMatch& match = matches_[m];
+    const auto a = lenses[match.a].ray_slopes(match.at_a), b = lenses[match.b].ray_slopes(match.at_b);
+    if (!a || !b) return impossible();
+    const Matrix3d R_b_a = *state.R_head_rig[match.b] * state.R_head_rig[match.a]->transpose();
+    const bool good = add(*a, match.a, lenses[match.b], match.b, match.at_b, R_b_a, weights_[m], sum) &&
+                      add(*b, match.b, lenses[match.a], match.a, match.at_a, R_b_a.transpose(), weights_[m], sum);
+    if (!good) return impossible();
+  }
+  add_priors(state, sum);
   sum.cost = sum.equations.cost();
   return sum;
 }
 
 BundleState Bundle::moved(const BundleState& from, const Eigen::VectorXd& step) const {
   BundleState state = from;
-  for (int k = 0; k < kLensUnknowns; ++k) state.lens = changed(state.lens, k, std::clamp(step[k], -0.1, 0.1));
+  state.lens = moved_lens(from.lens, step.head<kLensUnknowns>());
   const double most = std::exp(kMostAspectChange);
   state.lens.aspect = std::clamp(state.lens.aspect, rules_.prior.aspect / most, rules_.prior.aspect * most);
-  for (std::size_t h = 0; h < columns_.size(); ++h) {
-    if (columns_[h] < 0) continue;
-    state.R_head_rig[h] = geometry::rotation_about(step.segment<3>(columns_[h])) * *from.R_head_rig[h];
+  for (std::size_t h = 0; h < turns_.size(); ++h) {
+    if (turns_[h] >= 0) {
+      state.R_head_rig[h] = geometry::rotation_about(step.segment<3>(turns_[h])) * *from.R_head_rig[h];
+    }
+    if (own_[h] >= 0) {
+      state.own[h].log_focal += step[own_[h]];
+      state.own[h].shift += step.segment<2>(own_[h] + 1);
+    }
   }
   return state;
 }
 
 BundleFit Bundle::run(BundleState start) {
-  // ReweightedProblem has no fixed unknowns; each round holds its weights.
-  BundleFit fit{std::move(start), {}, 0};
-  constexpr int kRounds = 6;
-  for (int round = 0; round < kRounds; ++round) {
+  BundleFit fit;
+  fit.state = std::move(start);
+  if (rules_.own_sigma > 0) fit.state.own.resize(fit.state.R_head_rig.size());
+  for (int round = 0; round < kRounds; ++round) {  // each one holds its weights
     reweigh(fit.state);
     auto end = solve::descend(
         fit.state, [this](const BundleState& state) { return evaluate(state); },
         [this](const BundleState& from, const Eigen::VectorXd& step) { return moved(from, step); }, fixed_,
-        {.most_steps = kMostSteps / kRounds, .enough = kEnough, .first_damping = 1e-6});
+        {.most_steps = kStepsARound, .enough = kEnough, .first_damping = 1e-6});
     fit.state = std::move(end.state);
   }
   reweigh(fit.state);
-  const std::vector<double> all = errors(fit.state);
+  fit.errors = errors_of(fit.state, matches_);
+  fit.noise = noise_;
   std::vector<double> used;
-  for (std::size_t m = 0; m < all.size(); ++m) {
+  for (std::size_t m = 0; m < fit.errors.size(); ++m) {
     fit.used.push_back(weights_[m] > 0);
-    if (fit.used.back()) used.push_back(all[m]);
+    if (fit.used.back()) used.push_back(fit.errors[m]);
   }
   fit.error = solve::median(used);
+  const solve::Evaluation at = evaluate(fit.state);
+  if (std::isfinite(at.cost)) {
+    fit.covariance = noise_ * noise_ * at.equations.covariance(fixed_).topLeftCorner<3, 3>();
+  }
+  for (std::size_t k = 0; k < rules_.sigma.size(); ++k) {
+    fit.held += std::pow((fit.state.lens.model.k[k] - rules_.prior.model.k[k]) / rules_.sigma[k], 2);
+  }
   return fit;
 }
 
 }  // namespace
 
+SharedLens BundleState::lens_of(std::size_t head) const {
+  SharedLens its = lens;
+  if (own.empty()) return its;
+  its.model.focal *= std::exp(own[head].log_focal);
+  its.shift += own[head].shift;
+  return its;
+}
+
 std::vector<UnitMatch> in_units(const std::vector<Shape>& shapes, const std::vector<Match>& matches) {
   const auto at = [&](std::size_t head, geometry::Pixel pixel) {
     const geometry::Pixel center = shapes[head].center();
-    return Eigen::Vector2d(Eigen::Vector2d(pixel.x - center.x, pixel.y - center.y) / shapes[head].unit());
+    return Vector2d(Vector2d(pixel.x - center.x, pixel.y - center.y) / shapes[head].unit());
   };
   std::vector<UnitMatch> all;
   all.reserve(matches.size());
   for (const Match& match : matches) {
-    all.push_back({match.a, match.b, at(match.a, match.pixel_a), at(match.b, match.pixel_b)});
+    const double blob = match.scale / kBigBlob;
+    all.push_back(
+        {match.a, match.b, at(match.a, match.pixel_a), at(match.b, match.pixel_b), std::sqrt(1 + blob * blob)});
   }
   return all;
 }
 
-Result<LensRays> LensRays::make(const SharedLens& lens) {
-  KannalaBrandtLens model = lens.model;
-  model.focal *= kPixelsPerUnit;
-  const Result<geometry::Lens> made = geometry::Lens::make(model);
-  if (!made) return fail(made.error());
-  return LensRays(*made, lens.aspect, lens.shift);
-}
-
-std::optional<Vector3d> LensRays::ray(const Eigen::Vector2d& at) const {
-  const double x = at.x() - shift_.x(), y = (at.y() - shift_.y()) / aspect_, r = std::hypot(x, y);
-  const std::optional<double> angle = lens_.angle(kPixelsPerUnit * r);
-  if (!angle) return std::nullopt;
-  const double s = r > 0 ? std::sin(*angle) / r : 0;
-  return Vector3d(s * x, s * y, std::cos(*angle));
-}
-
-std::optional<Eigen::Vector2d> LensRays::at(const Vector3d& ray) const {
-  const double side = std::hypot(ray.x(), ray.y());
-  const std::optional<double> radius = lens_.radius(std::atan2(side, ray.z()));
-  if (!radius) return std::nullopt;
-  const double s = side > 0 ? *radius / kPixelsPerUnit / side : 0;
-  return Eigen::Vector2d(s * ray.x() + shift_.x(), s * ray.y() * aspect_ + shift_.y());
+std::vector<double> errors_of(const BundleState& state, const std::vector<UnitMatch>& matches) {
+  std::vector<double> all(matches.size(), std::numeric_limits<double>::infinity());
+  const std::vector<LensRays> lenses = lenses_of(state);
+  if (lenses.empty()) return all;
+  for (std::size_t m = 0; m < matches.size(); ++m) {
+    const UnitMatch& match = matches[m];
+    if (!state.R_head_rig[match.a] || !state.R_head_rig[match.b]) continue;
+    const auto a = lenses[match.a].ray(match.at_a), b = lenses[match.b].ray(match.at_b);
+    if (!a || !b) continue;
+    const Matrix3d R_b_a = *state.R_head_rig[match.b] * state.R_head_rig[match.a]->transpose();
+    const auto in_b = lenses[match.b].at(R_b_a * *a), in_a = lenses[match.a].at(R_b_a.transpose() * *b);
+    if (!in_a || !in_b) continue;
+    const double square = ((*in_a - match.at_a).squaredNorm() + (*in_b - match.at_b).squaredNorm()) / 2;
+    all[m] = std::sqrt(square) / match.spread;
+  }
+  return all;
 }
 
 BundleFit adjust(BundleState start, const std::vector<UnitMatch>& matches, const BundleRules& rules) {

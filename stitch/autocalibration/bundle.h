@@ -1,8 +1,11 @@
-// The bundle adjustment of rotations and one lens that all heads share.
+// The bundle adjustment of rotations and lenses: one lens that all heads share, on request with small differences.
 #pragma once
 
+#include <array>
+#include <vector>
+
 #include "stitch/autocalibration/arrangement.h"
-#include "stitch/geometry/lens/lens.h"
+#include "stitch/autocalibration/unit_lens.h"
 
 namespace nodal::autocalibration {
 
@@ -10,35 +13,30 @@ namespace nodal::autocalibration {
 struct UnitMatch {
   std::size_t a = 0, b = 0;
   Eigen::Vector2d at_a, at_b;
+  double spread = 1;  ///< standard deviation, of that of the most accurate features
 };
 std::vector<UnitMatch> in_units(const std::vector<Shape>& shapes, const std::vector<Match>& matches);
-
-/// The ray of the head's frame that a point receives; nothing beyond the end of the lens.
-class LensRays {
- public:
-  /// Errors: kLensDomain, kBadValue for coefficients with which radii do not rise.
-  static Result<LensRays> make(const SharedLens& lens);
-  std::optional<Eigen::Vector3d> ray(const Eigen::Vector2d& at) const;
-  /// The point that receives a ray of the head's frame, which has length 1.
-  std::optional<Eigen::Vector2d> at(const Eigen::Vector3d& ray) const;
-
- private:
-  LensRays(geometry::Lens lens, double aspect, const Eigen::Vector2d& shift)
-      : lens_(std::move(lens)), aspect_(aspect), shift_(shift) {}
-  geometry::Lens lens_;
-  double aspect_;
-  Eigen::Vector2d shift_;
-};
 
 struct BundleState {
   SharedLens lens;
   std::vector<std::optional<Eigen::Matrix3d>> R_head_rig;
+  std::vector<LensDifference> own{};  ///< by head; empty: all lenses are equal
+
+  SharedLens lens_of(std::size_t head) const;
 };
+
+/// The distance, units of radius, of a match's points from where the other head's point says that they are (rms of both),
+/// divided by the match's spread; infinite if a head is not placed or a lens does not reach that far.
+std::vector<double> errors_of(const BundleState& state, const std::vector<UnitMatch>& matches);
 
 struct BundleFit {
   BundleState state;
-  std::vector<bool> used;  ///< by match
-  double error = 0;        ///< median distance of the used matches' two rays, units of radius
+  std::vector<double> errors;                            ///< by match, see errors_of()
+  std::vector<bool> used;                                ///< by match
+  double noise = 0;                                      ///< standard deviation of an error along x or y
+  double error = 0;                                      ///< median of the used matches' errors
+  double held = 0;                                       ///< what the lens's priors cost, squared standard deviations
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of log focal, k1 and k2 of the shared lens
 };
 
 struct BundleRules {
@@ -48,9 +46,11 @@ struct BundleRules {
   std::array<double, 2> sigma{};  ///< standard deviations of the lens's coefficients about those of `prior`
   double shift_sigma = 0;         ///< of the lens's axis, units of radius
   double stated_focal = 0;        ///< by the camera, units of radius; 0: it does not say
+  double own_sigma = 0;           ///< of a head's own log focal length and axis, units, about the shared ones; 0: none
 };
 
-/// Matches of heads without a rotation are not used.
+/// Minimizes the distances in the picture, with Huber's norm. Its scale begins wide and is annealed to what most matches
+/// agree within, so that outliers do not set it. Matches of heads without a rotation are not used.
 BundleFit adjust(BundleState start, const std::vector<UnitMatch>& matches, const BundleRules& rules);
 
 }  // namespace nodal::autocalibration

@@ -17,11 +17,7 @@ constexpr double kEdge = 10;      // most ratio of the principal curvatures
 constexpr double kDescribed = 6;  // the descriptor reaches this many scales from its point
 constexpr int kCells = 8;         // the picture is divided into this many cells each way
 constexpr double kDescriptorScale = 512;
-
-struct Scaled {
-  Feature feature;
-  double scale = 0;
-};
+constexpr double kSmallBlob = 1.5, kLargeBlob = 5;  // px, scales; those between are used first
 
 struct Delete {
   void operator()(VlSiftFilt* filter) const { vl_sift_delete(filter); }
@@ -41,7 +37,7 @@ std::array<std::uint8_t, kDescriptorSize> in_bytes(const std::array<float, kDesc
   return bytes;
 }
 
-void add_octave(VlSiftFilt& filter, const Region& region, std::vector<Scaled>& found) {
+void add_octave(VlSiftFilt& filter, const Region& region, std::vector<Feature>& found) {
   vl_sift_detect(&filter);
   const VlSiftKeypoint* keys = vl_sift_get_keypoints(&filter);
   for (int k = 0; k < vl_sift_get_nkeypoints(&filter); ++k) {
@@ -53,15 +49,22 @@ void add_octave(VlSiftFilt& filter, const Region& region, std::vector<Scaled>& f
     for (int t = 0; t < count; ++t) {
       std::array<float, kDescriptorSize> values{};
       vl_sift_calc_keypoint_descriptor(&filter, values.data(), &keys[k], turns[static_cast<std::size_t>(t)]);
-      found.push_back({{{x, y}, in_bytes(values)}, scale});
+      found.push_back({{x, y}, scale, in_bytes(values)});
     }
   }
+}
+
+/// Whether a blob of scale `a` is used before one of scale `b`: first the middle ones, then the large ones, then the small ones.
+bool before(double a, double b) {
+  const auto kind = [](double scale) { return scale < kSmallBlob ? 2 : scale > kLargeBlob ? 1 : 0; };
+  if (kind(a) != kind(b)) return kind(a) < kind(b);
+  return kind(a) == 1 ? a < b : a > b;
 }
 
 }  // namespace
 
 std::vector<Feature> find_features(const Picture& picture, const Region& region, std::size_t most) {
-  std::vector<Scaled> found;
+  std::vector<Feature> found;
   const std::unique_ptr<VlSiftFilt, Delete> filter(vl_sift_new(picture.width, picture.height, -1, kLevels, 0));
   if (!filter) return {};
   vl_sift_set_peak_thresh(filter.get(), kPeak);
@@ -70,12 +73,12 @@ std::vector<Feature> find_features(const Picture& picture, const Region& region,
        state = vl_sift_process_next_octave(filter.get())) {
     add_octave(*filter, region, found);
   }
-  std::ranges::stable_sort(found, [](const Scaled& a, const Scaled& b) { return a.scale > b.scale; });
-  // Every cell gives its largest, then every cell its second largest, and so on.
-  std::array<std::vector<const Scaled*>, std::size_t{kCells} * kCells> cells;
-  for (const Scaled& one : found) {
-    const int i = std::clamp(static_cast<int>(kCells * one.feature.pixel.x / picture.width), 0, kCells - 1);
-    const int j = std::clamp(static_cast<int>(kCells * one.feature.pixel.y / picture.height), 0, kCells - 1);
+  std::ranges::stable_sort(found, [](const Feature& a, const Feature& b) { return before(a.scale, b.scale); });
+  // Every cell gives its first, then every cell its second, and so on.
+  std::array<std::vector<const Feature*>, std::size_t{kCells} * kCells> cells;
+  for (const Feature& one : found) {
+    const int i = std::clamp(static_cast<int>(kCells * one.pixel.x / picture.width), 0, kCells - 1);
+    const int j = std::clamp(static_cast<int>(kCells * one.pixel.y / picture.height), 0, kCells - 1);
     cells[static_cast<std::size_t>(j * kCells + i)].push_back(&one);
   }
   std::vector<Feature> features;
@@ -83,7 +86,7 @@ std::vector<Feature> find_features(const Picture& picture, const Region& region,
     bool any = false;
     for (const auto& cell : cells) {
       if (rank >= cell.size() || features.size() == most) continue;
-      features.push_back(cell[rank]->feature);
+      features.push_back(*cell[rank]);
       any = true;
     }
     if (!any) break;

@@ -16,11 +16,13 @@ inline constexpr std::size_t kDescriptorSize = 128;
 
 struct Feature {
   geometry::Pixel pixel;
+  double scale = 1;  ///< of the blob, px of the picture in which it is found
   std::array<std::uint8_t, kDescriptorSize> descriptor{};
 };
 
-/// At most `most` features inside `region`, spread over the picture; those of large scale first, since they are found
-/// again more often. The same features in every run.
+/// At most `most` features inside `region`, spread over the picture; those of middle scale first: large blobs are found
+/// again more often, but their places are less accurate, and the smallest ones are often noise. The same features in every
+/// run.
 std::vector<Feature> find_features(const Picture& picture, const Region& region, std::size_t most);
 
 }  // namespace nodal::autocalibration

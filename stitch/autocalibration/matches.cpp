@@ -1,5 +1,6 @@
 #include "stitch/autocalibration/matches.h"
 
+#include <cmath>
 #include <cstdint>
 #include <limits>
 
@@ -59,7 +60,8 @@ std::vector<Match> find_matches(std::size_t a, const std::vector<Feature>& in_a,
   for (std::size_t i = 0; i < in_a.size(); ++i) {
     const std::size_t j = of_a[i].index;
     if (in_b.empty() || !of_a[i].clear() || of_b[j].index != i) continue;
-    matches.push_back({a, b, in_a[i].pixel, in_b[j].pixel});
+    matches.push_back({a, b, in_a[i].pixel, in_b[j].pixel,
+                       std::sqrt((in_a[i].scale * in_a[i].scale + in_b[j].scale * in_b[j].scale) / 2)});
   }
   return matches;
 }

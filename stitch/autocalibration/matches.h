@@ -10,6 +10,7 @@ namespace nodal::autocalibration {
 struct Match {
   std::size_t a = 0, b = 0;  ///< indices of pictures, a < b
   geometry::Pixel pixel_a, pixel_b;
+  double scale = 0;  ///< of the blobs, rms of both, px of the pictures in which they are found; 0: unknown
 };
 
 /// Matches of two pictures: each feature's descriptor is the other's nearest, and clearly nearer than the second

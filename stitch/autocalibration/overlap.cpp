@@ -61,9 +61,10 @@ Overlaps::Overlaps(const std::vector<Shape>& shapes, const std::vector<Picture>&
   }
 }
 
-double Overlaps::correlation(std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a, const SharedLens& lens) const {
-  const Result<LensRays> rays = LensRays::make(lens);
-  if (!rays) return 0;
+double Overlaps::correlation(std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a, const SharedLens& lens_a,
+                             const SharedLens& lens_b) const {
+  const Result<LensRays> rays = LensRays::make(lens_a), rays_b = LensRays::make(lens_b);
+  if (!rays || !rays_b) return 0;
   const Detail& in_a = details_[a];
   const Detail& in_b = details_[b];
   double n = 0, sa = 0, sb = 0, saa = 0, sbb = 0, sab = 0;
@@ -72,7 +73,7 @@ double Overlaps::correlation(std::size_t a, std::size_t b, const Eigen::Matrix3d
       const Eigen::Vector2d from = Eigen::Vector2d(x + 0.5, y + 0.5) - in_a.center;
       if (in_a.radius > 0 && from.norm() > in_a.radius) continue;
       const auto ray = rays->ray(from * in_a.scale);
-      const auto at = ray ? rays->at(R_b_a * *ray) : std::nullopt;
+      const auto at = ray ? rays_b->at(R_b_a * *ray) : std::nullopt;
       if (!at) continue;
       const Eigen::Vector2d to = *at / in_b.scale;
       if (in_b.radius > 0 && to.norm() > in_b.radius) continue;

@@ -21,12 +21,15 @@ constexpr double kAlike = 0.985;   // up to this cosine
 constexpr double kUprightTolerance = 1.5 * kRadiansPerDegree;  // at first,
 constexpr double kFinest = 0.3 * kRadiansPerDegree;            // and at the end
 constexpr double kWindow = 35 * kRadiansPerDegree;             // how far up may be from where the light comes from
-constexpr double kRingWindow = 12 * kRadiansPerDegree;         // or from a ring's axis
-constexpr double kRim = 0.06;                                  // of an image circle's radius; edges are not used there
+constexpr double kWideWindow = 60 * kRadiansPerDegree;         // the same for edges that are beyond doubt,
+constexpr double kWideStep = 2 * kRadiansPerDegree;
+constexpr double kRingWindow = 12 * kRadiansPerDegree;  // or from a ring's axis
+constexpr double kRim = 0.06;                           // of an image circle's radius; edges are not used there
 constexpr std::size_t kSectors = 12;
 constexpr double kHorizonWeight = 3;  // a horizon all around is rarely seen by chance, straight things more often
 constexpr double kStep = 1 * kRadiansPerDegree;
 constexpr double kSure = 150;           // standard deviations; textures and patterns reach 130
+constexpr double kBeyondDoubt = 1000;   // a horizon at sea has some thousands
 constexpr double kAllAround = 2.0 / 3;  // of the sectors that are seen; lines on the ground fill up to half, see below
 constexpr double kOften = 3;            // times as many edges as by chance,
 constexpr double kFew = 8;              // and so many more
@@ -196,13 +199,14 @@ bool all_around(const std::vector<Edge>& edges, const std::vector<geometry::Head
 }
 
 // The best direction within `window` of `start`, on which at least `least` agree.
-void search_around(const std::vector<Edge>& edges, const Vector3d& start, double window, Upright& found, double& best) {
+void search_around(const std::vector<Edge>& edges, const Vector3d& start, double window, double step, Upright& found,
+                   double& best) {
   const Vector3d side = start.unitOrthogonal(), other = start.cross(side);
-  const int steps = static_cast<int>(window / kStep);
+  const int steps = static_cast<int>(window / step);
   for (int i = -steps; i <= steps; ++i) {
     for (int j = -steps; j <= steps; ++j) {
       if (i * i + j * j > steps * steps) continue;
-      const Vector3d up = (start + std::tan(i * kStep) * side + std::tan(j * kStep) * other).normalized();
+      const Vector3d up = (start + std::tan(i * step) * side + std::tan(j * step) * other).normalized();
       const double score = agreement(edges, up, kUprightTolerance);
       if (score <= best) continue;
       best = score;
@@ -260,14 +264,25 @@ Upright find_upright(const std::vector<geometry::Head>& heads, const std::vector
   const std::optional<Vector3d> ring = ring_up(stance, light), upright = held_up(stance);
   double best = 0;
   if (ring) {
-    search_around(seen.edges, *ring, kRingWindow, found, best);
+    search_around(seen.edges, *ring, kRingWindow, kStep, found, best);
   } else {
-    search_around(seen.edges, light, kWindow, found, best);
-    if (upright) search_around(seen.edges, *upright, kWindow, found, best);
+    search_around(seen.edges, light, kWindow, kStep, found, best);
+    if (upright) search_around(seen.edges, *upright, kWindow, kStep, found, best);
   }
-  const bool many = best > kSure;
-  if (best > 0) refine(seen.edges, found);
-  if (many && all_around(seen.edges, heads, found.up)) {
+  const auto decided = [&](double least) {
+    const bool many = best > least;
+    if (best > 0) refine(seen.edges, found);
+    return many && all_around(seen.edges, heads, found.up);
+  };
+  bool edges = decided(kSure);
+  if (!edges && !ring) {
+    const Upright near = found;
+    best = 0;
+    search_around(seen.edges, light, kWideWindow, kWideStep, found, best);
+    edges = decided(kBeyondDoubt);
+    if (!edges) found = near;
+  }
+  if (edges) {
     found.basis = UpBasis::kEdges;
   } else if (ring) {
     found = {*ring, UpBasis::kRing};

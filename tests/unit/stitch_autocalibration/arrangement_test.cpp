@@ -175,11 +175,11 @@ TEST(Arrangement, ThingsThatRepeat_DeceiveMatchesButNotThePictures) {
     const Eigen::Matrix3d R_true = heads[b].R_head_rig() * heads[a].R_head_rig().transpose();
     return (R_b_a - R_true).norm() < 0.2 ? 0.9 : 0.0;
   };
-  const auto found = find_arrangement(shapes_of(truth), matches, 0, trust);
+  const auto found = find_arrangement(shapes_of(truth), matches, 0, {{}, trust});
   ASSERT_TRUE(found) << found.error().text();
   EXPECT_LT(test::rotation_error(truth, with_rotations(truth, *found)).max_deg, 0.2);
   const auto none =
-      find_arrangement(shapes_of(truth), matches, 0, [](auto, auto, const auto&, const auto&) { return 0.0; });
+      find_arrangement(shapes_of(truth), matches, 0, {{}, [](auto, auto, const auto&, const auto&) { return 0.0; }});
   ASSERT_FALSE(none);
   EXPECT_NE(none.error().message.find("repeat"), std::string::npos) << none.error().message;
 }

@@ -29,8 +29,8 @@ TEST(Overlap, RightRotations_AreToldFromWrongOnes) {
       const Eigen::Matrix3d R_b_a = heads[b].R_head_rig() * heads[a].R_head_rig().transpose();
       if (std::abs((R_b_a * Eigen::Vector3d::UnitZ()).z()) > 0.5) continue;  // opposite heads share nothing
       ++pairs;
-      EXPECT_GT(overlaps.correlation(a, b, R_b_a, lens), 0.7) << a << " " << b;
-      EXPECT_LT(overlaps.correlation(a, b, R_b_a * away, lens), 0.3) << a << " " << b;
+      EXPECT_GT(overlaps.correlation(a, b, R_b_a, lens, lens), 0.7) << a << " " << b;
+      EXPECT_LT(overlaps.correlation(a, b, R_b_a * away, lens, lens), 0.3) << a << " " << b;
     }
   }
   EXPECT_EQ(pairs, 12);
@@ -41,9 +41,12 @@ TEST(Overlap, TooFewRaysOrNoDetail_DoNotCount) {
   const Picture flat{100, 100, std::vector<float>(10000, 90)}, tiny{1, 1, {90}};
   const SharedLens lens{{1 / 0.6, {}}};
   const Eigen::Matrix3d apart = geometry::to_R_head_rig({180, 0, 0});
-  EXPECT_EQ(Overlaps(shapes, {flat, flat}).correlation(0, 1, apart, lens), Overlaps::kCannotTell) << "no ray is shared";
-  EXPECT_EQ(Overlaps(shapes, {tiny, tiny}).correlation(0, 1, Eigen::Matrix3d::Identity(), lens), Overlaps::kCannotTell);
-  EXPECT_EQ(Overlaps(shapes, {flat, flat}).correlation(0, 1, Eigen::Matrix3d::Identity(), lens), Overlaps::kCannotTell)
+  EXPECT_EQ(Overlaps(shapes, {flat, flat}).correlation(0, 1, apart, lens, lens), Overlaps::kCannotTell)
+      << "no ray is shared";
+  EXPECT_EQ(Overlaps(shapes, {tiny, tiny}).correlation(0, 1, Eigen::Matrix3d::Identity(), lens, lens),
+            Overlaps::kCannotTell);
+  EXPECT_EQ(Overlaps(shapes, {flat, flat}).correlation(0, 1, Eigen::Matrix3d::Identity(), lens, lens),
+            Overlaps::kCannotTell)
       << "no detail";
 }
 

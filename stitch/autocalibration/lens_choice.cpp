@@ -1,0 +1,188 @@
+#include "stitch/autocalibration/lens_choice.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <tuple>
+
+#include "stitch/solve/robust.h"
+
+namespace nodal::autocalibration {
+namespace {
+
+constexpr double kFamilyPart = 0.03;  // of the radius, standard deviation: how far lenses are from their family
+constexpr double kWideRange =
+    0.3;                      // units; a thinner range of seen radii may bend the family less: what it shows of the
+                              // bend is extrapolated, and so are errors by near things
+constexpr double kTold = 30;  // chi squared, by which a family must fit worse to be excluded
+constexpr double kOutlierChi = 36;   // chi squared of a match that counts as an outlier
+constexpr double kKnownPart = 0.02;  // of the radius, two standard deviations
+constexpr int kRadii = 200;
+constexpr double kInward = 1.5, kOutward = 0.25;  // of the seen radii's range: so far beyond it, matches hold the lens
+constexpr double kSeenTail = 0.02;  // part of the matches nearest to the axis, and farthest from it, that are left out
+constexpr double kOwnSigma = 0.01;  // of a head's log focal length, and of its axis, units, about the shared ones
+constexpr double kClearlyBetter = 0.96;
+constexpr int kFewestOfHead = 40;  // matches of a head, on average, for a lens of its own
+
+/// Of the matches that `counted` names.
+double chi_squared(const std::vector<double>& errors, const std::vector<bool>& counted, double noise) {
+  double sum = 0;
+  for (std::size_t m = 0; m < errors.size(); ++m) {
+    if (counted[m]) sum += std::min(kOutlierChi, errors[m] * errors[m] / (noise * noise));
+  }
+  return sum;
+}
+
+std::vector<double> radii_used(const BundleFit& fit, const std::vector<UnitMatch>& matches) {
+  std::vector<double> radii;
+  for (std::size_t m = 0; m < matches.size(); ++m) {
+    if (!fit.used[m]) continue;
+    for (const auto& [head, at] :
+         {std::pair(matches[m].a, matches[m].at_a), std::pair(matches[m].b, matches[m].at_b)}) {
+      const SharedLens lens = fit.state.lens_of(head);
+      radii.push_back(std::hypot(at.x() - lens.shift.x(), (at.y() - lens.shift.y()) / lens.aspect));
+    }
+  }
+  std::ranges::sort(radii);
+  return radii;
+}
+
+/// Of sorted radii, which are at least one: from where to where they are, without the outermost ones.
+std::pair<double, double> seen_range(const std::vector<double>& radii) {
+  const auto tail = static_cast<std::size_t>(kSeenTail * static_cast<double>(radii.size()));
+  return {radii[tail], radii[radii.size() - 1 - tail]};
+}
+
+/// The family's lens that has the start's angle at `radius`.
+std::optional<SharedLens> lens_of_family(Family family, const SharedLens& start, double radius) {
+  const Result<LensRays> rays = LensRays::make(start);
+  const std::optional<double> angle = rays ? rays->angle(radius) : std::nullopt;
+  SharedLens lens = start;
+  lens.model = family_lens(family);
+  const Result<LensRays> unit = LensRays::make(lens);
+  const std::optional<double> there = angle && unit ? unit->radius(*angle) : std::nullopt;
+  if (!there) return std::nullopt;
+  lens.model.focal = radius / *there;
+  return lens;
+}
+
+/// Where the lens is known: near radii at which there are matches, by the fit's covariance, and by the other families that
+/// are not excluded.
+void find_known(const BundleFit& fit, const std::vector<const BundleFit*>& others, LensEvidence& evidence) {
+  const Result<LensRays> rays = LensRays::make(fit.state.lens);
+  evidence.known_from = 1;
+  evidence.known_to = 0;
+  if (!rays) return;
+  const double range = evidence.seen_to - evidence.seen_from;
+  const double least = evidence.seen_from - kInward * range, most = evidence.seen_to + kOutward * range;
+  double from = 0;
+  bool within = false;
+  for (int i = 0; i < kRadii; ++i) {
+    const double radius = (i + 0.5) / kRadii;
+    const std::optional<double> angle = rays->angle(radius);
+    double unsure = 1;
+    if (angle) {
+      const double g = radius / fit.state.lens.model.focal;
+      const Eigen::Vector3d by(1, std::pow(*angle, 3) / g, std::pow(*angle, 5) / g);
+      unsure = 2 * std::sqrt(std::max(0.0, by.dot(fit.covariance * by)));
+      for (const BundleFit* other : others) {
+        const Result<LensRays> its = LensRays::make(other->state.lens);
+        const std::optional<double> there = its ? its->radius(*angle) : std::nullopt;
+        unsure = std::max(unsure, there ? std::abs(*there / radius - 1) : 1.0);
+      }
+    }
+
+    evidence.unsure = std::max(evidence.unsure, unsure);
+    const bool known = unsure < kKnownPart && radius > least && radius < most;
+    if (known && !within) from = i == 0 ? 0 : static_cast<double>(i) / kRadii;
+    within = known;
+    const double to = static_cast<double>(i + 1) / kRadii;
+    if (known && to - from > evidence.known_to - evidence.known_from) {
+      evidence.known_from = from;
+      evidence.known_to = to;
+    }
+  }
+}
+
+}  // namespace
+
+LensChoice choose_lens(const BundleState& start, const std::vector<UnitMatch>& matches, const BundleRules& rules) {
+  const BundleFit first = adjust(start, matches, rules);
+  const std::vector<double> radii = radii_used(first, matches);
+  const Result<LensRays> rays = LensRays::make(first.state.lens);
+  const std::optional<double> edge = rays ? rays->angle(1) : std::nullopt;
+  struct Tried {
+    Family family;
+    BundleFit fit;
+    BundleRules rules;
+    double chi = 0;
+  };
+  std::vector<Tried> all;
+  if (!radii.empty() && edge) {
+    const auto [nearest, farthest] = seen_range(radii);
+    const double thin = std::min(1.0, (farthest - nearest) / kWideRange);
+    for (const Family family : families_reaching(*edge)) {
+      const auto lens = lens_of_family(family, first.state.lens, radii[radii.size() / 2]);
+      if (!lens) continue;
+      BundleRules own = rules;
+      own.prior = *lens;
+      own.sigma = family_sigma(*edge, kFamilyPart * thin);
+      own.shift_sigma *= thin;
+      BundleState from = first.state;
+      from.lens = *lens;
+      all.push_back({family, adjust(std::move(from), matches, own), own});
+    }
+  }
+  if (all.empty()) {
+    LensEvidence none;
+    if (radii.empty()) none.known_to = 0;
+    return {first, rules, none};
+  }
+  double noise = all.front().fit.noise;
+  for (const Tried& one : all) noise = std::min(noise, one.fit.noise);
+  double least = std::numeric_limits<double>::infinity();
+  std::vector<bool> counted(matches.size());
+  for (const Tried& one : all) {
+    for (std::size_t m = 0; m < counted.size(); ++m) counted[m] = counted[m] || one.fit.used[m];
+  }
+  for (Tried& one : all) {
+    one.chi = chi_squared(one.fit.errors, counted, noise) + one.fit.held;
+    least = std::min(least, one.chi);
+  }
+  const auto possible = [&](const Tried& one) { return one.chi < least + kTold; };
+
+  const Tried& chosen = *std::ranges::find_if(all, possible);
+  std::vector<const BundleFit*> others;
+  for (const Tried& one : all) {
+    if (&one != &chosen && possible(one)) others.push_back(&one.fit);
+  }
+  LensChoice choice{chosen.fit, chosen.rules, {}};
+  choice.evidence.family = family_name(chosen.family);
+  if (const std::vector<double> seen = radii_used(chosen.fit, matches); !seen.empty()) {
+    std::tie(choice.evidence.seen_from, choice.evidence.seen_to) = seen_range(seen);
+  }
+  find_known(chosen.fit, others, choice.evidence);
+  return choice;
+}
+
+BundleFit with_own_lenses(const BundleFit& fit, const std::vector<UnitMatch>& matches, BundleRules rules) {
+  const auto heads = std::ranges::count_if(fit.state.R_head_rig, [](const auto& R) { return R.has_value(); });
+  if (heads < 3 || std::ranges::count(fit.used, true) * 2 < kFewestOfHead * heads) return fit;
+  BundleRules own = rules;
+  own.own_sigma = kOwnSigma;
+  own.prior = fit.state.lens;
+  std::vector<double> shared_errors, own_errors;
+  for (const std::size_t half : {std::size_t{0}, std::size_t{1}}) {
+    std::vector<UnitMatch> fitted, kept;
+    for (std::size_t m = 0; m < matches.size(); ++m) {
+      if (!fit.used[m]) continue;
+      (m % 2 == half ? fitted : kept).push_back(matches[m]);
+    }
+    for (const double error : errors_of(adjust(fit.state, fitted, rules).state, kept)) shared_errors.push_back(error);
+    for (const double error : errors_of(adjust(fit.state, fitted, own).state, kept)) own_errors.push_back(error);
+  }
+  if (solve::median(own_errors) > kClearlyBetter * solve::median(shared_errors)) return fit;
+  return adjust(fit.state, matches, own);
+}
+
+}  // namespace nodal::autocalibration
