@@ -327,6 +327,8 @@ TEST_F(StitchCommand, PicturesAlone_GiveTheSphereAndTheCalibration) {
   write("own/notes.txt", "not a picture");
   const Json answer = nodal_json({"stitch", path("own"), "--width", "512", "-o", path("town.png")}).at(0);
   EXPECT_NE(answer["confidence"].get<std::string>().find("6 of 6 pictures placed"), std::string::npos) << answer;
+  EXPECT_NE(answer["confidence"].get<std::string>().find("° from the lens's axis"), std::string::npos) << "says where";
+  EXPECT_GT(answer["lens"]["seen_deg"][1], answer["lens"]["seen_deg"][0]) << answer;
   EXPECT_TRUE(std::filesystem::exists(path("town.report.html")));
   const auto found = parse_calibration(read("town.rig.json"));
   ASSERT_TRUE(found) << found.error().text();

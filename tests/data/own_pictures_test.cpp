@@ -117,6 +117,14 @@ TEST_F(OwnPictures, GoproFusion_FieldOfViewAndHorizon) {
   // The maker's parameters: 190 degrees at a radius of 765 px about (779, 742).
   const double at_circle = *geometry::Lens::make(head.lens).value().angle(765) * 360 / std::numbers::pi;
   EXPECT_NEAR(at_circle, 190, 5);
+  // The pictures share some degrees at their rims: nothing else of the lens counts as known.
+  const FoundLens& lens = first->lens;
+  EXPECT_FALSE(lens.whole);
+  EXPECT_GT(lens.known.from_deg, 75);
+  EXPECT_LT(lens.known.to_px, 760) << "no point is farther out than 740 px";
+  EXPECT_NE(first->confidence.find("° from the lens's axis"), std::string::npos) << first->confidence;
+  EXPECT_NE(first->calibration.comment.find("elsewhere it is assumed to be equidistant"), std::string::npos);
+  EXPECT_EQ(std::ranges::count(first->notes, lens.note), 1);
   EXPECT_NEAR(head.center_x, 779, 15);
   EXPECT_NEAR(head.center_y, 742, 15);
   // Six points of the horizon, read off the maker's own stitch, lie on a circle about this direction.
