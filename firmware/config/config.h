@@ -56,7 +56,7 @@ struct DeviceConfig {
   int width = 0;  ///< with height; 0: as the device comes
   int height = 0;
   std::string input;                ///< empty: as the device comes
-  std::string standard;             ///< likewise
+  std::string standard;             ///< empty: as the device comes
   std::int32_t gain_step_mdb = 0;   ///< 0: its gain is left as it is
   std::optional<Duration> readout;  ///< nothing: one frame period
   bool separate_fields = false;     ///< each field in a buffer of its own

@@ -34,7 +34,7 @@ constexpr auto kKinds = std::to_array<RequestKind>({
     {What::kPullStop, "pull_stop", kView},    // a host can only name its own streams
     {What::kFrameSet, "frame_set", kView, kNever, kNever, std::nullopt, Turn::kFrameSets},
     {What::kAuditLog, "audit_log", kControl},  // names users and processes
-    {What::kHosts, "hosts", kControl},         // likewise
+    {What::kHosts, "hosts", kControl},         // names users and processes
     {What::kHostEnd, "host_end", kControl, kNever, kNever, std::nullopt, Turn::kNone, kImportant},
     {What::kDevices, "devices", kControl},  // opens devices
     {What::kTakeStart, "take_start", kControl, kNever, kAlways, kTakes},

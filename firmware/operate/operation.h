@@ -173,7 +173,7 @@ class Operation {
   };
   TakeAtStart take_at_start_;
   std::string take_problem_;  ///< the newest that was logged
-  std::string no_disk_;       ///< likewise
+  std::string no_disk_;       ///< the newest reason for no disk that was logged
 
   Ticket next_ticket_ = 1;
   std::map<Ticket, Open> open_;

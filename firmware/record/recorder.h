@@ -59,7 +59,7 @@ class Recorder {
   struct Counts {
     std::atomic<std::uint64_t> sets{0};          ///< since nodald started, all takes
     std::atomic<std::uint64_t> lost_sets{0};     ///< no room in the ring
-    std::atomic<std::uint64_t> lost_raymaps{0};  ///< likewise
+    std::atomic<std::uint64_t> lost_raymaps{0};  ///< no room in the ring
     std::atomic<std::uint64_t> placeholders{0};  ///< frames
     std::atomic<std::uint64_t> set_bytes{0};     ///< of the newest recorded set
   };

@@ -12,7 +12,7 @@ namespace {
 using take::PieceHashes;
 using Bytes = std::vector<std::uint8_t>;
 
-/// As in rig.toml and in the evidence.
+/// The word for it in rig.toml and in the evidence.
 std::string_view fields_name(Fields fields) {
   if (fields == Fields::kTopFirst) return "top-first";
   return fields == Fields::kBottomFirst ? "bottom-first" : "progressive";

@@ -97,7 +97,7 @@ struct TakeReport {
   std::optional<std::uint64_t> recording;
   Instant since;
   std::uint64_t sets = 0;            ///< of the take that is being recorded
-  std::uint64_t lost_sets = 0;       ///< likewise
+  std::uint64_t lost_sets = 0;       ///< of the take that is being recorded
   std::uint64_t lost_by_errors = 0;  ///< part of them: an error of the disk, not its speed
   std::uint64_t lost_raymaps = 0;
   bool leaves_out_raymaps = false;   ///< because the buffer is too full

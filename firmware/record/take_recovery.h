@@ -47,7 +47,7 @@ class TakeRecovery {
   bool waits(std::uint64_t take) const { return std::ranges::find(waiting_, take) != waiting_.end(); }
   /// The take is deleted, or is recovered already. Not for the one that runs.
   void forget(std::uint64_t take) { std::erase(waiting_, take); }
-  /// Likewise all that wait: their disk is no longer there.
+  /// Forgets all that wait: their disk is no longer there.
   void forget_all() { waiting_.clear(); }
 
   /// Ends the running recovery when it is done; else begins the next one, if `begin`.

@@ -135,7 +135,7 @@ class TakeShelf {
   std::size_t holds_ = 0;
   bool looked_ = false;                    ///< at the disk
   std::optional<std::uint64_t> identity_;  ///< of the disk that the list is of; empty: none is there
-  std::optional<std::uint64_t> ejected_;   ///< likewise, of the disk that is left alone
+  std::optional<std::uint64_t> ejected_;   ///< of the disk that was ejected and is left alone; empty: none was
   std::uint64_t disks_ = 0;
   std::string problem_;
   std::string contested_;  ///< takes wait for their recovery, and another nodald has claimed the disk

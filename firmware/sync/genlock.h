@@ -81,7 +81,7 @@ struct GenlockReport {
   std::uint64_t missing = 0;              ///< pulses whose number was skipped
   hal::TriggerCounts losses_of_port;      ///< since the port was made
   Duration spread;                        ///< of mid-exposures, of the newest set with every present head in it
-  Duration spread_worst;                  ///< likewise, of the sets while locked, since the genlock was started
+  Duration spread_worst;                  ///< the largest since the genlock was started, of sets while locked
   std::uint64_t losses = 0;               ///< times it was lost, since start
   std::uint64_t holdovers = 0;            ///< times it coasted, since start
   std::optional<std::int32_t> drift_ppb;  ///< of the pulses, or of the heads in free run; see SyncEvidence

@@ -91,7 +91,7 @@ Result<ProjectPicture> project_picture(const std::string& project, const std::st
 }
 
 Result<FoundPictures> project_pictures(const std::string& project, const std::vector<std::string>& images,
-                                         PicturePlaces places) {
+                                       PicturePlaces places) {
   FoundPictures pictures;
   std::size_t moved = 0;
   std::string first;

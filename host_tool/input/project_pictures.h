@@ -36,6 +36,6 @@ struct FoundPictures {
 
 /// The same for several.
 Result<FoundPictures> project_pictures(const std::string& project, const std::vector<std::string>& images,
-                                         PicturePlaces places);
+                                       PicturePlaces places);
 
 }  // namespace nodal::host

@@ -20,8 +20,8 @@ std::string number(const char* form, double value) {
 }
 
 std::string displaced(double size_px) {
-  return "where heads overlap, their pictures are displaced against each other by about " + number(size_px < 1 ? "%.2f" : "%.1f", size_px) +
-         " px (rms), and no rotation removes that";
+  return "where heads overlap, their pictures are displaced against each other by about " +
+         number(size_px < 1 ? "%.2f" : "%.1f", size_px) + " px (rms), and no rotation removes that";
 }
 
 }  // namespace

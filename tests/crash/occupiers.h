@@ -15,7 +15,7 @@ enum class Occupation : std::uint8_t {
   kStatus,
   kHeads,
   kGenlock,   ///< shown
-  kExposure,  ///< likewise
+  kExposure,  ///< shown
   kHosts,
   kDevices,
   kCalibrationList,

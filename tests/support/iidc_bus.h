@@ -38,7 +38,7 @@ class IidcBus final : public hal::iidc::Bus, public hal::sim::PulseSink {
 
   // Faults. The functions may block, and are called without a lock; set them while nothing uses the camera.
   std::function<int(std::uint64_t offset)> before_read;                        ///< an errno makes it fail
-  std::function<int(std::uint64_t offset, std::uint32_t value)> before_write;  ///< likewise
+  std::function<int(std::uint64_t offset, std::uint32_t value)> before_write;  ///< an errno makes it fail
   void ignore_writes(std::uint32_t offset);  ///< to a command register: it is acknowledged and does nothing
   void lose(std::uint32_t frame);            ///< the camera counts it and does not send it
   void tear(std::uint32_t frame);            ///< half of it arrives

@@ -17,7 +17,7 @@ struct Confinement {
   /// Files, and folders with everything beneath. One that is not there is left out; a symbolic link is followed. To follow none,
   /// open the folder and name it "/proc/self/fd/7".
   std::vector<std::string> read{};
-  /// Likewise; files in these folders may also be written, made, renamed and removed.
+  /// As `read`, and files in these folders may also be written, made, renamed and removed.
   std::vector<std::string> write{};
   /// Programs that may be started. They keep these restrictions. Empty: none, and execve() is denied.
   std::vector<std::string> execute{};

@@ -106,7 +106,7 @@ System& kernel();
 
 /// What a refused claim means and what to do about it, in one sentence that names the line.
 Error explain_claim(System& system, const LineName& line, int error);
-/// Likewise for a failed read or write of a claimed line; `doing` says what was tried, such as "writing".
+/// What a failed read or write of a claimed line means and what to do about it; `doing` says what was tried, such as "writing".
 Error explain_use(const LineName& line, const std::string& doing, int error);
 
 }  // namespace nodal::hal::gpio

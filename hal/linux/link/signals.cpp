@@ -31,7 +31,7 @@ SignalOutcome outcome_of(int signal) {
     case SIGXCPU:  // RLIMIT_CPU's soft limit; the hard limit is SIGKILL
       return SignalOutcome::kEnds;
     case SIGPIPE:  // an error of write() reports it
-    case SIGXFSZ:  // likewise: RLIMIT_FSIZE
+    case SIGXFSZ:  // RLIMIT_FSIZE; an error of write() reports it
     case SIGALRM:
     case SIGVTALRM:
     case SIGPROF:

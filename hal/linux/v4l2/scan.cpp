@@ -84,7 +84,7 @@ class Question {
       if ((each.id & standard) == 0) continue;
       found_.standard = FrameRate::make(each.frameperiod.denominator, each.frameperiod.numerator);
       if (!found_.standard) odd("reports a standard with a frame period that cannot be");
-      // As in negotiation.h: M/NTSC transmits the bottom field first.
+      // M/NTSC transmits the bottom field first.
       found_.fields = (standard & V4L2_STD_525_60) != 0 ? Fields::kBottomFirst : Fields::kTopFirst;
       return;
     }

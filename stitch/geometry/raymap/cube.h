@@ -39,7 +39,7 @@ class Cube final : public RaymapLayout {
   ///   left front right back
   ///        down
   static Result<std::unique_ptr<RaymapLayout>> make_cross(RaymapSize size, std::int64_t pad);
-  /// As in v360's eac: left front right / down back up, the second row turned.
+  /// The layout that FFmpeg's v360 calls eac: left front right / down back up, the second row turned.
   static Result<std::unique_ptr<RaymapLayout>> make_equiangular(RaymapSize size, std::int64_t pad);
 
   std::string_view name() const override { return plan_.name; }
