@@ -28,6 +28,7 @@ struct Options {
   std::int64_t quiet_s = 120, attack_s = 3600;
   bool timed = true;  ///< whether speeds are tested too
   bool turns = false, quick = false;
+  std::string kind;  ///< of --turns
 };
 
 void print_header() {
@@ -118,7 +119,8 @@ constexpr const char* kHelp =
     "  --quiet S    seconds before and after (120)\n"
     "  --attack S   seconds of attacks (3600)\n"
     "  --turns      instead: how long one `nodal` waits while other hosts keep what it asks for\n"
-    "  --quick      with --turns: only with as many hosts as there may be\n"
+    "  --quick      with --turns: only with more hosts than there may be\n"
+    "  --kind NAME  with --turns: only this kind of request\n"
     "  --untimed    only memory, log, settings and replies are judged: for a machine that is busy\n";
 
 bool parse(int argc, char** argv, Options& options) {
@@ -129,8 +131,8 @@ bool parse(int argc, char** argv, Options& options) {
       continue;
     }
     const char* text = i + 1 < argc ? argv[++i] : "";
-    if (flag == "--rig") {
-      options.rig = text;
+    if (flag == "--rig" || flag == "--kind") {
+      (flag == "--rig" ? options.rig : options.kind) = text;
       continue;
     }
     std::int64_t value = 0;
@@ -150,7 +152,7 @@ int main(int argc, char** argv) {
   using namespace nodal::crash;
   Options options;
   if (parse(argc, argv, options))
-    return options.turns ? (run_turns(options.timed, options.quick) == 0 ? 0 : 1) : run(options);
+    return options.turns ? (run_turns(options.timed, options.quick, options.kind) == 0 ? 0 : 1) : run(options);
   std::fputs(kHelp, stderr);
   return 2;
 }

@@ -1,5 +1,7 @@
 #include "turns.h"
 
+#include <sys/wait.h>
+
 #include <algorithm>
 #include <chrono>
 #include <csignal>
@@ -112,6 +114,19 @@ class TurnsRig {
     });
   }
 
+  /// Why nodald is not there any more, with the end of its log; empty: it is.
+  std::string why_gone() const {
+    siginfo_t about{};
+    if (::waitid(P_PID, static_cast<id_t>(process_->pid()), &about, WEXITED | WNOHANG | WNOWAIT) != 0)
+      return "no child";
+    if (about.si_pid == 0) return {};
+    std::ifstream in(folder.path / "log");
+    const std::string log{std::istreambuf_iterator<char>(in), {}};
+    constexpr std::size_t kEnd = 2000;
+    return (about.si_code == CLD_EXITED ? "exit code " : "signal ") + std::to_string(about.si_status) + "\n" +
+           log.substr(log.size() - std::min(log.size(), kEnd));
+  }
+
   bool stop() {
     process_->signal(SIGTERM);
     return process_->wait(20s).code == 0;
@@ -132,9 +147,10 @@ struct Waits {
 /// Seconds that each command takes without other hosts: what they take themselves is no wait.
 using Alone = std::map<std::string, double>;
 
-Waits run_all(const RigFolder& folder, Alone& alone, bool measures_alone) {
+Waits run_all(const RigFolder& folder, Alone& alone, bool measures_alone, bool quick) {
   Waits waits;
   for (const HonestCommand& command : honest_commands(folder)) {
+    if (quick && command.name == "disk test") continue;  // it lasts a second
     std::filesystem::remove_all(folder.path / "copies");
     std::filesystem::remove(folder.path / "got.json");
     std::filesystem::remove(folder.path / "pulled.jpg");
@@ -159,7 +175,7 @@ Waits run_all(const RigFolder& folder, Alone& alone, bool measures_alone) {
 
 }  // namespace
 
-int run_turns(bool timed, bool quick) {
+int run_turns(bool timed, bool quick, const std::string& only) {
   TurnsRig rig;
   if (!rig.start()) {
     std::printf("FAILED: the rig cannot be set up\n");
@@ -168,7 +184,7 @@ int run_turns(bool timed, bool quick) {
   std::ofstream(rig.folder.path / "other.json") << to_json(scenario::small_calibration("other"));
   Alone alone;
   int failures = 0;
-  for (const std::string& failed : run_all(rig.folder, alone, true).failed) {
+  for (const std::string& failed : run_all(rig.folder, alone, true, quick).failed) {
     std::printf("FAILED without other hosts: %s\n", failed.c_str());
     ++failures;
   }
@@ -177,11 +193,12 @@ int run_turns(bool timed, bool quick) {
   const Occupiers::Target target{rig.folder.socket(), (rig.folder.path / "view").string(), slow_calibration()};
   for (int k = 0; k < kOccupations; ++k) {
     const auto kind = static_cast<Occupation>(k);
+    if (!only.empty() && name_of(kind) != only) continue;
     for (const int hosts : quick ? std::vector<int>{16} : std::vector<int>{1, 4, 16}) {
       Occupiers others(kind, hosts, target);
       // Further ones take each other's places.
       rig.wait_for_hosts(std::min(hosts, kind == Occupation::kFrameSetsViewOnly ? 6 : 11));
-      const Waits waits = run_all(rig.folder, alone, false);
+      const Waits waits = run_all(rig.folder, alone, false, quick);
       std::printf("%-34s %6d %10.2f  %-18s %10.2f  %s\n", std::string(name_of(kind)).c_str(), hosts, waits.read,
                   waits.slowest_read.c_str(), waits.exclusive, waits.slowest_exclusive.c_str());
       for (const std::string& failed : waits.failed) std::printf("FAILED: %s\n", failed.c_str());
@@ -190,6 +207,10 @@ int run_turns(bool timed, bool quick) {
         std::printf("FAILED: reads may wait for %.0f s, exclusive requests for %.0f s\n", kReadWithin,
                     kExclusiveWithin);
         ++failures;
+      }
+      if (const std::string why = rig.why_gone(); !why.empty()) {
+        std::printf("FAILED: nodald is gone: %s\n", why.c_str());
+        return failures + 1;
       }
       if (!others.running()) {
         std::printf("FAILED: the other hosts died\n");

@@ -16,6 +16,7 @@
 #include "protocol/take/limits.h"
 #include "stitch/media/take/take_folder.h"
 #include "take_film.h"
+#include "tests/support/failing_disk.h"
 
 namespace nodal::firmware {
 namespace {
@@ -227,6 +228,35 @@ TEST(RecoveryLimits, TheDiskFailsAtAnyCall_TheNextRecoveryHasAllThatIsThere) {
     const auto manifest = first ? first : there ? stored_manifest(*disk, "000042") : recover_take(*disk, "000042");
     ASSERT_TRUE(manifest) << "call " << call << ": " << manifest.error().text();
     EXPECT_EQ(manifest->sets, expected) << "call " << call;
+    EXPECT_EQ(check(*disk, *manifest), expected) << "call " << call;
+    EXPECT_TRUE(read_all(*disk)) << "call " << call;
+  }
+  EXPECT_GT(failures, 5U);
+}
+
+/// One that fails once may work the next time, so nothing is given up for it.
+TEST(RecoveryLimits, AnyOpenOrReadFailsOnce_NothingIsLostAndTheErrorNamesTheFile) {
+  SimDisk recorded;
+  record(recorded, film(8), false);
+  std::uint64_t expected = 0, failures = 0;
+  {
+    const auto disk = recorded.after_kill();
+    expected = recover_take(*disk, "000042").value().sets;
+  }
+  for (std::uint64_t call = 0;; ++call) {
+    const auto disk = recorded.after_kill();
+    test::FailingDisk failing(*disk, call);
+    const auto first = recover_take(failing, "000042");
+    if (failing.calls() <= call) break;  // it makes no such call
+    if (!first) {
+      ++failures;
+      EXPECT_NE(first.error().message.find(failing.failed()), std::string::npos)
+          << "call " << call << ", of " << failing.failed() << ": " << first.error().message;
+    }
+    const bool there = disk->size("000042/manifest").has_value();
+    const auto manifest = first ? first : there ? stored_manifest(*disk, "000042") : recover_take(*disk, "000042");
+    ASSERT_TRUE(manifest) << "call " << call << ", of " << failing.failed() << ": " << manifest.error().text();
+    EXPECT_EQ(manifest->sets, expected) << "call " << call << ", of " << failing.failed();
     EXPECT_EQ(check(*disk, *manifest), expected) << "call " << call;
     EXPECT_TRUE(read_all(*disk)) << "call " << call;
   }
