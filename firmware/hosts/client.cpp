@@ -32,7 +32,9 @@ Client::Client(std::uint64_t number, std::unique_ptr<hal::LinkPort> link, Access
 std::string Client::who() const {
   const auto identity = this->identity();
   if (!identity) return name_;
-  return "user " + std::to_string(identity->user) + ", process " + std::to_string(identity->process) + ", " + name_;
+  // A socket's name of its peer ends with both already.
+  return "user " + std::to_string(identity->user) + ", process " + std::to_string(identity->process) + ", " +
+         name_.substr(0, name_.rfind(" (process "));
 }
 
 std::string Client::party() const {

@@ -5,6 +5,7 @@
 #include "firmware/record/head_coder.h"
 #include "firmware/record/take_keeper.h"
 #include "firmware/record/take_writer.h"
+#include "firmware/record/waiting_tickets.h"
 
 namespace nodal::firmware {
 
@@ -29,7 +30,7 @@ std::uint64_t TakeKeeper::set_bytes(const HeadShapes& heads, std::optional<TakeM
 Status TakeKeeper::begin_test(std::uint64_t ticket, const TakeRequest::TestDisk& what, Instant now) {
   if (writing_) return fail(Errc::kBusy, "a take is being recorded; test the disk when none is");
   if (test_) {  // one test answers all who wait, and lasts no longer than they asked for
-    test_->tickets.push_back(ticket);
+    if (const auto oldest = let_wait(test_->tickets, ticket)) answer(*oldest, fail(too_many_wait()));
     test_->test->end_after(std::max(what.length, TakeRequest::TestDisk::kShared));
     return {};
   }

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "firmware/record/take_writer.h"
+#include "firmware/record/waiting_tickets.h"
 #include "protocol/base/text.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/limits.h"
@@ -60,7 +61,7 @@ TakeKeeper::TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& r
       places_seams_(places_seams),
       requests_(64),
       calibrations_(2),
-      answers_(64 + 4),
+      answers_(64 + 3 * kMaxWaitingTickets),
       shelf_(disk, config.takes->loop, confined),
       rate_(config.rate) {
   report_.loop = config_.takes->loop;
@@ -327,7 +328,7 @@ void TakeKeeper::end(Instant now) {
 
 void TakeKeeper::answer(std::uint64_t ticket, Result<Answered> result) {
   const bool pushed = answers_.push({ticket, std::move(result)});
-  NODAL_ASSERT(pushed);  // it has room for all requests
+  NODAL_ASSERT(pushed);  // it has room for all requests, and for all that wait
 }
 
 void TakeKeeper::publish(Instant now) {

@@ -3,11 +3,13 @@
 
 #include "firmware/record/take_keeper.h"
 #include "firmware/record/take_writer.h"
+#include "firmware/record/waiting_tickets.h"
 #include "protocol/take/documents.h"
 
 namespace nodal::firmware {
 
 bool TakeKeeper::take_request(Instant now) {
+  if (answers_.full()) return false;
   const auto request = requests_.pop();
   if (!request) return false;
   auto done = run(*request, now);
@@ -45,7 +47,7 @@ Result<std::optional<TakeKeeper::Answered>> TakeKeeper::run(const TakeRequest& r
   if (std::holds_alternative<TakeRequest::Eject>(request.what)) {
     if (test_) end_test(fail(Errc::kCancelled, "the disk was ejected"));
     ejected_take_ = 0;
-    ejecting_.push_back(request.ticket);
+    if (const auto oldest = let_wait(ejecting_, request.ticket)) answer(*oldest, fail(too_many_wait()));
     if (writing_) tell_to_end("ejected");
     return std::optional<Answered>();
   }
