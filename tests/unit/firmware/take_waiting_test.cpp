@@ -11,7 +11,7 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr int kMany = 80;
+constexpr int kVanished = 80;
 
 /// All but the newest are refused while they wait, the newest have the result.
 void expect_newest_answered(const std::vector<TakeAnswer>& answers, int asked) {
@@ -33,13 +33,13 @@ TEST(TakeWaiting, HostsAskForATestOfTheDiskAndAreGone_TheNewestAreAnsweredAndThe
   test.length = Duration::seconds(10);
   test.heads.assign(TakeStage::kStageHeads, HeadShape{PixelFormat::kGrey8, 320, 240});
   std::vector<TakeAnswer> answers;
-  for (int k = 0; k < kMany; ++k) {
+  for (int k = 0; k < kVanished; ++k) {
     stage.request(test);
     stage.run(Duration::milliseconds(1));
     if (k >= static_cast<int>(kMaxWaitingTickets)) answers.push_back(stage.next_answer());
   }
   for (std::size_t k = 0; k < kMaxWaitingTickets; ++k) answers.push_back(stage.next_answer());
-  expect_newest_answered(answers, kMany);
+  expect_newest_answered(answers, kVanished);
   EXPECT_TRUE(stage.start().result);
 }
 
@@ -49,14 +49,14 @@ TEST(TakeWaiting, HostsAskToEjectWhileAFileIsReadAndAreGone_TheNewestAreAnswered
   TakeStage stage(disk, clock, {});
   ASSERT_TRUE(stage.in_use().begin_read());
   std::vector<TakeAnswer> answers;
-  for (int k = 0; k < kMany; ++k) {
+  for (int k = 0; k < kVanished; ++k) {
     stage.request(TakeRequest::Eject{});
     stage.run(Duration::milliseconds(1));
     if (k >= static_cast<int>(kMaxWaitingTickets)) answers.push_back(stage.next_answer());
   }
   stage.in_use().end_read();
   for (std::size_t k = 0; k < kMaxWaitingTickets; ++k) answers.push_back(stage.next_answer());
-  expect_newest_answered(answers, kMany);
+  expect_newest_answered(answers, kVanished);
 }
 
 }  // namespace
