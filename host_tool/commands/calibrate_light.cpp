@@ -7,6 +7,7 @@
 #include "host_tool/commands/command.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
+#include "host_tool/input/pictures.h"
 #include "host_tool/input/registration_input.h"
 
 namespace nodal::host {
@@ -99,7 +100,8 @@ Status run_calibrate_light(Context& context, const CalibrateLightArgs& args) {
   if (!rig) return fail(rig.error().in(args.file));
   std::vector<std::string> names;
   for (const HeadCalibration& head : rig->heads) names.push_back(head.name);
-  Result<PictureSets> pictures = interruptible(context.console(), [&] { return read_pictures(args.pictures, names); });
+  Result<PictureSets> pictures =
+      interruptible(context.console(), [&] { return read_pictures(args.pictures, names, linear_heads(*rig)); });
   if (!pictures) return fail(pictures.error());
   if (!args.stops.empty() && args.stops.size() != pictures->sets.size()) {
     return fail(Errc::kBadValue, fmt::format("--stops has {} numbers for {} sets of pictures; give one for each",

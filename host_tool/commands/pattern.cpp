@@ -71,7 +71,7 @@ Status run_pattern(Context& context, const PatternArgs& args) {
                                        (size->height_mm - 2 * args.margin_mm) / spec.height);
     const int pixels_per_meter = paper ? static_cast<int>(std::lround(1000 / printed_mm)) : 0;
     bytes = media::png_file({raster.width, raster.height, 1, 8, raster.values},
-                            {media::PngNotes::Numbers::kSrgb, pixels_per_meter, about, {}, 6});
+                            {SampleMeaning::srgb(), pixels_per_meter, about, {}, 6});
   } else {
     return fail(Errc::kBadValue, fmt::format("--out {}: end it in .png or .pdf", args.out));
   }

@@ -6,13 +6,11 @@
 #include <filesystem>
 #include <optional>
 
+#include "host_tool/commands/result_file.h"
 #include "host_tool/console/files.h"
 #include "host_tool/rig/wire_json.h"
+#include "protocol/base/decoded_image.h"
 #include "protocol/base/image.h"
-#include "stitch/media/gpano.h"
-#include "stitch/media/image_file.h"
-#include "stitch/media/png_writer.h"
-#include "stitch/media/tiff/tiff_writer.h"
 
 namespace nodal::host {
 namespace {
@@ -28,31 +26,17 @@ std::optional<PixelFormat> raw_format(const std::string& coding) {
   return std::nullopt;
 }
 
-/// A raymap as grey or RGB pixels, and what a file says about it.
-struct Encodable {
-  DecodedImage image;
-  std::string comment;
-  std::string xmp;
-};
-
-Result<Encodable> encodable(const ReceivedRaymap& raymap) {
+Result<std::vector<std::uint8_t>> encode_received(const ReceivedRaymap& raymap, RaymapFormat as) {
   const wire::RaymapHeader& header = raymap.header;
   const std::optional<PixelFormat> format = raw_format(header.coding());
   if (!format) return fail(Errc::kUnsupported, fmt::format("a raymap of coding '{}'", header.coding()));
-  Encodable source;
-  source.image = {*format, static_cast<int>(header.width()), static_cast<int>(header.height()), raymap.bytes};
-  if (has_chroma(*format)) source.image = media::convert_image(source.image.view(), PixelFormat::kRgb24);
-  if (header.layout() == "equirectangular") {
-    source.xmp = media::gpano_packet(source.image.width, source.image.height);
-  }
-  if (!is_linear16(*format)) return source;
-  source.comment = "Numbers are proportional to light.";
-  if (header.has_full_exposure_ns()) {
-    source.comment +=
-        fmt::format(" full_exposure_ns={}: at 0 dB, the shutter by which the light of 65535 fills a sample.",
-                    header.full_exposure_ns());
-  }
-  return source;
+  DecodedImage image{*format, static_cast<int>(header.width()), static_cast<int>(header.height()), raymap.bytes};
+  if (is_linear16(*format)) image.meaning = SampleMeaning::linear();
+  if (header.has_full_exposure_ns()) image.meaning.full_exposure_ns = header.full_exposure_ns();
+  ResultFile file;
+  file.format = as;
+  file.whole_sphere = header.layout() == "equirectangular";
+  return encode_result(image, file);
 }
 
 }  // namespace
@@ -142,23 +126,15 @@ Status check_raymap(const ReceivedRaymap& raymap) {
 }
 
 Result<std::vector<std::uint8_t>> encode_png(const ReceivedRaymap& raymap) {
-  const Result<Encodable> source = encodable(raymap);
-  if (!source) return fail(source.error().in("PNG"));
-  const DecodedImage& image = source->image;
-  media::PngNotes notes;
-  notes.effort = kPngEffort;
-  notes.xmp = source->xmp;
-  notes.comment = source->comment;
-  const bool linear = is_linear16(image.format);
-  if (linear) notes.numbers = media::PngNotes::Numbers::kLinear;
-  return media::png_file({image.width, image.height, component_count(image.format), linear ? 16 : 8, image.bytes},
-                         notes);
+  Result<std::vector<std::uint8_t>> file = encode_received(raymap, RaymapFormat::kPng);
+  if (!file) return fail(file.error().in("PNG"));
+  return file;
 }
 
 Result<std::vector<std::uint8_t>> encode_tiff(const ReceivedRaymap& raymap) {
-  const Result<Encodable> source = encodable(raymap);
-  if (!source) return fail(source.error().in("TIFF"));
-  return media::tiff_file(source->image.view(), {source->comment, source->xmp});
+  Result<std::vector<std::uint8_t>> file = encode_received(raymap, RaymapFormat::kTiff);
+  if (!file) return fail(file.error().in("TIFF"));
+  return file;
 }
 
 std::string raw_sidecar(const ReceivedRaymap& raymap) {

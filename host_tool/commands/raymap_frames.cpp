@@ -6,16 +6,14 @@
 
 #include "host_tool/commands/layout_option.h"
 #include "host_tool/commands/picture_file.h"
+#include "host_tool/commands/result_file.h"
 #include "host_tool/console/console.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
+#include "host_tool/input/kept_metadata.h"
 #include "host_tool/input/pictures.h"
 #include "stitch/media/gpano.h"
-#include "stitch/media/image_file.h"
-#include "stitch/media/jpeg_writer.h"
-#include "stitch/media/png_writer.h"
-#include "stitch/media/tiff/tiff_reader.h"
-#include "stitch/media/tiff/tiff_writer.h"
+#include "stitch/media/xmp/xmp.h"
 
 namespace nodal::host {
 namespace {
@@ -33,21 +31,11 @@ struct FrameInput {
   bool says_equirectangular = false;  ///< by GPano metadata
 };
 
-/// `from_metadata`: a part of a sphere is placed on the sphere where the file's metadata say. `deep`: a file of 16 bits is
-/// read with all of them.
-Result<FrameInput> read_frame(const std::string& file, bool from_metadata, bool deep) {
-  const bool tiff = media::is_tiff(file);
-  const Result<std::string> bytes = read_file(file, tiff ? media::kMaxTiffFileBytes : media::kMaxImageFileBytes);
-  if (!bytes) return fail(bytes.error());
-  const Result<ImageHeader> header = read_picture_header(file);
-  if (!header) return fail(header.error());
-  const PixelFormat in_8 = header->natural == PixelFormat::kGrey8 ? PixelFormat::kGrey8 : PixelFormat::kRgb24;
-  const std::optional<PixelFormat> in_16 = deep ? header->deep : std::nullopt;
-  const std::span<const std::uint8_t> span(reinterpret_cast<const std::uint8_t*>(bytes->data()), bytes->size());
-  Result<DecodedImage> picture =
-      tiff ? media::read_tiff(file, in_16) : media::decode_image(span, file, in_16.value_or(in_8));
+/// `from_metadata`: a part of a sphere is placed on the sphere where the file's metadata say.
+Result<FrameInput> read_frame(const std::string& file, bool from_metadata) {
+  Result<DecodedImage> picture = read_deep_picture(file);
   if (!picture) return fail(picture.error());
-  const std::optional<media::SphereArea> area = media::read_gpano(*bytes);
+  const std::optional<media::SphereArea> area = media::parse_xmp(picture->metadata.xmp).area;
   if (!area || !from_metadata) return FrameInput{std::move(*picture), area.has_value()};
   Result<DecodedImage> whole = media::whole_sphere(std::move(*picture), *area);
   if (!whole) return fail(whole.error().in(file));
@@ -79,25 +67,22 @@ void warn_of_shape(Console& console, const std::string& file, const geometry::La
       file, size.width, size.height, layout.text(), whole.width, whole.height, std::max(stretch, 1 / stretch)));
 }
 
-Result<std::vector<std::uint8_t>> encode(const DecodedImage& picture, RaymapFormat format,
+/// `of`: the picture that `made` was made of. A view is another look at the sphere: what was said of the whole is not true of it.
+Result<std::vector<std::uint8_t>> encode(DecodedImage&& made, const DecodedImage& of, RaymapFormat format,
                                          const std::optional<geometry::LayoutName>& layout, int quality) {
-  if (format == RaymapFormat::kRaw) return picture.bytes;
-  const std::string xmp =
-      layout && layout->is_equirectangular() ? media::gpano_packet(picture.width, picture.height) : "";
-  if (format == RaymapFormat::kJpg) {
-    media::JpegWriter writer({picture.format, picture.width, picture.height, quality, xmp});
-    std::vector<std::uint8_t> jpeg;
-    const std::string comment = layout ? "nodal convert layout=" + layout->text() : "nodal view";
-    if (const Status written = writer.write(picture.view(), comment, jpeg); !written) return fail(written.error());
-    return jpeg;
-  }
-  if (format == RaymapFormat::kTiff) return media::tiff_file(picture.view(), {"", xmp});
-  media::PngNotes notes;
-  notes.effort = kPngEffort;
-  notes.xmp = xmp;
-  return media::png_file({picture.width, picture.height, component_count(picture.format),
-                          is_linear16(picture.format) ? 16 : 8, picture.bytes},
-                         notes);
+  made.meaning = of.meaning;
+  ResultFile file;
+  file.format = format;
+  file.quality = quality;
+  file.comment = layout ? "nodal convert layout=" + layout->text() : "nodal view";
+  file.whole_sphere = layout && layout->is_equirectangular();
+  file.kept = kept_metadata(of.metadata, layout ? Keep::kAll : Keep::kPlaceAndTime);
+  return encode_result(made, file);
+}
+
+/// Alpha is left out of results, which are of whole spheres or views.
+void tell_alpha(Console& console, const std::string& file, const DecodedImage& picture) {
+  if (picture.meaning.alpha) console.note(fmt::format("note: {} has an alpha channel, which is left out", file));
 }
 
 /// How many pictures are made.
@@ -146,9 +131,8 @@ Status run_frame_job(Context& context, const FrameOptions& options,
     for (std::size_t k = 0; k < count; ++k) {
       if (interrupted()) return fail(Errc::kCancelled, fmt::format("stopped after {} of {} pictures", k, count));
       if (k < options.inputs.size()) {
-        Result<FrameInput> read = interruptible(console, [&] {
-          return read_frame(options.inputs[k], options.from.empty(), *format != RaymapFormat::kJpg);
-        });
+        Result<FrameInput> read =
+            interruptible(console, [&] { return read_frame(options.inputs[k], options.from.empty()); });
         if (!read) return fail(read.error());
         input = std::move(*read);
       }
@@ -158,6 +142,7 @@ Status run_frame_job(Context& context, const FrameOptions& options,
         if (!begun) return fail(begun.error());
         job.emplace(std::move(*begun));
         size = {picture.width, picture.height};
+        tell_alpha(console, options.inputs[k], picture);
       }
       if (picture.width != size.width || picture.height != size.height) {
         return fail(Errc::kBadValue,
@@ -167,9 +152,9 @@ Status run_frame_job(Context& context, const FrameOptions& options,
       }
       const auto file = interruptible(console, [&] {
         const Stopwatch watch;
-        const DecodedImage result = job->paint(picture, k);
+        DecodedImage result = job->paint(picture, k);
         resampling_seconds += watch.seconds();
-        return encode(result, *format, job->layout, options.quality);
+        return encode(std::move(result), picture, *format, job->layout, options.quality);
       });
       if (!file) return fail(file.error());
       if (piped) {

@@ -11,14 +11,13 @@
 #include "host_tool/commands/layout_option.h"
 #include "host_tool/commands/nominal_options.h"
 #include "host_tool/commands/picture_file.h"
+#include "host_tool/commands/result_file.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/input/own_pictures.h"
 #include "host_tool/input/stitch_input.h"
 #include "host_tool/report/registration_report.h"
 #include "stitch/geometry/raymap/layout.h"
-#include "stitch/media/gpano.h"
-#include "stitch/media/jpeg_writer.h"
 #include "stitch/offline/best_blend.h"
 #include "stitch/offline/offline_blend.h"
 
@@ -64,6 +63,7 @@ struct Job {
   StitchInput input;
   std::string confidence;  ///< of a calibration that was found in the pictures; else empty
   FoundLens lens;          ///< of that calibration
+  bool reported = false;   ///< there is a page that says how well it fits
 };
 
 /// Unlike CLI::Range it refuses NaN.
@@ -129,6 +129,7 @@ Status calibrate(Console& console, Job& job) {
     if (!first->lens.note.empty()) report->warnings.push_back(first->lens.note);
     registration::FrameSet frames;
     for (const DecodedImage& image : first->images) frames.push_back(image.view());
+    job.reported = true;
     const Result<std::string> page = registration_report(first->calibration, frames, *report);
     if (!page) return fail(page.error());
     if (const Status written = write_file(beside(job.args.out, ".report.html"), *page); !written) return written;
@@ -141,6 +142,18 @@ Status calibrate(Console& console, Job& job) {
     for (const std::size_t head : first->heads) job.input.sets.back().push_back(set[head]);
   }
   return write_file(beside(job.args.out, ".rig.json"), to_json(job.input.calibration));
+}
+
+/// Linear numbers need a response. A data sheet and most projects have none, and their pictures are files for people to look
+/// at: sRGB.
+void take_for_srgb(StitchInput& input) {
+  bool taken = false;
+  for (HeadCalibration& head : input.calibration.heads) {
+    if (head.response.curve != Response::Curve::kLinear) continue;
+    head.response.curve = Response::Curve::kSrgb;
+    taken = true;
+  }
+  if (taken) input.notes.push_back("the calibration does not say how numbers follow from light; sRGB is taken");
 }
 
 Result<Job> make_job(Console& console, const StitchArgs& args) {
@@ -162,6 +175,7 @@ Result<Job> make_job(Console& console, const StitchArgs& args) {
     Result<StitchInput> input = read_stitch_input(args.nominal, args.inputs, places);
     if (!input) return fail(input.error());
     job.input = std::move(*input);
+    if (args.bits == 16 && job.input.imported) take_for_srgb(job.input);
   }
   if (args.distance > 0) {
     job.input.calibration.distance = args.distance;
@@ -175,25 +189,16 @@ Result<Job> make_job(Console& console, const StitchArgs& args) {
   return job;
 }
 
-Result<std::vector<std::uint8_t>> encode(const Job& job, const DecodedImage& raymap) {
-  if (job.format == RaymapFormat::kJpg) {
-    const std::string xmp =
-        job.args.layout == "equirectangular" ? media::gpano_packet(raymap.width, raymap.height) : std::string();
-    media::JpegWriter writer({raymap.format, raymap.width, raymap.height, jpeg_quality(job.args), xmp});
-    const std::string comment = fmt::format("nodal stitch heads={} calibration={}", job.input.calibration.heads.size(),
-                                            to_hex(calibration_id(job.input.calibration)));
-    std::vector<std::uint8_t> jpeg;
-    if (const Status written = writer.write(raymap.view(), comment, jpeg); !written) return fail(written.error());
-    return jpeg;
-  }
-  if (job.format == RaymapFormat::kRaw) return raymap.bytes;
-  ReceivedRaymap received;
-  received.header.set_coding(std::string(pixel_format_name(raymap.format)));
-  received.header.set_layout(job.args.layout);
-  received.header.set_width(static_cast<std::uint32_t>(raymap.width));
-  received.header.set_height(static_cast<std::uint32_t>(raymap.height));
-  received.bytes = raymap.bytes;
-  return job.format == RaymapFormat::kTiff ? encode_tiff(received) : encode_png(received);
+/// `of`: one of the pictures, for place and time.
+Result<std::vector<std::uint8_t>> encode(const Job& job, const DecodedImage& raymap, const DecodedImage& of) {
+  ResultFile file;
+  file.format = job.format;
+  file.quality = jpeg_quality(job.args);
+  file.comment = fmt::format("nodal stitch heads={} calibration={}", job.input.calibration.heads.size(),
+                             to_hex(calibration_id(job.input.calibration)));
+  file.whole_sphere = job.args.layout == "equirectangular";
+  file.kept = kept_metadata(of.metadata, Keep::kPlaceAndTime);
+  return encode_result(raymap, file);
 }
 
 /// Makes the raymaps of a run, one after the other, in the way that the arguments ask for.
@@ -232,6 +237,15 @@ class Stitcher {
   std::optional<offline::BestBlend> best_;
 };
 
+/// Masks that other programs keep in alpha are not used: a calibration's region says what of a picture is.
+void tell_alpha(Console& console, const std::vector<std::string>& files, const std::vector<DecodedImage>& pictures) {
+  for (std::size_t h = 0; h < pictures.size(); ++h) {
+    if (!pictures[h].meaning.alpha) continue;
+    console.note(fmt::format("note: {} has an alpha channel, which is not used", files[h]));
+    return;
+  }
+}
+
 Status run_stitch(Context& context, const StitchArgs& args) {
   Console& console = context.console();
   const auto begin = std::chrono::steady_clock::now();
@@ -251,6 +265,7 @@ Status run_stitch(Context& context, const StitchArgs& args) {
       const bool rgb = args.bits == 16 || best(args);
       auto pictures = interruptible(console, [&] { return read_set(job->input.sets[i], job->input.calibration, rgb); });
       if (!pictures) return fail(pictures.error());
+      if (i == 0) tell_alpha(console, job->input.sets[i], *pictures);
       const Result<std::string> name = numbered_name(args.out, i);
       if (!name) return fail(name.error());
       auto file = interruptible(console, [&]() -> Result<std::vector<std::uint8_t>> {
@@ -258,7 +273,7 @@ Status run_stitch(Context& context, const StitchArgs& args) {
         for (const DecodedImage& picture : *pictures) views.push_back(picture.view());
         const Result<DecodedImage> raymap = stitcher.stitch(views, compiled);
         if (!raymap) return fail(raymap.error());
-        return encode(*job, *raymap);
+        return encode(*job, *raymap, pictures->front());
       });
       if (!file) return fail(file.error());
       if (const Status written = write_file(*name, *file); !written) return written;
@@ -286,8 +301,8 @@ Status run_stitch(Context& context, const StitchArgs& args) {
   console.document(document);
   if (!job->confidence.empty()) {
     console.line(job->confidence);
-    console.line(fmt::format("calibration: {}, how well it fits: {}", beside(args.out, ".rig.json"),
-                             beside(args.out, ".report.html")));
+    const std::string report = job->reported ? ", how well it fits: " + beside(args.out, ".report.html") : "";
+    console.line(fmt::format("calibration: {}{}", beside(args.out, ".rig.json"), report));
   }
   console.line(fmt::format("{}: {}x{}, {}, from {} heads ({:.1f} s)", count == 1 ? last : args.out, job->size.width,
                            job->size.height, job->args.layout, job->input.calibration.heads.size(), seconds));

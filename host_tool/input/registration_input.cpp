@@ -148,14 +148,16 @@ Result<std::vector<std::vector<std::string>>> picture_files(const std::vector<st
   return files;
 }
 
-Result<PictureSets> read_pictures(const std::vector<std::string>& arguments, const std::vector<std::string>& names) {
+Result<PictureSets> read_pictures(const std::vector<std::string>& arguments, const std::vector<std::string>& names,
+                                  const std::vector<bool>& of_linear_heads) {
   const auto files = picture_files(arguments, names);
   if (!files) return fail(files.error());
   PictureSets pictures;
   for (const auto& set : *files) {
     pictures.sets.emplace_back();
-    for (const std::string& file : set) {
-      Result<DecodedImage> picture = read_picture(file);
+    for (std::size_t h = 0; h < set.size(); ++h) {
+      const bool linear = h < of_linear_heads.size() && of_linear_heads[h];
+      Result<DecodedImage> picture = read_picture(set[h], std::nullopt, linear);
       if (!picture) return fail(picture.error());
       pictures.sets.back().push_back(std::move(*picture));
     }
@@ -176,7 +178,7 @@ Result<CalibratedPictures> read_calibrated_pictures(const std::vector<std::strin
   }
   std::vector<std::string> names;
   for (const HeadCalibration& head : calibration->heads) names.push_back(head.name);
-  Result<PictureSets> pictures = read_pictures(rest, names);
+  Result<PictureSets> pictures = read_pictures(rest, names, linear_heads(*calibration));
   if (!pictures) return fail(pictures.error());
   return CalibratedPictures{std::move(*calibration), std::move(*pictures)};
 }

@@ -23,9 +23,10 @@ struct PictureSets {
 /// Errors: kBadValue with what is missing or superfluous; kNotFound for a folder without a head's picture.
 Result<std::vector<std::vector<std::string>>> picture_files(const std::vector<std::string>& arguments,
                                                             const std::vector<std::string>& names);
-/// Reads the pictures from the files of picture_files().
+/// Reads the pictures from the files of picture_files(). `of_linear_heads`: as for read_all().
 /// Errors: those of picture_files() and of reading pictures.
-Result<PictureSets> read_pictures(const std::vector<std::string>& arguments, const std::vector<std::string>& names);
+Result<PictureSets> read_pictures(const std::vector<std::string>& arguments, const std::vector<std::string>& names,
+                                  const std::vector<bool>& of_linear_heads = {});
 
 struct CalibratedPictures {
   Calibration calibration;

@@ -22,6 +22,7 @@ struct Project {
   std::vector<std::string> pictures;  ///< that it names; empty if it does not name one for every head
   std::vector<std::string> notes;
   std::vector<std::string> picture_notes;  ///< of `pictures`
+  bool imported = false;
 };
 
 Result<Project> read_project(const std::string& file, PicturePlaces places) {
@@ -30,11 +31,11 @@ Result<Project> read_project(const std::string& file, PicturePlaces places) {
   if (text->find("\"nodal_calibration\"") != std::string::npos) {
     Result<Calibration> own = parse_calibration(*text);
     if (!own) return fail(own.error().in(file));
-    return Project{std::move(*own), {}, {}, {}};
+    return Project{std::move(*own), {}, {}, {}, false};
   }
   Result<interchange::ImportResult> imported = interchange::import_project(*text, fs::path(file).stem().string());
   if (!imported) return fail(imported.error().in(file));
-  Project project{std::move(imported->calibration), {}, std::move(imported->notes), {}};
+  Project project{std::move(imported->calibration), {}, std::move(imported->notes), {}, true};
   if (std::ranges::any_of(imported->images, &std::string::empty)) return project;
   Result<FoundPictures> pictures = project_pictures(file, imported->images, places);
   if (!pictures) return fail(pictures.error());
@@ -68,7 +69,7 @@ Result<StitchInput> read_stitch_input(const NominalWords& nominal, const std::ve
     if (!rig) return fail(rig.error());
     auto sets = picture_files(arguments, names_of(rig->calibration));
     if (!sets) return fail(sets.error());
-    return StitchInput{std::move(rig->calibration), std::move(*sets), {}};
+    return StitchInput{std::move(rig->calibration), std::move(*sets), {}, true};
   }
   const std::string& file = arguments.front();
   // Pictures that the command line names replace those of the project, which are then not read, wherever they are.
@@ -86,12 +87,13 @@ Result<StitchInput> read_stitch_input(const NominalWords& nominal, const std::ve
   }
   auto sets = picture_files(pictures, names_of(project->calibration));
   if (!sets) return fail(sets.error());
-  return StitchInput{std::move(project->calibration), std::move(*sets), std::move(project->notes)};
+  return StitchInput{std::move(project->calibration), std::move(*sets), std::move(project->notes), project->imported};
 }
 
 Result<std::vector<DecodedImage>> read_set(const std::vector<std::string>& files, const Calibration& calibration,
                                            bool rgb) {
-  Result<std::vector<DecodedImage>> read = read_all(files);
+  Result<std::vector<DecodedImage>> read = read_all(
+      files, [](std::size_t) {}, linear_heads(calibration));
   if (!read) return fail(read.error());
   std::vector<DecodedImage> pictures = std::move(*read);
   for (std::size_t h = 0; h < files.size(); ++h) {
@@ -105,7 +107,7 @@ Result<std::vector<DecodedImage>> read_set(const std::vector<std::string>& files
   }
   const PixelFormat format = common_format(pictures, rgb);
   for (DecodedImage& picture : pictures) {
-    if (picture.format != format) picture = media::convert_image(picture.view(), format);
+    if (picture.format != format) picture = in_format(std::move(picture), format);
   }
   return pictures;
 }

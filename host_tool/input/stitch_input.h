@@ -16,6 +16,7 @@ struct StitchInput {
   Calibration calibration;
   std::vector<std::vector<std::string>> sets;  ///< for each set one file per head, in the calibration's order
   std::vector<std::string> notes;              ///< whole sentences for the user
+  bool imported = false;                       ///< the calibration is of a data sheet or another program's project
 };
 
 /// `arguments`: with `nominal`, pictures of that rig; else a Nodal calibration or a project of another program, then

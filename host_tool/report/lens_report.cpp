@@ -49,7 +49,7 @@ Status add_residuals(const calibration::LensCalibration& result, HtmlReport& rep
     }
     const calibration::ViewReport& view = result.report.views[v];
     Result<std::vector<std::uint8_t>> png =
-        media::png_file({map.width, map.height, 1, 8, grey}, {media::PngNotes::Numbers::kSrgb, 0, view.name, {}, 6});
+        media::png_file({map.width, map.height, 1, 8, grey}, {SampleMeaning::srgb(), 0, view.name, {}, 6});
     if (!png) return fail(png.error());
     pictures.emplace_back(std::move(*png), fmt::format("{}: {:.1f} of 255 rms left over", view.name, view.rms));
   }

@@ -101,7 +101,7 @@ Result<std::vector<std::uint8_t>> colour_sphere(const PicturedHeads& rig) {
 }
 
 std::vector<std::uint8_t> png(const std::vector<std::uint8_t>& values, int width, int height) {
-  return media::png_file({width, height, 1, 8, values}, {media::PngNotes::Numbers::kSrgb, 0, "nodal register", {}, 6})
+  return media::png_file({width, height, 1, 8, values}, {SampleMeaning::srgb(), 0, "nodal register", {}, 6})
       .value_or(std::vector<std::uint8_t>());
 }
 

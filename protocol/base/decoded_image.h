@@ -1,13 +1,38 @@
 // A picture decoded from a file: its header data and its pixels.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "protocol/base/image.h"
 
 namespace nodal {
+
+/// What the samples of a picture stand for, as its file says it. Samples are never multiplied by alpha.
+struct SampleMeaning {
+  enum class Curve : std::uint8_t { kUnsaid, kSrgb, kGamma };
+  Curve curve = Curve::kUnsaid;  ///< kUnsaid: sRGB, or the response of the head that took the picture
+  double gamma = 1;              ///< kGamma: sample = light^(1 / gamma); 1: proportional to light
+  /// CIE x, y of white, red, green and blue; nothing: those of sRGB.
+  std::optional<std::array<double, 8>> primaries{};
+  std::vector<std::uint8_t> icc{};  ///< an ICC profile, which alone counts; empty: none
+  bool alpha = false;               ///< the file has an alpha channel, which is left out
+  /// Of linear raymaps: at 0 dB, the shutter by which the light of 65535 fills a sample. Nothing: not said.
+  std::optional<std::uint64_t> full_exposure_ns{};
+
+  static SampleMeaning srgb() { return {.curve = Curve::kSrgb}; }
+  static SampleMeaning linear() { return {.curve = Curve::kGamma}; }
+  bool is_linear() const { return icc.empty() && curve == Curve::kGamma && gamma == 1; }
+};
+
+/// Metadata blocks as they stand in a file; empty: it has none.
+struct FileMetadata {
+  std::string xmp{};                 ///< an XMP packet
+  std::vector<std::uint8_t> exif{};  ///< a TIFF structure, as behind "Exif\0\0" in a JPEG
+};
 
 /// A packed picture that owns its bytes; as MJPEG, those of a JPEG file.
 struct DecodedImage {
@@ -15,6 +40,8 @@ struct DecodedImage {
   int width = 0;
   int height = 0;
   std::vector<std::uint8_t> bytes;
+  SampleMeaning meaning{};
+  FileMetadata metadata{};
 
   ImageView view() const {
     if (format != PixelFormat::kMjpeg) return packed_image(format, width, height, bytes.data());

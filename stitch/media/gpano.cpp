@@ -1,7 +1,6 @@
 #include "stitch/media/gpano.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 
 #include "protocol/base/limits.h"
@@ -9,44 +8,51 @@
 namespace nodal::media {
 namespace {
 
-/// The value of a property, as an attribute or an element; empty if there is none.
-std::string_view property(std::string_view file, const std::string& name) {
-  for (const auto& [begin, end] : {std::pair(name + "=\"", '"'), {"<" + name + ">", '<'}}) {
-    const std::size_t at = file.find(begin);
-    if (at == std::string_view::npos) continue;
-    const std::string_view rest = file.substr(at + begin.size());
-    return rest.substr(0, rest.find(end));
+/// For text between double quotes.
+std::string escaped(std::string_view text) {
+  std::string out;
+  for (const char c : text) {
+    switch (c) {
+      case '&': out += "&amp;"; break;
+      case '<': out += "&lt;"; break;
+      case '>': out += "&gt;"; break;
+      case '"': out += "&quot;"; break;
+      default: out += c;
+    }
   }
-  return {};
+  return out;
 }
 
-std::int64_t pixels(std::string_view file, const std::string& name) {
-  const std::string_view text = property(file, "GPano:" + name);
-  std::int64_t value = 0;
-  std::from_chars(text.data(), text.data() + text.size(), value);
-  return value;
+std::int64_t slack(std::int64_t whole) { return std::max(kAreaSlack, whole / kAreaSlackPart); }
+
+/// Moves and cuts an area that does not fit by rounding. Whether it fits then.
+bool fit(SphereArea& area) {
+  constexpr std::int64_t kMost = std::int64_t{1} << 32;
+  for (const std::int64_t whole : {area.full_width, area.full_height}) {
+    if (whole <= 0 || whole > kMost) return false;
+  }
+  const std::int64_t down = slack(area.full_height);
+  if (area.width <= 0 || area.width > area.full_width + slack(area.full_width)) return false;
+  if (area.height <= 0 || area.height > area.full_height + down) return false;
+  if (area.left <= -area.full_width || area.left >= 2 * area.full_width) return false;
+  if (area.top < -down || area.top + area.height > area.full_height + down) return false;
+  area.left = (area.left + area.full_width) % area.full_width;
+  area.top = std::max<std::int64_t>(0, std::min(area.top, area.full_height - area.height));
+  return true;
 }
 
 }  // namespace
 
-std::optional<SphereArea> read_gpano(std::string_view file) {
-  if (property(file, "GPano:ProjectionType") != "equirectangular") return std::nullopt;
-  return SphereArea{pixels(file, "FullPanoWidthPixels"),         pixels(file, "FullPanoHeightPixels"),
-                    pixels(file, "CroppedAreaLeftPixels"),       pixels(file, "CroppedAreaTopPixels"),
-                    pixels(file, "CroppedAreaImageWidthPixels"), pixels(file, "CroppedAreaImageHeightPixels")};
-}
-
-Result<DecodedImage> whole_sphere(DecodedImage part, const SphereArea& area) {
+Result<DecodedImage> whole_sphere(DecodedImage part, const SphereArea& said) {
+  SphereArea area = said;
   if (area.full_width == 0 || area.full_height == 0 || area.width == 0 || area.height == 0) return part;
   if (area.left == 0 && area.top == 0 && area.width == area.full_width && area.height == area.full_height) return part;
-  const auto inside = [](std::int64_t begin, std::int64_t length, std::int64_t whole) {
-    return begin >= 0 && length > 0 && whole <= std::int64_t{1} << 32 && length <= whole && begin <= whole - length;
-  };
-  if (!inside(area.left, area.width, area.full_width) || !inside(area.top, area.height, area.full_height)) {
+  if (!fit(area)) {
     return fail(Errc::kBadFormat, "its metadata says that it shows " + std::to_string(area.width) + "x" +
                                       std::to_string(area.height) + " px from " + std::to_string(area.left) + ", " +
                                       std::to_string(area.top) + " on of a sphere of " +
-                                      std::to_string(area.full_width) + "x" + std::to_string(area.full_height));
+                                      std::to_string(area.full_width) + "x" + std::to_string(area.full_height) +
+                                      "; --from equirectangular takes it for a whole one");
   }
   // The picture may have been resized since.
   const double across = static_cast<double>(part.width) / static_cast<double>(area.width);
@@ -54,53 +60,67 @@ Result<DecodedImage> whole_sphere(DecodedImage part, const SphereArea& area) {
   const auto scaled = [](std::int64_t value, double by) -> std::int64_t {
     return std::llround(static_cast<double>(value) * by);
   };
-  const std::int64_t width = std::max<std::int64_t>(part.width, scaled(area.full_width, across));
-  const std::int64_t height = std::max<std::int64_t>(part.height, scaled(area.full_height, down));
-  if (width > std::int64_t{1} << 30 || height > std::int64_t{1} << 30 ||
+  const std::int64_t width = scaled(area.full_width, across);
+  const std::int64_t height = scaled(area.full_height, down);
+  if (width < 1 || height < 1 || width > std::int64_t{1} << 30 || height > std::int64_t{1} << 30 ||
       static_cast<std::uint64_t>(width * height) > kMaxPicturePixels) {
     return fail(Errc::kTooLarge, "the sphere of which it shows a part has " + std::to_string(width) + "x" +
                                      std::to_string(height) + " pixels, over the limit of 512 * 2^20");
   }
-  const std::int64_t left = std::min(scaled(area.left, across), width - part.width);
-  const std::int64_t top = std::min(scaled(area.top, down), height - part.height);
+  // What is wider or higher than the sphere is cut at the right and at the bottom.
+  const std::int64_t columns = std::min<std::int64_t>(part.width, width);
+  const std::int64_t rows = std::min<std::int64_t>(part.height, height);
+  const std::int64_t left = std::min(scaled(area.left, across), width - 1);
+  const std::int64_t top = std::min(scaled(area.top, down), height - rows);
+  const std::int64_t before_edge = std::min(columns, width - left);
   DecodedImage whole{part.format, static_cast<int>(width), static_cast<int>(height), {}};
+  whole.meaning = part.meaning;
+  whole.metadata = part.metadata;
   whole.bytes.resize(packed_size(whole.format, whole.width, whole.height));
-  const auto bytes = static_cast<std::ptrdiff_t>(packed_size(part.format, 1, 1));
-  for (int y = 0; y < part.height; ++y) {
-    std::copy_n(part.bytes.begin() + y * part.width * bytes, part.width * bytes,
-                whole.bytes.begin() + ((top + y) * width + left) * bytes);
+  const auto bytes = static_cast<std::int64_t>(packed_size(part.format, 1, 1));
+  for (std::int64_t y = 0; y < rows; ++y) {
+    const auto from = part.bytes.begin() + y * part.width * bytes;
+    const auto row = whole.bytes.begin() + (top + y) * width * bytes;
+    std::copy_n(from, before_edge * bytes, row + left * bytes);
+    std::copy_n(from + before_edge * bytes, (columns - before_edge) * bytes, row);
   }
   return whole;
 }
 
-std::string gpano_packet(int width, int height) {
+std::string xmp_packet(const XmpProperties& properties) {
+  if (properties.empty()) return {};
+  std::string packet =
+      "<?xpacket begin=\"\xef\xbb\xbf\" id=\"W5M0MpCehiHzreSzNTczkc9d\"?>\n"
+      "<x:xmpmeta xmlns:x=\"adobe:ns:meta/\" x:xmptk=\"Nodal\">\n"
+      " <rdf:RDF xmlns:rdf=\"http://www.w3.org/1999/02/22-rdf-syntax-ns#\">\n"
+      "  <rdf:Description rdf:about=\"\"";
+  for (const XmpNamespace& space : kXmpNamespaces) {
+    const auto named = [&](const XmpProperty& property) {
+      return property.name.starts_with(std::string(space.prefix) + ":");
+    };
+    if (std::ranges::none_of(properties, named)) continue;
+    packet += " xmlns:" + std::string(space.prefix) + "=\"" + std::string(space.uri) + "\"";
+  }
+  for (const XmpProperty& property : properties)
+    packet += "\n   " + property.name + "=\"" + escaped(property.value) + "\"";
+  packet +=
+      "/>\n"
+      " </rdf:RDF>\n"
+      "</x:xmpmeta>\n"
+      "<?xpacket end=\"r\"?>";
+  return packet;
+}
+
+std::string gpano_packet(int width, int height, const XmpProperties& also) {
   const std::string w = std::to_string(width);
   const std::string h = std::to_string(height);
-  return "<?xpacket begin=\"\xef\xbb\xbf\" id=\"W5M0MpCehiHzreSzNTczkc9d\"?>\n"
-         "<x:xmpmeta xmlns:x=\"adobe:ns:meta/\" x:xmptk=\"Nodal\">\n"
-         " <rdf:RDF xmlns:rdf=\"http://www.w3.org/1999/02/22-rdf-syntax-ns#\">\n"
-         "  <rdf:Description rdf:about=\"\" xmlns:GPano=\"http://ns.google.com/photos/1.0/panorama/\"\n"
-         "   GPano:ProjectionType=\"equirectangular\"\n"
-         "   GPano:UsePanoramaViewer=\"True\"\n"
-         "   GPano:StitchingSoftware=\"Nodal\"\n"
-         "   GPano:PoseHeadingDegrees=\"0\"\n"
-         "   GPano:CroppedAreaImageWidthPixels=\"" +
-         w +
-         "\"\n"
-         "   GPano:CroppedAreaImageHeightPixels=\"" +
-         h +
-         "\"\n"
-         "   GPano:FullPanoWidthPixels=\"" +
-         w +
-         "\"\n"
-         "   GPano:FullPanoHeightPixels=\"" +
-         h +
-         "\"\n"
-         "   GPano:CroppedAreaLeftPixels=\"0\"\n"
-         "   GPano:CroppedAreaTopPixels=\"0\"/>\n"
-         " </rdf:RDF>\n"
-         "</x:xmpmeta>\n"
-         "<?xpacket end=\"r\"?>";
+  XmpProperties properties{{"GPano:ProjectionType", "equirectangular"}, {"GPano:UsePanoramaViewer", "True"},
+                           {"GPano:StitchingSoftware", "Nodal"},        {"GPano:CroppedAreaImageWidthPixels", w},
+                           {"GPano:CroppedAreaImageHeightPixels", h},   {"GPano:FullPanoWidthPixels", w},
+                           {"GPano:FullPanoHeightPixels", h},           {"GPano:CroppedAreaLeftPixels", "0"},
+                           {"GPano:CroppedAreaTopPixels", "0"}};
+  properties.insert(properties.end(), also.begin(), also.end());
+  return xmp_packet(properties);
 }
 
 }  // namespace nodal::media

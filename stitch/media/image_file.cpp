@@ -117,7 +117,10 @@ Result<DecodedImage> decode_image(std::span<const std::uint8_t> bytes, const std
   auto image = begins_with(bytes, kJpegMagic) ? decode_jpeg(bytes, name, as == PixelFormat::kRgb24)
                                               : decode_png(bytes, name, deep);
   if (!image || !as || *as == image->format) return image;
-  return convert_image(image->view(), *as);
+  DecodedImage converted = convert_image(image->view(), *as);
+  converted.meaning = std::move(image->meaning);
+  converted.metadata = std::move(image->metadata);
+  return converted;
 }
 
 Result<DecodedImage> read_image(const std::filesystem::path& file, std::optional<PixelFormat> as) {

@@ -6,6 +6,8 @@
 #include <array>
 #include <memory>
 
+#include "stitch/media/jpeg_segments.h"
+
 namespace nodal::media {
 
 namespace {
@@ -95,6 +97,7 @@ Result<DecodedImage> decode_jpeg(std::span<const std::uint8_t> bytes, const std:
                            image.format == PixelFormat::kGrey8 ? TJPF_GRAY : TJPF_RGB, kFlags);
   }
   if (status != 0) return fail(broken(decoder.get(), bytes, name));
+  read_segments(bytes, image);
   return image;
 }
 

@@ -10,6 +10,7 @@ namespace nodal::media {
 namespace {
 
 constexpr std::string_view kXmpName("http://ns.adobe.com/xap/1.0/\0", 29);
+constexpr std::string_view kExifName("Exif\0\0", 6);
 constexpr std::uint8_t kApp0 = 0xe0, kApp1 = 0xe1, kComment = 0xfe;
 
 int subsampling(PixelFormat format) {
@@ -86,7 +87,9 @@ JpegWriter::JpegWriter(const JpegSpec& spec)
   NODAL_ASSERT(writes(format_));
   if (is_interleaved(format_)) planes_.resize(packed_size(format_, width_, height_));
   scratch_ = std::make_unique_for_overwrite<std::uint8_t[]>(scratch_bytes_);
-  if (!spec.xmp.empty()) append_segment(xmp_, kApp1, {kXmpName, spec.xmp});
+  const std::string_view exif(reinterpret_cast<const char*>(spec.exif.data()), spec.exif.size());
+  if (!exif.empty()) append_segment(metadata_, kApp1, {kExifName, exif});
+  if (!spec.xmp.empty()) append_segment(metadata_, kApp1, {kXmpName, spec.xmp});
 }
 
 JpegWriter::~JpegWriter() { tjDestroy(handle_); }
@@ -142,7 +145,7 @@ Status JpegWriter::write(const ImageView& picture, std::string_view comment, std
   const std::size_t lead = lead_bytes(jpeg, *size);
   into.assign(jpeg, jpeg + lead);
   if (field_) append_segment(into, kApp0, {avi1(*field_)});
-  into.insert(into.end(), xmp_.begin(), xmp_.end());
+  into.insert(into.end(), metadata_.begin(), metadata_.end());
   if (!comment.empty()) append_segment(into, kComment, {comment});
   into.insert(into.end(), jpeg + lead, jpeg + *size);
   return {};

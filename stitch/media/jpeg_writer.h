@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string_view>
 #include <vector>
 
@@ -22,6 +23,7 @@ struct JpegSpec {
   std::string_view xmp = {};  ///< an XMP packet, written into an APP1 segment; empty: none. Copied
   /// The picture is a field of an interlaced frame: an APP0 segment AVI1 says so, as in AVI files (OpenDML AVI, 1.02).
   std::optional<FieldParity> field{};
+  std::span<const std::uint8_t> exif{};  ///< FileMetadata::exif, written into an APP1 segment; empty: none. Copied
 };
 
 /// Compresses pictures of one size, many times, with TurboJPEG. I420 and NV12 are coded as 4:2:0; I422, YUYV and UYVY as 4:2:2;
@@ -55,7 +57,7 @@ class JpegWriter {
   int quality_;
   const std::optional<FieldParity> field_;
   void* handle_;
-  std::vector<std::uint8_t> xmp_;            ///< the whole APP1 segment, or empty
+  std::vector<std::uint8_t> metadata_;       ///< the whole APP1 segments of Exif and XMP, or empty
   std::vector<std::uint8_t> planes_;         ///< for NV12, YUYV, UYVY and YUV411
   std::unique_ptr<std::uint8_t[]> scratch_;  ///< not cleared, so pages that no JPEG reaches stay unmapped
   std::size_t scratch_bytes_ = 0;

@@ -5,6 +5,8 @@
 #include <csetjmp>
 #include <cstring>
 
+#include "stitch/media/png_meaning.h"
+
 namespace nodal::media {
 
 namespace {
@@ -53,6 +55,8 @@ bool read_header(Reader& reader) {
   reader.image.width = static_cast<int>(png_get_image_width(reader.png, reader.info));
   reader.image.height = static_cast<int>(png_get_image_height(reader.png, reader.info));
   reader.image.format = is_grey(reader) ? PixelFormat::kGrey8 : PixelFormat::kRgb24;
+  reader.image.meaning.alpha = (png_get_color_type(reader.png, reader.info) & PNG_COLOR_MASK_ALPHA) != 0 ||
+                               png_get_valid(reader.png, reader.info, PNG_INFO_tRNS) != 0;
   return true;
 }
 
@@ -71,7 +75,7 @@ bool read_rows(Reader& reader) {
   const std::size_t expected = reader.image.bytes.size() / reader.rows.size();
   if (png_get_rowbytes(reader.png, reader.info) != expected) png_error(reader.png, "rows of unexpected length");
   png_read_image(reader.png, reader.rows.data());
-  png_read_end(reader.png, nullptr);
+  png_read_end(reader.png, reader.info);
   return true;
 }
 
@@ -88,6 +92,7 @@ bool open(Reader& reader, std::span<const std::uint8_t> bytes) {
   reader.info = png_create_info_struct(reader.png);
   if (reader.info == nullptr) return false;
   png_set_user_limits(reader.png, kMaxImageSide, kMaxImageSide);
+  limit_chunks(reader.png);
   png_set_read_fn(reader.png, &reader, read_bytes);
   return read_header(reader);
 }
@@ -111,6 +116,7 @@ Result<DecodedImage> decode_png(std::span<const std::uint8_t> bytes, const std::
     reader.rows.push_back(image.bytes.data() + y * stride);
   }
   if (!read_rows(reader)) return fail(broken(reader, name));
+  read_meaning(reader.png, reader.info, image);
   return std::move(image);
 }
 

@@ -17,8 +17,13 @@ void give_up(png_structp png, png_const_charp) { png_longjmp(png, 1); }
 void keep_quiet(png_structp, png_const_charp) {}
 
 void set_notes(png_structp png, png_infop info, const PngNotes& notes) {
-  if (notes.numbers == PngNotes::Numbers::kSrgb) png_set_sRGB(png, info, PNG_sRGB_INTENT_RELATIVE);
-  if (notes.numbers == PngNotes::Numbers::kLinear) png_set_gAMA(png, info, 1.0);
+  const SampleMeaning& meaning = notes.meaning;
+  if (meaning.curve == SampleMeaning::Curve::kSrgb) png_set_sRGB(png, info, PNG_sRGB_INTENT_RELATIVE);
+  if (meaning.curve == SampleMeaning::Curve::kGamma) png_set_gAMA(png, info, 1 / meaning.gamma);
+  if (!notes.exif.empty()) {
+    // libpng copies the block, and takes a pointer that is not const.
+    png_set_eXIf_1(png, info, static_cast<png_uint_32>(notes.exif.size()), const_cast<png_bytep>(notes.exif.data()));
+  }
   const auto density = static_cast<png_uint_32>(notes.pixels_per_meter);
   if (density > 0) png_set_pHYs(png, info, density, density, PNG_RESOLUTION_METER);
   const auto add = [&](int kind, const char* key, const std::string& words) {

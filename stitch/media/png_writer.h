@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "protocol/base/decoded_image.h"
 #include "protocol/base/result.h"
 
 namespace nodal::media {
@@ -21,12 +22,12 @@ struct PngPicture {
 
 /// Metadata of the file.
 struct PngNotes {
-  enum class Numbers : std::uint8_t { kUnsaid, kSrgb, kLinear };
-  Numbers numbers = Numbers::kUnsaid;  ///< kLinear: proportional to light; kUnsaid: not recorded
-  int pixels_per_meter = 0;            ///< for printers; 0: not recorded
-  std::string comment;                 ///< for people who find the file later
-  std::string xmp;                     ///< an XMP packet
-  int effort = 6;                      ///< zlib's compression level, 1 .. 9
+  SampleMeaning meaning{};           ///< its curve, as sRGB or gAMA; Curve::kUnsaid: not recorded
+  int pixels_per_meter = 0;          ///< for printers; 0: not recorded
+  std::string comment{};             ///< for people who find the file later
+  std::string xmp{};                 ///< an XMP packet
+  int effort = 6;                    ///< zlib's compression level, 1 .. 9
+  std::vector<std::uint8_t> exif{};  ///< FileMetadata::exif
 };
 
 /// Errors: kInternal.

@@ -195,6 +195,7 @@ DecodedImage BestBlend::in_layout(const Layer& sphere) const {
   const int width = layout_->width(), height = layout_->height(), colours = component_count(format_);
   const bool linear = is_linear16(format_);
   DecodedImage raymap{format_, width, height, {}};
+  if (is_linear16(format_)) raymap.meaning = SampleMeaning::linear();
   raymap.bytes.resize(packed_size(format_, width, height));
   parallel::Workers(threads_).run(height, [&](int y) {
     std::array<float, 4> pixel{};

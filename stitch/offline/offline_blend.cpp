@@ -7,10 +7,12 @@
 #include <vector>
 
 #include "stitch/blend/blend.h"
+#include "stitch/blend/linear_tone.h"
 #include "stitch/blend/prepare.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/raymap/layout.h"
 #include "stitch/parallel/workers.h"
+#include "stitch/table/tone_compiler.h"
 
 namespace nodal::offline {
 namespace {
@@ -34,7 +36,15 @@ Status check_picture(const blend::BlendTable::Source& source, std::size_t head, 
                   std::to_string(source.height) + " (" + std::string(pixel_format_name(source.format)) + ")");
 }
 
-DecodedImage blend_with(const blend::BlendTable& table, std::span<const ImageView> pictures, int threads) {
+/// Every head at the exposure that it was calibrated at.
+blend::SetTone tone_of(const Calibration& calibration, const blend::BlendTable& table) {
+  if (!is_linear16(table.format)) return blend::calibrated_tone(table);
+  const std::vector<blend::ExposedHead> alike(calibration.heads.size());
+  return blend::linear_tone(table, table::compile_tone_table(calibration, table.format), alike);
+}
+
+DecodedImage blend_with(const blend::BlendTable& table, const blend::SetTone& tone, std::span<const ImageView> pictures,
+                        int threads) {
   const std::size_t heads = pictures.size();
   const parallel::Workers workers(threads);
   std::vector<Prepared> prepared(heads);
@@ -48,7 +58,6 @@ DecodedImage blend_with(const blend::BlendTable& table, std::span<const ImageVie
   for (std::size_t h = 0; h < heads; ++h) {
     for (std::size_t l = 0; l < table.sources[h].pictures(); ++l) views[l * heads + h] = prepared[h].levels[l];
   }
-  const blend::SetTone tone = blend::calibrated_tone(table);
   DecodedImage raymap{table.format, table.width, table.height, {}};
   raymap.bytes.resize(packed_size(raymap.format, raymap.width, raymap.height));
   const MutableImageView into = packed_image(raymap.format, raymap.width, raymap.height, raymap.bytes.data());
@@ -105,7 +114,8 @@ Result<OfflineBlend> OfflineBlend::make(const Calibration& calibration, const ta
     begun += 1;
     auto table = std::move(*compiler).finish();
     if (!table) return fail(table.error());
-    made.parts_.push_back({std::move(*table), std::move(part)});
+    const blend::SetTone tone = tone_of(heads, *table);
+    made.parts_.push_back({std::move(*table), tone, std::move(part)});
   }
   return made;
 }
@@ -123,7 +133,7 @@ Result<DecodedImage> OfflineBlend::blend(std::span<const ImageView> pictures) co
       if (const Status fits = check_picture(part.table.sources[k], h, pictures[h]); !fits) return fail(fits.error());
       of_part.push_back(pictures[h]);
     }
-    DecodedImage blended = blend_with(part.table, of_part, threads_);
+    DecodedImage blended = blend_with(part.table, part.tone, of_part, threads_);
     if (raymap.bytes.empty()) {  // black where the part has no blocks
       raymap = std::move(blended);
     } else {
@@ -131,6 +141,7 @@ Result<DecodedImage> OfflineBlend::blend(std::span<const ImageView> pictures) co
                   packed_image(raymap.format, raymap.width, raymap.height, raymap.bytes.data()));
     }
   }
+  if (is_linear16(raymap.format)) raymap.meaning = SampleMeaning::linear();
   return raymap;
 }
 

@@ -9,6 +9,7 @@
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
 #include "stitch/blend/blend_table.h"
+#include "stitch/blend/tone.h"
 #include "stitch/offline/parts.h"
 #include "stitch/table/table_compiler.h"
 
@@ -41,6 +42,7 @@ class OfflineBlend {
  private:
   struct TableOfPart {
     blend::BlendTable table;
+    blend::SetTone tone;
     Part part;
   };
   OfflineBlend(std::size_t heads, int threads) : heads_(heads), threads_(threads) {}

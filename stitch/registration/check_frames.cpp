@@ -144,6 +144,12 @@ std::string fewer_lens_parameters(Free asked, Free estimated, const std::string&
   return did + ", because " + could_not + "; to estimate them, film a scene with detail all around and far away";
 }
 
+std::string held_light(const std::string& head) {
+  return "head " + quoted(head) +
+         ": the pictures' light asks for a stronger fall-off or gain than a calibration may have; it is held at the "
+         "limit";
+}
+
 std::string weak_head(const HeadReport& head) {
   std::string message =
       "head " + quoted(head.name) + " shows much less detail than the others (out of focus, fog, an empty sky)";

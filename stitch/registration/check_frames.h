@@ -36,6 +36,8 @@ std::string near_things(double nearness, double size_px, const Calibration& prio
 std::string fewer_lens_parameters(Free asked, Free estimated, const std::string& error);
 /// A placed head with little detail.
 std::string weak_head(const HeadReport& head);
+/// A head whose gains or fall-off came out beyond what a calibration may have (geometry::hold_light).
+std::string held_light(const std::string& head);
 /// Why a head is left out that agrees with no other.
 std::string disagreement(bool little_detail);
 /// The message for wrong focal lengths: their errors in percent (rms and mean), and by how many levels the heads differ

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "protocol/base/angles.h"
+#include "stitch/geometry/held_light.h"
 #include "stitch/registration/certainty.h"
 #include "stitch/registration/check_frames.h"
 #include "stitch/registration/gauge.h"
@@ -303,6 +304,7 @@ Result<Report> Run::report() {
   for (int h = 0; h < n; ++h) {
     const auto i = static_cast<std::size_t>(h);
     report_.calibration.heads[i] = heads_[i].into(prior_.heads[i]);
+    const bool held = geometry::hold_light(report_.calibration.heads[i]);
     const bool stays = !why_not_[i].empty() || !options_.geometry;
     if (stays) report_.calibration.heads[i].R_head_rig = prior_.heads[i].R_head_rig;  // to the bit
     HeadReport head;
@@ -320,6 +322,7 @@ Result<Report> Run::report() {
     head.shared_sr = detail->heads[i].shared_sr;
     if (!head.placed) report_.warnings.push_back("head '" + head.name + "' is not placed: " + head.why_not);
     if (head.placed && little_detail[i]) report_.warnings.push_back(weak_head(head));
+    if (held) report_.warnings.push_back(held_light(head.name));
     report_.heads.push_back(std::move(head));
     for (int b = h + 1; b < n; ++b) {
       const std::size_t p = after->pair(h, b);

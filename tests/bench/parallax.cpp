@@ -61,7 +61,7 @@ Picture truth_of(const hal::sim::ScenePtr& scene) {
 }
 
 void save_png(const media::PngPicture& picture, const std::string& folder, const std::string& name) {
-  const auto png = media::png_file(picture, {media::PngNotes::Numbers::kLinear, 0, name, {}, 6});
+  const auto png = media::png_file(picture, {SampleMeaning::linear(), 0, name, {}, 6});
   if (!png) return;
   std::ofstream file(std::filesystem::path(folder) / (name + ".png"), std::ios::binary);
   file.write(reinterpret_cast<const char*>(png->data()), static_cast<std::streamsize>(png->size()));

@@ -43,12 +43,12 @@ TEST_F(SpherePart, ByItsMetadata_IsPlacedOnTheSphere) {
   // What --from says is said of the picture as it is.
   const Json plain = nodal_json({"convert", path("part.jpg"), "--from", "equirectangular", "-o", path("w.png")}).at(0);
   EXPECT_EQ(plain["width"], 64);
-  jpeg.replace(jpeg.find("LeftPixels=\"8"), 13, "LeftPixels=\"9");
-  jpeg.replace(jpeg.find("WidthPixels=\"80"), 15, "WidthPixels=\"70");
+  jpeg.replace(jpeg.find("TopPixels=\"4"), 12, "TopPixels=\"9");
+  jpeg.replace(jpeg.find("HeightPixels=\"40"), 16, "HeightPixels=\"38");
   write("wrong.jpg", jpeg);
   const Finished wrong = nodal({"view", path("wrong.jpg"), "-o", path("v.png")});
   EXPECT_NE(wrong.code, 0);
-  EXPECT_NE(wrong.err.find("wrong.jpg: its metadata says that it shows 64x32 px from 9, 4 on of a sphere of 70x40"),
+  EXPECT_NE(wrong.err.find("wrong.jpg: its metadata says that it shows 64x32 px from 8, 9 on of a sphere of 80x38"),
             std::string::npos)
       << wrong.err;
 }

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "stitch/calibration/light/light_fit.h"
+#include "stitch/geometry/held_light.h"
 
 namespace nodal::calibration {
 namespace {
@@ -167,7 +168,7 @@ LightModel model_of(const Calibration& prior) {
   return model;
 }
 
-/// Writes the model into the calibration. A fall-off that check_head refuses is left out, with a note.
+/// Writes the model into the calibration. A fall-off that check_head refuses is held at the limit, with a note.
 void fill_heads(const LightModel& model, const std::vector<bool>& placed, LightReport& report) {
   for (std::size_t h = 0; h < report.calibration.heads.size(); ++h) {
     HeadCalibration& head = report.calibration.heads[h];
@@ -175,9 +176,9 @@ void fill_heads(const LightModel& model, const std::vector<bool>& placed, LightR
     if (!placed[h]) continue;
     for (std::size_t c = 0; c < 3; ++c) head.gain[c] = std::clamp(std::exp(model.log_gain[h][c]), 0.01, 100.0);
     head.vignetting = {head.center_x, head.center_y, fall_off_radius(head), model.vignetting[h]};
-    if (check_head(head)) continue;
-    head.vignetting.coefficients = {};
-    report.notes.push_back("head '" + head.name + "': its fall-off came out impossible and is left out");
+    if (!geometry::hold_light(head)) continue;
+    report.notes.push_back("head '" + head.name +
+                           "': its fall-off came out stronger than a calibration may have, and is held there");
   }
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <memory>
 #include <vector>
 
@@ -50,7 +51,22 @@ std::optional<double> from_focal_plane(ExifData* data) {
   return focal_px / std::hypot(*width, *height) * kFilmDiagonalMm;
 }
 
+/// The Interoperability index, three letters and a zero.
+bool is_r03(ExifData* data) {
+  const ExifEntry* entry = exif_content_get_entry(data->ifd[EXIF_IFD_INTEROPERABILITY],
+                                                  static_cast<ExifTag>(EXIF_TAG_INTEROPERABILITY_INDEX));
+  return entry != nullptr && entry->data != nullptr && entry->size >= 3 && std::memcmp(entry->data, "R03", 3) == 0;
+}
+
 }  // namespace
+
+SampleMeaning adobe_rgb() {
+  SampleMeaning meaning;
+  meaning.curve = SampleMeaning::Curve::kGamma;
+  meaning.gamma = 563.0 / 256;
+  meaning.primaries = {0.3127, 0.3290, 0.64, 0.33, 0.21, 0.71, 0.15, 0.06};
+  return meaning;
+}
 
 Exif parse_exif(std::span<const std::uint8_t> start) {
   Exif exif;
@@ -64,7 +80,15 @@ Exif parse_exif(std::span<const std::uint8_t> start) {
   if (!plausible(exif.focal_35mm)) exif.focal_35mm.reset();
   const double turned = number(data.get(), EXIF_IFD_0, EXIF_TAG_ORIENTATION).value_or(1);
   if (turned >= 1 && turned <= 8) exif.orientation = static_cast<int>(turned);
+  exif.adobe_rgb = is_r03(data.get());
   return exif;
+}
+
+Exif exif_of(const FileMetadata& metadata) {
+  if (metadata.exif.empty()) return {};
+  std::vector<std::uint8_t> block{'E', 'x', 'i', 'f', 0, 0};
+  block.insert(block.end(), metadata.exif.begin(), metadata.exif.end());
+  return parse_exif(block);
 }
 
 Exif read_exif(const std::filesystem::path& file) {

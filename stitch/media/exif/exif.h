@@ -6,6 +6,8 @@
 #include <optional>
 #include <span>
 
+#include "protocol/base/decoded_image.h"
+
 namespace nodal::media {
 
 /// Exif is in the first segments of a JPEG, each of at most 64 KiB.
@@ -18,12 +20,20 @@ struct Exif {
   /// FocalLength and FocalPlaneXResolution. Nothing if the picture does not say it.
   std::optional<double> focal_35mm;
   int orientation = 1;  ///< 1 .. 8; 1: the rows of the file are those of the scene
+  /// Numbers are Adobe RGB's, as cameras say it without a profile: Interoperability index R03 (DCF 2.0, 3.3.3).
+  bool adobe_rgb = false;
 };
+
+/// The meaning of numbers in Adobe RGB (1998).
+SampleMeaning adobe_rgb();
 
 /// `start`: the first bytes of a JPEG, kExifBytes of them if there are as many. Bytes that are not understood say nothing.
 ///
 /// Threading: thread-safe.
 Exif parse_exif(std::span<const std::uint8_t> start);
+
+/// The same for a block of metadata.
+Exif exif_of(const FileMetadata& metadata);
 
 /// The same for a file; nothing if it cannot be read.
 Exif read_exif(const std::filesystem::path& file);

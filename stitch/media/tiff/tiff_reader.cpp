@@ -16,6 +16,7 @@
 
 #include "protocol/base/limits.h"
 #include "protocol/files/open_file.h"
+#include "stitch/media/linear_words.h"
 #include "stitch/media/tiff/memory.h"
 
 namespace nodal::media {
@@ -119,21 +120,73 @@ Status open_directory(const std::filesystem::path& file, Reader& reader) {
   return check_size(reader);
 }
 
-/// How the samples of a picture with 16 bits lie in its strips or tiles.
+/// What the channel behind the colours is: kAssociated if the colours are multiplied by it (TIFF 6.0, ExtraSamples).
+enum class Alpha : std::uint8_t { kNone, kAssociated, kUnassociated };
+
+bool is_plain_light(TIFF* tiff) {
+  const auto light = field<std::uint16_t>(tiff, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_RGB);
+  return light == PHOTOMETRIC_MINISBLACK || light == PHOTOMETRIC_MINISWHITE || light == PHOTOMETRIC_RGB;
+}
+
+Alpha alpha_of(const Reader& reader) {
+  TIFF* tiff = reader.tiff.get();
+  std::uint16_t extra = 0;
+  const std::uint16_t* kinds = nullptr;
+  const int colours = component_count(reader.header.natural);
+  if (!is_plain_light(tiff) || TIFFGetFieldDefaulted(tiff, TIFFTAG_EXTRASAMPLES, &extra, &kinds) != 1 || extra == 0 ||
+      field<std::uint16_t>(tiff, TIFFTAG_SAMPLESPERPIXEL, 1) <= colours) {
+    return Alpha::kNone;
+  }
+  return kinds[0] == EXTRASAMPLE_ASSOCALPHA   ? Alpha::kAssociated
+         : kinds[0] == EXTRASAMPLE_UNASSALPHA ? Alpha::kUnassociated
+                                              : Alpha::kNone;
+}
+
+/// Whether decode_plain() reads it.
+bool is_plain(const Reader& reader) {
+  TIFF* tiff = reader.tiff.get();
+  return reader.header.deep ||
+         (is_plain_light(tiff) && field<std::uint16_t>(tiff, TIFFTAG_BITSPERSAMPLE, 1) == 8 &&
+          field<std::uint16_t>(tiff, TIFFTAG_SAMPLEFORMAT, SAMPLEFORMAT_UINT) == SAMPLEFORMAT_UINT &&
+          alpha_of(reader) != Alpha::kNone);
+}
+
+/// Its colour profile, XMP and comment.
+void read_notes(const Reader& reader, DecodedImage& picture) {
+  TIFF* tiff = reader.tiff.get();
+  std::uint32_t length = 0;
+  const std::uint8_t* bytes = nullptr;
+  if (TIFFGetField(tiff, TIFFTAG_ICCPROFILE, &length, &bytes) == 1 && bytes != nullptr) {
+    picture.meaning.icc.assign(bytes, bytes + length);
+  }
+  const char* text = nullptr;
+  if (TIFFGetField(tiff, TIFFTAG_XMLPACKET, &length, &text) == 1 && text != nullptr) {
+    picture.metadata.xmp.assign(text, length);
+  }
+  if (TIFFGetField(tiff, TIFFTAG_IMAGEDESCRIPTION, &text) == 1 && text != nullptr &&
+      std::string_view(text).starts_with(kLinearWords)) {
+    picture.meaning.curve = SampleMeaning::Curve::kGamma;
+    picture.meaning.full_exposure_ns = full_exposure_said(text);
+  }
+  picture.meaning.alpha = alpha_of(reader) != Alpha::kNone;
+}
+
+/// How the samples of a grey or RGB picture with 8 or 16 bits lie in its strips or tiles.
 struct Blocks {
   bool tiled = false;
   std::uint32_t across = 0, down = 0;  ///< pixels of a block
   std::uint32_t planes = 1;            ///< 1: channels are interleaved
   std::uint32_t stored = 1;            ///< samples of a pixel in a block
   std::uint32_t channels = 1;          ///< 1 or 3 of them are of use, and alpha
-  bool alpha = false;                  ///< the next channel, by which the others are still to be multiplied
+  Alpha alpha = Alpha::kNone;          ///< of the next channel
+  std::size_t sample_bytes = 2;
   tmsize_t bytes = 0;
 };
 
 /// A pixel's sample of each channel, and alpha behind them.
-using DeepPixel = std::array<std::uint16_t, 4>;
+using PlainPixel = std::array<std::uint16_t, 4>;
 
-Result<Blocks> deep_blocks(const Reader& reader) {
+Result<Blocks> plain_blocks(const Reader& reader) {
   TIFF* tiff = reader.tiff.get();
   Blocks blocks;
   const auto width = static_cast<std::uint32_t>(reader.header.width);
@@ -147,13 +200,11 @@ Result<Blocks> deep_blocks(const Reader& reader) {
       samples > 1 && field<std::uint16_t>(tiff, TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG) == PLANARCONFIG_SEPARATE;
   blocks.planes = by_plane ? samples : 1;
   blocks.stored = by_plane ? 1 : samples;
-  blocks.channels = static_cast<std::uint32_t>(component_count(*reader.header.deep));
-  std::uint16_t extra = 0;
-  const std::uint16_t* kinds = nullptr;
-  blocks.alpha = TIFFGetFieldDefaulted(tiff, TIFFTAG_EXTRASAMPLES, &extra, &kinds) == 1 && extra > 0 &&
-                 kinds[0] == EXTRASAMPLE_UNASSALPHA && samples > blocks.channels;
+  blocks.channels = static_cast<std::uint32_t>(component_count(reader.header.natural));
+  blocks.alpha = alpha_of(reader);
+  blocks.sample_bytes = field<std::uint16_t>(tiff, TIFFTAG_BITSPERSAMPLE, 1) / 8;
   blocks.bytes = blocks.tiled ? TIFFTileSize(tiff) : TIFFStripSize(tiff);
-  const std::uint64_t wanted = std::uint64_t{2} * blocks.across * blocks.down * blocks.stored;
+  const std::uint64_t wanted = blocks.sample_bytes * blocks.across * blocks.down * blocks.stored;
   if (blocks.across == 0 || blocks.down == 0 || blocks.bytes <= 0 || wanted > kMostBlock ||
       static_cast<std::uint64_t>(blocks.bytes) < wanted || static_cast<std::uint64_t>(blocks.bytes) > kMostBlock) {
     return fail(reader.error(Errc::kUnsupported, "the TIFF has unusual strips or tiles; export it again"));
@@ -161,22 +212,52 @@ Result<Blocks> deep_blocks(const Reader& reader) {
   return blocks;
 }
 
-/// Grey and RGB with all their 16 bits: calls row(samples) for every row of the picture, from the top. Memory is taken for
-/// a row of strips or tiles at a time.
+/// Converts pixels to samples that stand for light, whatever alpha is.
+class PlainSamples {
+ public:
+  PlainSamples(const Blocks& blocks, bool white_is_0)
+      : alpha_(blocks.alpha),
+        channels_(blocks.channels),
+        most_(blocks.sample_bytes == 1 ? 255 : 65535),
+        white_is_0_(white_is_0) {}
+
+  void convert(std::span<const PlainPixel> pixels, std::span<std::uint16_t> samples) const {
+    for (std::size_t k = 0; k < samples.size(); ++k) {
+      const PlainPixel& pixel = pixels[k / channels_];
+      std::uint32_t value = pixel[k % channels_];
+      if (white_is_0_) value = most_ - value;
+      const std::uint32_t alpha = pixel[channels_];
+      // Where nothing is opaque there is no colour to restore.
+      if (alpha_ == Alpha::kAssociated && alpha > 0) value = std::min(most_, (value * most_ + alpha / 2) / alpha);
+      samples[k] = static_cast<std::uint16_t>(value);
+    }
+  }
+
+ private:
+  Alpha alpha_;
+  std::size_t channels_;
+  std::uint32_t most_;
+  bool white_is_0_;
+};
+
+/// Grey and RGB with all their 8 or 16 bits: calls row(samples) for every row of the picture, from the top. Memory is taken
+/// for a row of strips or tiles at a time.
 template <class Row>
-Status decode_deep(Reader& reader, const Row& row) {
+Status decode_plain(Reader& reader, const Row& row) {
   TIFF* tiff = reader.tiff.get();
-  const Result<Blocks> found = deep_blocks(reader);
+  const Result<Blocks> found = plain_blocks(reader);
   if (!found) return fail(found.error());
   const Blocks& blocks = *found;
   const auto width = static_cast<std::uint32_t>(reader.header.width);
   const auto height = static_cast<std::uint32_t>(reader.header.height);
-  const bool white_is_0 = field<std::uint16_t>(tiff, TIFFTAG_PHOTOMETRIC, 0) == PHOTOMETRIC_MINISWHITE;
+  const PlainSamples made(blocks, field<std::uint16_t>(tiff, TIFFTAG_PHOTOMETRIC, 0) == PHOTOMETRIC_MINISWHITE);
   const std::uint32_t blocks_across = (width + blocks.across - 1) / blocks.across;
   const std::uint32_t blocks_down = (height + blocks.down - 1) / blocks.down;
-  const std::uint32_t planes = std::min(blocks.planes, blocks.channels + (blocks.alpha ? 1 : 0));
+  const std::uint32_t used = blocks.channels + (blocks.alpha == Alpha::kAssociated ? 1 : 0);
+  const std::uint32_t planes = std::min(blocks.planes, used);
   std::vector<std::uint16_t> block(static_cast<std::size_t>(blocks.bytes) / 2 + 1);
-  std::vector<DeepPixel> pixels;
+  const auto* const narrow = reinterpret_cast<const std::uint8_t*>(block.data());
+  std::vector<PlainPixel> pixels;
   std::vector<std::uint16_t> samples(std::size_t{width} * blocks.channels);
   for (std::uint32_t top = 0; top < height; top += blocks.down) {
     const std::uint32_t rows = std::min(blocks.down, height - top);
@@ -185,26 +266,25 @@ Status decode_deep(Reader& reader, const Row& row) {
       const std::uint32_t number = (plane * blocks_down + top / blocks.down) * blocks_across + left / blocks.across;
       const tmsize_t got = blocks.tiled ? TIFFReadEncodedTile(tiff, number, block.data(), blocks.bytes)
                                         : TIFFReadEncodedStrip(tiff, number, block.data(), blocks.bytes);
-      if (got < static_cast<tmsize_t>(std::size_t{2} * blocks.across * rows * blocks.stored)) {
+      if (got < static_cast<tmsize_t>(blocks.sample_bytes * blocks.across * rows * blocks.stored)) {
         return fail(reader.broken(Errc::kTruncated, "ends early or is broken"));
       }
       pixels.resize(std::size_t{width} * rows);
-      const std::size_t taken = blocks.planes > 1 ? 1 : blocks.channels + (blocks.alpha ? 1 : 0);
+      const std::size_t taken = blocks.planes > 1 ? 1 : used;
       for (std::uint32_t y = 0; y < rows; ++y) {
         for (std::uint32_t x = 0; x < std::min(blocks.across, width - left); ++x) {
-          std::copy_n(&block[(std::size_t{y} * blocks.across + x) * blocks.stored], taken,
-                      &pixels[std::size_t{y} * width + left + x][plane]);
+          const std::size_t from = (std::size_t{y} * blocks.across + x) * blocks.stored;
+          std::uint16_t* const to = &pixels[std::size_t{y} * width + left + x][plane];
+          if (blocks.sample_bytes == 1) {
+            std::copy_n(narrow + from, taken, to);
+          } else {
+            std::copy_n(&block[from], taken, to);
+          }
         }
       }
     }
     for (std::uint32_t y = 0; y < rows; ++y) {
-      for (std::size_t k = 0; k < samples.size(); ++k) {
-        const DeepPixel& pixel = pixels[std::size_t{y} * width + k / blocks.channels];
-        std::uint32_t value = pixel[k % blocks.channels];
-        if (white_is_0) value = 65535 - value;
-        if (blocks.alpha) value = (value * pixel[blocks.channels] + 32767) / 65535;
-        samples[k] = static_cast<std::uint16_t>(value);
-      }
+      made.convert(std::span(pixels).subspan(std::size_t{y} * width, width), samples);
       row(std::span<const std::uint16_t>(samples));
     }
   }
@@ -276,20 +356,20 @@ Result<DecodedImage> read_tiff(const std::filesystem::path& file, std::optional<
   bytes.reserve(packed_size(picture.format, picture.width, picture.height));
   Status decoded;
   if (as) {
-    decoded = decode_deep(reader, [&bytes](std::span<const std::uint16_t> row) {
+    decoded = decode_plain(reader, [&bytes](std::span<const std::uint16_t> row) {
       const auto* first = reinterpret_cast<const std::uint8_t*>(row.data());
       bytes.insert(bytes.end(), first, first + row.size_bytes());
     });
-  } else if (header.deep == PixelFormat::kGrey16 &&
-             field<std::uint16_t>(reader.tiff.get(), TIFFTAG_SAMPLESPERPIXEL, 1) == 1) {
-    // libtiff 4.5 converts it wrongly in tiles that reach beyond the picture.
-    decoded = decode_deep(reader, [&bytes](std::span<const std::uint16_t> row) {
-      for (const unsigned value : row) bytes.push_back(static_cast<std::uint8_t>((value + 128) / 257));
+  } else if (is_plain(reader)) {
+    const bool deep = header.deep.has_value();
+    decoded = decode_plain(reader, [&bytes, deep](std::span<const std::uint16_t> row) {
+      for (const unsigned value : row) bytes.push_back(static_cast<std::uint8_t>(deep ? (value + 128) / 257 : value));
     });
   } else {
     decoded = decode(reader, bytes);
   }
   if (!decoded) return fail(decoded.error());
+  read_notes(reader, picture);
   return picture;
 }
 

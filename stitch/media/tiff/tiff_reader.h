@@ -17,8 +17,9 @@ bool is_tiff(const std::filesystem::path& file);
 
 /// The first picture of a TIFF: strips or tiles, interleaved or by plane, 1 to 16 bits, grey, palette, RGB, YCbCr and
 /// CMYK, in every compression that libtiff knows. Grey pictures give GREY, all others RGB24. 16 bits are rounded to 8,
-/// except with `as`: the format that the header has as `deep`, which grey and RGB of 16 bits have. Pixels that an alpha
-/// channel makes transparent are black. Rows are as the file stores them, whatever its orientation says.
+/// except with `as`: the format that the header has as `deep`, which grey and RGB of 16 bits have. Colours that
+/// the file has multiplied by alpha (ExtraSamples) are divided by it; alpha itself is left out. Rows are as the file stores
+/// them, whatever its orientation says.
 ///
 /// Threading: thread-safe.
 /// Errors: each names the picture: kNotFound, kIo, kBadFormat when it is no TIFF or is broken, kTruncated when the file

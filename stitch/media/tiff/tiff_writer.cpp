@@ -30,6 +30,7 @@ bool write(TIFF* tiff, const ImageView& picture, const TiffNotes& notes) {
   set(TIFFTAG_ROWSPERSTRIP, kStripRows);
   if (!notes.description.empty()) set(TIFFTAG_IMAGEDESCRIPTION, notes.description.c_str());
   if (!notes.xmp.empty()) set(TIFFTAG_XMLPACKET, static_cast<std::uint32_t>(notes.xmp.size()), notes.xmp.data());
+  if (!notes.icc.empty()) set(TIFFTAG_ICCPROFILE, static_cast<std::uint32_t>(notes.icc.size()), notes.icc.data());
   const PlaneView& first = picture.planes[0];
   std::vector<std::uint8_t> row(static_cast<std::size_t>(first.row_stride));  // libtiff overwrites it with differences
   for (int y = 0; good && y < picture.height; ++y) {

@@ -78,12 +78,12 @@ TEST(Jpeg, ASphere_CarriesGPanoAsViewersReadIt) {
   EXPECT_EQ(xmp.body.substr(0, 29), std::string("http://ns.adobe.com/xap/1.0/\0", 29));
   for (const char* attribute :
        {"xmlns:GPano=\"http://ns.google.com/photos/1.0/panorama/\"", "GPano:ProjectionType=\"equirectangular\"",
-        "GPano:UsePanoramaViewer=\"True\"", "GPano:PoseHeadingDegrees=\"0\"", "GPano:FullPanoWidthPixels=\"256\"",
-        "GPano:FullPanoHeightPixels=\"128\"", "GPano:CroppedAreaImageWidthPixels=\"256\"",
-        "GPano:CroppedAreaImageHeightPixels=\"128\"", "GPano:CroppedAreaLeftPixels=\"0\"",
-        "GPano:CroppedAreaTopPixels=\"0\"", "<x:xmpmeta ", "</x:xmpmeta>"}) {
+        "GPano:UsePanoramaViewer=\"True\"", "GPano:FullPanoWidthPixels=\"256\"", "GPano:FullPanoHeightPixels=\"128\"",
+        "GPano:CroppedAreaImageWidthPixels=\"256\"", "GPano:CroppedAreaImageHeightPixels=\"128\"",
+        "GPano:CroppedAreaLeftPixels=\"0\"", "GPano:CroppedAreaTopPixels=\"0\"", "<x:xmpmeta ", "</x:xmpmeta>"}) {
     EXPECT_NE(xmp.body.find(attribute), std::string::npos) << attribute;
   }
+  EXPECT_EQ(xmp.body.find("Pose"), std::string::npos) << "a rig does not know where north is";
   EXPECT_EQ(found->at(2).marker, 0xfe);
   EXPECT_EQ(found->at(2).body, RaymapComment(some_info()).text());
 }

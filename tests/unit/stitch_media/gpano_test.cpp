@@ -2,7 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <limits>
 #include <numeric>
+#include <utility>
 
 #include "protocol/base/image.h"
 
@@ -15,23 +18,16 @@ DecodedImage numbered(PixelFormat format, int width, int height) {
   return image;
 }
 
-TEST(Gpano, WhatIsWritten_IsRead) {
-  const auto area = read_gpano("bytes before" + gpano_packet(400, 200) + "bytes behind");
-  ASSERT_TRUE(area);
-  EXPECT_EQ(area->full_width, 400);
-  EXPECT_EQ(area->height, 200);
-  EXPECT_FALSE(read_gpano("GPano:ProjectionType=\"cylindrical\""));
-  EXPECT_FALSE(read_gpano(""));
-}
-
-TEST(Gpano, Elements_AreReadAsAttributesAre) {
-  const auto area = read_gpano(
-      "<GPano:ProjectionType>equirectangular</GPano:ProjectionType><GPano:CroppedAreaLeftPixels>7"
-      "</GPano:CroppedAreaLeftPixels><GPano:FullPanoHeightPixels>50</GPano:FullPanoHeightPixels>");
-  ASSERT_TRUE(area);
-  EXPECT_EQ(area->left, 7);
-  EXPECT_EQ(area->full_height, 50);
-  EXPECT_EQ(area->full_width, 0) << "not said";
+TEST(Gpano, OfNoKnownDirection_ThePacketClaimsNoNorth) {
+  const std::string packet = gpano_packet(400, 200);
+  EXPECT_NE(packet.find("GPano:FullPanoWidthPixels=\"400\""), std::string::npos);
+  EXPECT_EQ(packet.find("Pose"), std::string::npos);
+  const std::string known = gpano_packet(400, 200, {{"GPano:PoseHeadingDegrees", "225"}, {"exif:Note", "<a & \"b\">"}});
+  EXPECT_NE(known.find("GPano:PoseHeadingDegrees=\"225\""), std::string::npos);
+  EXPECT_NE(known.find("exif:Note=\"&lt;a &amp; &quot;b&quot;&gt;\""), std::string::npos);
+  EXPECT_NE(known.find("xmlns:exif="), std::string::npos);
+  EXPECT_EQ(packet.find("xmlns:exif="), std::string::npos);
+  EXPECT_EQ(xmp_packet({}), "");
 }
 
 TEST(Gpano, APart_IsPlacedOnTheSphereAndTheRestIsBlack) {
@@ -69,18 +65,57 @@ TEST(Gpano, AWholeSphereOrAnAreaThatIsNotSaid_LeavesThePictureAsItIs) {
   EXPECT_EQ(whole_sphere(part, {})->bytes, part.bytes);
 }
 
-TEST(Gpano, ImpossibleAreas_AreRefused) {
+/// The column of the sphere at which the part's first column is, and its first row; -1: nowhere.
+std::pair<int, int> place_of_first(const DecodedImage& whole) {
+  const auto at = std::ranges::find(whole.bytes, std::uint8_t{1});
+  if (at == whole.bytes.end()) return {-1, -1};
+  const auto k = static_cast<int>(at - whole.bytes.begin());
+  return {k % whole.width, k / whole.width};
+}
+
+TEST(Gpano, AreasThatDoNotFitByRounding_AreMovedOrCut) {
+  const DecodedImage part = numbered(PixelFormat::kGrey8, 8, 4);
+  // One pixel too low, as phones round.
+  EXPECT_EQ(place_of_first(whole_sphere(part, {64, 32, 10, 29, 8, 4}).value()), std::pair(10, 28));
+  EXPECT_EQ(place_of_first(whole_sphere(part, {64, 32, 10, -1, 8, 4}).value()), std::pair(10, 0));
+  // A pixel wider and higher than the sphere: the last column and row are cut.
+  const DecodedImage cut = whole_sphere(part, {7, 3, 0, 0, 8, 4}).value();
+  EXPECT_EQ(std::pair(cut.width, cut.height), std::pair(7, 3));
+  EXPECT_EQ(cut.bytes[6], 7);
+  EXPECT_EQ(cut.bytes[7], 9) << "the first of the next row";
+}
+
+TEST(Gpano, AnAreaOverTheEdge_GoesOnAtTheOtherOne) {
+  const DecodedImage part = numbered(PixelFormat::kGrey8, 8, 4);
+  for (const int left : {60, -4}) {
+    const DecodedImage whole = whole_sphere(part, {64, 32, left, 5, 8, 4}).value();
+    ASSERT_EQ(whole.width, 64);
+    for (int y = 0; y < 32; ++y) {
+      for (int x = 0; x < 64; ++x) {
+        const int column = (x - 60 + 64) % 64;
+        const int expected = column < 8 && y >= 5 && y < 9 ? 1 + 8 * (y - 5) + column : 0;
+        ASSERT_EQ(whole.bytes[static_cast<std::size_t>(64 * y + x)], expected) << left << " " << x << " " << y;
+      }
+    }
+  }
+}
+
+TEST(Gpano, ImpossibleAreas_AreRefusedWithAWayOut) {
   const DecodedImage part = numbered(PixelFormat::kGrey8, 4, 2);
   constexpr std::int64_t kHuge = std::numeric_limits<std::int64_t>::max();
-  for (const SphereArea& area : {SphereArea{8, 4, 5, 0, 4, 2},
-                                 {8, 4, -1, 0, 4, 2},
-                                 {8, 4, 0, 3, 4, 2},
-                                 {8, 4, 0, 0, 9, 2},
-                                 {8, 4, 0, 0, -4, 2},
+  for (const SphereArea& area : {SphereArea{64, 32, 200, 0, 4, 2},
+                                 {64, 32, -65, 0, 4, 2},
+                                 {64, 32, 0, -3, 4, 2},
+                                 {64, 32, 0, 33, 4, 2},
+                                 {64, 32, 0, 0, 70, 2},
+                                 {64, 32, 0, 0, -4, 2},
                                  {kHuge, 4, 0, 0, 4, 2},
                                  {kHuge, kHuge, kHuge, kHuge, kHuge, kHuge},
                                  {8, -4, 0, 0, 4, 2}}) {
-    EXPECT_EQ(whole_sphere(part, area).error().code, Errc::kBadFormat) << area.left << " " << area.width;
+    const auto refused = whole_sphere(part, area);
+    ASSERT_FALSE(refused) << area.left << " " << area.width;
+    EXPECT_EQ(refused.error().code, Errc::kBadFormat);
+    EXPECT_NE(refused.error().message.find("--from equirectangular"), std::string::npos);
   }
   EXPECT_EQ(whole_sphere(part, {1 << 20, 1 << 20, 0, 0, 4, 2}).error().code, Errc::kTooLarge);
   EXPECT_EQ(whole_sphere(part, {std::int64_t{1} << 32, std::int64_t{1} << 32, 0, 0, 1, 1}).error().code,

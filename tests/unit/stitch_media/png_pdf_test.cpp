@@ -24,7 +24,7 @@ Picture grey_picture() {
 
 TEST(PngFile, GreyPicture_IsReadBackAsItWas) {
   const Picture p = grey_picture();
-  const auto png = png_file({40, 30, 1, 8, p.values}, {PngNotes::Numbers::kSrgb, 10000, "a comment", {}, 6});
+  const auto png = png_file({40, 30, 1, 8, p.values}, {SampleMeaning::srgb(), 10000, "a comment", {}, 6});
   ASSERT_TRUE(png) << png.error().text();
   const auto read = decode_image(*png, "p.png", PixelFormat::kGrey8);
   ASSERT_TRUE(read) << read.error().text();

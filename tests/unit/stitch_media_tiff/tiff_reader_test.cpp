@@ -147,9 +147,11 @@ TEST_F(TiffReader, Of16BitsOnRequest_KeepsThemAll) {
       for (int y = 0; y < kHeight; ++y) {
         for (int x = 0; x < kWidth; ++x) {
           for (int c = 0; c < channels; ++c, at += 2) {
-            const double opaque = alpha == EXTRASAMPLE_UNASSALPHA ? sample(x, y, channels) / 65535.0 : 1;
+            // Multiplied by alpha only if the file says so.
+            const bool multiplied = alpha == EXTRASAMPLE_ASSOCALPHA && sample(x, y, channels) > 0;
+            const double opaque = multiplied ? sample(x, y, channels) / 65535.0 : 1;
             const int got = picture->bytes[at] | picture->bytes[at + 1] << 8;
-            ASSERT_NEAR(got, sample(x, y, c) * opaque, alpha == EXTRASAMPLE_UNASSALPHA ? 0.5 : 0) << x << " " << y;
+            ASSERT_NEAR(got, std::min(65535.0, sample(x, y, c) / opaque), multiplied ? 0.51 : 0) << x << " " << y;
           }
         }
       }
@@ -157,6 +159,28 @@ TEST_F(TiffReader, Of16BitsOnRequest_KeepsThemAll) {
   }
   EXPECT_FALSE(read_tiff_header(write("a.tif", {3, 8}))->deep);
   EXPECT_EQ(read_tiff(path("a.tif"), PixelFormat::kRgb48).error().code, Errc::kUnsupported);
+}
+
+TEST_F(TiffReader, AlphaIn8Bits_LeavesTheColoursThatTheFileMeans) {
+  for (const Kind& kind : {Kind{4, 8}, Kind{4, 8, true, true}, Kind{2, 8}, Kind{4, 16}, Kind{2, 16, true}}) {
+    for (const int alpha : {EXTRASAMPLE_ASSOCALPHA, EXTRASAMPLE_UNASSALPHA}) {
+      const auto picture = read_tiff(write("a.tif", kind, static_cast<std::uint16_t>(alpha)));
+      ASSERT_TRUE(picture) << picture.error().text();
+      EXPECT_TRUE(picture->meaning.alpha);
+      const int channels = kind.channels - 1, most = kind.bits == 8 ? 255 : 65535;
+      std::size_t at = 0;
+      for (int y = 0; y < kHeight; ++y) {
+        for (int x = 0; x < kWidth; ++x) {
+          const auto stored = [&](int c) { return kind.bits == 8 ? sample(x, y, c) >> 8 : sample(x, y, c); };
+          for (int c = 0; c < channels; ++c, ++at) {
+            const bool multiplied = alpha == EXTRASAMPLE_ASSOCALPHA && stored(channels) > 0;
+            const double meant = multiplied ? 1.0 * most * stored(c) / stored(channels) : stored(c);
+            ASSERT_NEAR(picture->bytes[at], 255 * std::min(1.0, meant / most), 0.51) << x << " " << y << " " << alpha;
+          }
+        }
+      }
+    }
+  }
 }
 
 TEST_F(TiffReader, Of16BitsCutAnywhere_IsOneErrorThatNamesThePicture) {

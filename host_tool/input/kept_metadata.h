@@ -1,0 +1,26 @@
+// What a result's file says of the pictures that it was made of.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "protocol/base/decoded_image.h"
+#include "stitch/media/gpano.h"
+
+namespace nodal::host {
+
+struct KeptMetadata {
+  media::XmpProperties properties{};
+  std::vector<std::uint8_t> exif{};  ///< FileMetadata::exif
+};
+
+/// How much of a picture's metadata is true of the result.
+enum class Keep : std::uint8_t {
+  kAll,           ///< the same sphere: pose, compass direction, first view, date, place
+  kPlaceAndTime,  ///< another look at it, or one of several pictures of it: date and place
+};
+
+/// Of the picture's XMP and Exif; where both say the same, the XMP counts.
+KeptMetadata kept_metadata(const FileMetadata& metadata, Keep keep);
+
+}  // namespace nodal::host
