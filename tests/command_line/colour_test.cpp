@@ -83,16 +83,17 @@ std::vector<double> converted(const Bytes& rgb, const Space& from, const Space& 
   return levels;
 }
 
+void put_big_endian(std::size_t value, std::uint8_t* to) {
+  for (int k = 0; k < 4; ++k) to[k] = static_cast<std::uint8_t>(value >> 8 * (3 - k));
+}
+
 /// A PNG with another chunk behind its header.
 Bytes with_chunk(Bytes png, const std::string& name, const Bytes& data) {
-  Bytes chunk;
-  const auto put = [&](std::size_t value) {
-    for (int k = 3; k >= 0; --k) chunk.push_back(static_cast<std::uint8_t>(value >> 8 * k));
-  };
-  put(data.size());
-  chunk.insert(chunk.end(), name.begin(), name.end());
-  chunk.insert(chunk.end(), data.begin(), data.end());
-  put(crc32(0, chunk.data() + 4, static_cast<uInt>(chunk.size() - 4)));
+  Bytes chunk(data.size() + 12);
+  put_big_endian(data.size(), chunk.data());
+  std::copy(name.begin(), name.end(), chunk.begin() + 4);
+  std::copy(data.begin(), data.end(), chunk.begin() + 8);
+  put_big_endian(crc32(0, chunk.data() + 4, static_cast<uInt>(data.size() + 4)), chunk.data() + data.size() + 8);
   png.insert(png.begin() + 33, chunk.begin(), chunk.end());
   return png;
 }
@@ -101,8 +102,9 @@ Bytes with_profile(const Bytes& png, const Bytes& icc) {
   Bytes packed(compressBound(icc.size()));
   uLongf length = packed.size();
   compress(packed.data(), &length, icc.data(), icc.size());
-  Bytes data{'p', 0, 0};
-  data.insert(data.end(), packed.begin(), packed.begin() + static_cast<std::ptrdiff_t>(length));
+  Bytes data(3 + length);
+  data[0] = 'p';
+  std::copy_n(packed.begin(), length, data.begin() + 3);
   return with_chunk(png, "iCCP", data);
 }
 
@@ -192,10 +194,10 @@ TEST_F(ColourCommand, PicturesWithAProfile_AreConvertedToSrgbByEveryReaderAndWri
     const std::vector<double> right = converted(chart(), space, kSrgbSpace);
     for (const std::string& file : write_chart(space)) {
       for (const std::string& out : {std::string("o.png"), std::string("o.tif"), std::string("o.jpg")}) {
-        run({"convert", path(file), "--from", "equirectangular", "-o", path(out)});
+        run({"convert", path(file), "--from", "equirectangular", "-o", path(out), "--quality", "100"});
         const bool coded = file.ends_with(".jpg") || out.ends_with(".jpg");
         const bool deep = file.find("16") != std::string::npos && !coded;
-        const double most = deep ? 0.001 : coded ? 4.5 / 255 : 1.5 / 255;
+        const double most = deep ? 0.001 : coded ? 3.5 / 255 : 1.5 / 255;
         const double worst = largest_error(samples(out), right);
         EXPECT_LT(worst, most) << file << " to " << out;
         std::printf("%-16s to %-6s largest error %.4f (%.2f of 255)\n", file.c_str(), out.c_str(), worst, 255 * worst);
@@ -213,7 +215,7 @@ TEST_F(ColourCommand, AHeadsPictureWithAProfile_IsStitchedInSrgb) {
   test::write_bytes(path("wide.png"), with_profile(test::png_of(rgb, 96, 96, 3), icc_of(kAdobeRgb)));
   Words words{"stitch", path("six.json")};
   for (int h = 0; h < 6; ++h) words.push_back(path("wide.png"));
-  for (const std::string& more : {"-o", path("o.png").c_str(), "--width", "64"}) words.push_back(more);
+  words.insert(words.end(), {"-o", path("o.png"), "--width", "64"});
   run(words);
   const std::vector<double> right = converted({60, 200, 60}, kAdobeRgb, kSrgbSpace);
   const std::vector<double> got = samples("o.png");
@@ -238,7 +240,7 @@ TEST_F(ColourCommand, LinearNumbers_StayLinearOrAreShownRight) {
   run({"convert", path("linear.png"), "--from", "equirectangular", "--layout", "cube", "-o", path("cube.png")});
   run({"convert", path("linear.png"), "--from", "equirectangular", "-o", path("o.tif")});
   run({"convert", path("o.tif"), "-o", path("back.png")});
-  for (const std::string& file : {"cube.png", "back.png"}) {
+  for (const std::string file : {"cube.png", "back.png"}) {
     const DecodedImage image = media::read_image(path(file), PixelFormat::kRgb48).value();
     EXPECT_TRUE(image.meaning.is_linear()) << file;
     EXPECT_NE(read(file).find("Numbers are proportional to light."), std::string::npos) << file;
@@ -262,12 +264,10 @@ TEST_F(ColourCommand, SixteenBitsOfHeadsWithSrgb_AreProportionalToLight) {
   write("srgb.json", to_json(rig));
   for (const auto& [level, light] : {std::pair(64, 0.05126945), {128, 0.21586050}}) {  // IEC 61966-2-1
     test::write_bytes(path("grey.png"), test::png_of(Bytes(96 * 96, static_cast<std::uint8_t>(level)), 96, 96, 1));
-    for (const std::string& quality : {"92", "best"}) {
+    for (const std::string quality : {"92", "best"}) {
       Words words{"stitch", path("srgb.json")};
       for (int h = 0; h < 6; ++h) words.push_back(path("grey.png"));
-      for (const std::string& more : {"--bits", "16", "--width", "64", "--quality", quality.c_str()})
-        words.push_back(more);
-      words.insert(words.end(), {"-o", path("o.png")});
+      words.insert(words.end(), {"--bits", "16", "--width", "64", "--quality", quality, "-o", path("o.png")});
       run(words);
       const DecodedImage image = media::read_image(path("o.png"), PixelFormat::kRgb48).value();
       EXPECT_TRUE(image.meaning.is_linear());
@@ -288,7 +288,7 @@ TEST_F(ColourCommand, Alpha_MeansTheSameInEveryFile) {
   write_tiff("straight.tif", straight, 4, 8, {}, EXTRASAMPLE_UNASSALPHA);
   write_tiff("multiplied.tif", multiplied, 4, 8, {}, EXTRASAMPLE_ASSOCALPHA);
   write_tiff("deep.tif", deep_of(straight), 4, 16, {}, EXTRASAMPLE_UNASSALPHA);
-  for (const std::string& file : {"a.png", "straight.tif", "multiplied.tif", "deep.tif"}) {
+  for (const std::string file : {"a.png", "straight.tif", "multiplied.tif", "deep.tif"}) {
     const Finished done = nodal({"convert", path(file), "--from", "equirectangular", "-o", path("o.png")});
     ASSERT_EQ(done.code, 0) << done.err;
     EXPECT_NE(done.err.find(file + " has an alpha channel, which is left out"), std::string::npos) << done.err;

@@ -13,7 +13,7 @@ HeadCalibration dim_head() {
   head.width = head.height = 100;
   head.center_x = head.center_y = 50;
   head.lens = EquidistantLens{{40}};
-  head.region = {0, 0, 100, 100};
+  head.region = {0, 0, 100, 100, {}, {}};
   head.vignetting = {50, 50, 50, {}};
   return head;
 }

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 #include <zlib.h>
 
+#include <algorithm>
 #include <string>
 
 #include "stitch/media/image_file.h"
@@ -35,8 +36,9 @@ Bytes profile_chunk(const Bytes& profile) {
   Bytes packed(compressBound(profile.size()));
   uLongf length = packed.size();
   compress(packed.data(), &length, profile.data(), profile.size());
-  Bytes data{'p', 0, 0};
-  data.insert(data.end(), packed.begin(), packed.begin() + static_cast<std::ptrdiff_t>(length));
+  Bytes data(3 + length);
+  data[0] = 'p';
+  std::copy_n(packed.begin(), length, data.begin() + 3);
   return data;
 }
 
