@@ -34,7 +34,12 @@ const swarm::Nature& nature() {
 }  // namespace
 
 void write_file(hal::sim::SimDisk& disk, const std::string& name, std::span<const std::uint8_t> bytes) {
-  disk.put(name, bytes);
+  (void)disk.remove(name);
+  const auto file = disk.create(name);
+  if (!file) return;  // a folder has this name, or it is none for a file
+  (void)disk.write(*file, bytes);
+  (void)disk.sync(*file);
+  disk.close(*file);
 }
 
 const firmware::RigConfig& Stand::config() {

@@ -43,7 +43,7 @@ Calibration crafted(int heads) {
   Calibration rig;
   for (int i = 0; i < heads; ++i) {
     rig.heads.push_back(
-        test::head_at("c" + std::to_string(i), 1300, 1300, EquidistantLens{{200}}, {360.0 * i / heads, 0, 0}));
+        test::head_at("c" + std::to_string(i), 1300, 1300, EquidistantLens{{300}}, {360.0 * i / heads, 0, 0}));
     add_masks(rig.heads.back());
   }
   return rig;
