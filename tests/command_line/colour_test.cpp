@@ -299,6 +299,37 @@ TEST_F(ColourCommand, Alpha_MeansTheSameInEveryFile) {
   }
 }
 
+TEST_F(ColourCommand, AdobeRgbByExifAlone_IsConvertedToo) {
+  if (Process({"sh", "-c", "command -v exiftool"}).wait().code != 0) GTEST_SKIP() << "exiftool is not installed";
+  // As cameras that are set to Adobe RGB write it: no profile.
+  test::write_bytes(path("r03.jpg"), test::jpeg_of(chart(), kWide, kHigh, test::Sampling::k444, 100));
+  const Finished tagged = Process({"exiftool", "-q", "-overwrite_original", "-ExifIFD:ColorSpace=65535",
+                                   "-InteropIFD:InteropIndex=R03", path("r03.jpg")})
+                              .wait();
+  ASSERT_EQ(tagged.code, 0) << tagged.err;
+  run({"convert", path("r03.jpg"), "--from", "equirectangular", "-o", path("o.png")});
+  EXPECT_LT(largest_error(samples("o.png"), converted(chart(), kAdobeRgb, kSrgbSpace)), 3.5 / 255);
+}
+
+TEST_F(ColourCommand, HeadsWhoseResponseIsLinear_TakeLinearFilesAsTheyAre) {
+  // 16 bits, gAMA 1, a quarter of the light.
+  Bytes quarter;
+  for (int k = 0; k < 96 * 96; ++k) quarter.insert(quarter.end(), {0x40, 0x00});
+  test::write_bytes(path("linear.png"), with_chunk(test::png_of(quarter, 96, 96, 1, 16), "gAMA", {0, 1, 0x86, 0xA0}));
+  for (const bool linear : {true, false}) {
+    Calibration rig = six_heads("rig");
+    for (HeadCalibration& head : rig.heads) {
+      head.response.curve = linear ? Response::Curve::kLinear : Response::Curve::kSrgb;
+    }
+    write("rig.json", to_json(rig));
+    Words words{"stitch", path("rig.json")};
+    for (int h = 0; h < 6; ++h) words.push_back(path("linear.png"));
+    words.insert(words.end(), {"--bits", "16", "--width", "64", "-o", path("o.png")});
+    run(words);
+    for (const double got : samples("o.png")) ASSERT_NEAR(got, 0.25, 0.004) << linear;
+  }
+}
+
 TEST_F(ColourCommand, BesideImageMagick_ProfilesGiveTheSameColours) {
   if (Process({"sh", "-c", "command -v convert"}).wait().code != 0) GTEST_SKIP() << "ImageMagick is not installed";
   test::write_bytes(path("srgb.icc"), icc_of(kSrgbSpace));

@@ -1,4 +1,4 @@
-// What the host's code leaves to one place: messages of a rig, waits for it, programs that are started.
+// What the host's code leaves to one place: messages of a rig, waits for it, programs that are started, colours of pictures.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -48,6 +48,22 @@ TEST(HostRules, ProgramsAreStarted_WhereTheirRightsAreKnown) {
   const std::string why = "confinement.cpp must permit a program before it can be started";
   expect_rule(host, {"posix_spawnp(", {"hal/linux/link/spawn_link.cpp", "host_tool/input/pairs_file.cpp"}, why});
   expect_rule(host, {"fork()", {"hal/linux/link/link_helper.cpp"}, why});
+}
+
+TEST(HostRules, PicturesAreReadAndWritten_WhereTheirColoursAreKept) {
+  const std::vector<std::string> readers{"host_tool/input/pictures.cpp"};
+  const std::string read = "read_picture() converts to sRGB whatever the file says that its numbers stand for";
+  expect_rule({"host_tool/"}, {"media::read_image(", readers, read});
+  expect_rule({"host_tool/"}, {"media::read_tiff(", readers, read});
+  const std::string written = "encode_result() writes what numbers stand for, and the metadata that is kept";
+  expect_rule({"host_tool/"}, {"media::tiff_file(", {"host_tool/commands/result_file.cpp"}, written});
+  expect_rule({"host_tool/"},
+              {"media::png_file(",
+               {"host_tool/commands/result_file.cpp", "host_tool/commands/pattern.cpp", "host_tool/report/"},
+               written});
+  // Only hosts link Little CMS and pugixml's reader of XMP.
+  expect_rule({"host_tool/", "stitch/", "firmware/", "hal/"},
+              {"in_srgb(", {"stitch/media/colour/", "host_tool/input/pictures.cpp"}, read});
 }
 
 }  // namespace

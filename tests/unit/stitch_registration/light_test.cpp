@@ -1,6 +1,7 @@
 // Gains and fall-off of heads that overlap only at their rims: what is determined, and what is not.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -92,6 +93,33 @@ TEST(Light, HeadsOfUnlikeFallOff_EachIsFoundAndTheHeadsArePlacedAsWell) {
   EXPECT_LT(report->objective_after, 0.5 * alike->objective_after);
   const double pixel_deg = 130.0 / 160;
   EXPECT_LT(test::rotation_error(truth, report->calibration).rms_deg, 0.01 * pixel_deg);
+}
+
+TEST(Light, AFallOffBeyondWhatACalibrationMayHave_IsHeldThere) {
+  const Calibration truth = test::six_fisheyes(160);
+  auto rig = test::render_rig(truth, hal::sim::town_square_scene(3), {PixelFormat::kGrey8, 0.5, 5, 3});
+  // A fall-off that leaves nothing from 77 px on; the rim is at 80 px.
+  constexpr double kRadius = 60;
+  for (auto& picture : rig.bytes) {
+    for (int y = 0; y < 160; ++y) {
+      for (int x = 0; x < 160; ++x) {
+        const double s = (std::pow(x + 0.5 - 80, 2) + std::pow(y + 0.5 - 80, 2)) / (kRadius * kRadius);
+        std::uint8_t& level = picture[static_cast<std::size_t>(160 * y + x)];
+        level = static_cast<std::uint8_t>(std::lround(level * std::max(0.0, 1 - 0.6 * s)));
+      }
+    }
+  }
+  Calibration prior = truth;
+  for (HeadCalibration& head : prior.heads) head.vignetting = {80, 80, kRadius, {-0.3, 0, 0}};
+  Options options;
+  options.geometry = false;
+  const Result<Report> report = register_heads(prior, {rig.frames()}, options);
+  ASSERT_TRUE(report) << report.error().text();
+  EXPECT_TRUE(check_calibration(report->calibration));
+  EXPECT_TRUE(std::ranges::any_of(report->warnings, [](const std::string& warning) {
+    return warning.find("held at the limit") != std::string::npos;
+  }));
+  EXPECT_LT(report->objective_after, report->objective_before);
 }
 
 TEST(Moved, AFallOffThatRunsAway_IsStoppedBeforeItsRimIsBlackOrBrighterThanItsMiddle) {
