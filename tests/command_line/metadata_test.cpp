@@ -31,6 +31,13 @@ class MetadataCommand : public RigTest {
     ASSERT_EQ(done.code, 0) << done.err;
   }
 
+  /// A TIFF of the same picture and metadata, as exiftool writes it: Exif in directories of its own.
+  void write_tiff_sphere(const std::string& name) const {
+    write_sphere("before.png");
+    ASSERT_EQ(nodal({"convert", path("before.png"), "-o", path(name)}).code, 0);
+    tag(name, {"-xmp-exif:all=", "-tagsfromfile", path("before.png"), "-exif:all"});
+  }
+
   /// A sphere as a camera with a compass, level sensor and GPS writes it.
   void write_sphere(const std::string& name) const {
     const auto rgb = test::smooth_rgb(kWide, kHigh);
@@ -54,8 +61,8 @@ class MetadataCommand : public RigTest {
 };
 
 TEST_F(MetadataCommand, AConvertedSphere_KeepsPosePlaceAndTime) {
-  for (const std::string from : {"in.jpg", "in.png"}) {
-    write_sphere(from);
+  for (const std::string from : {"in.jpg", "in.png", "in.tif"}) {
+    from == "in.tif" ? write_tiff_sphere(from) : write_sphere(from);
     for (const std::string to : {"o.jpg", "o.png", "o.tif"}) {
       const Finished done = nodal({"convert", path(from), "-o", path(to)});
       ASSERT_EQ(done.code, 0) << done.err;

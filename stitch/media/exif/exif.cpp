@@ -80,7 +80,8 @@ Exif parse_exif(std::span<const std::uint8_t> start) {
   if (!plausible(exif.focal_35mm)) exif.focal_35mm.reset();
   const double turned = number(data.get(), EXIF_IFD_0, EXIF_TAG_ORIENTATION).value_or(1);
   if (turned >= 1 && turned <= 8) exif.orientation = static_cast<int>(turned);
-  exif.adobe_rgb = is_r03(data.get());
+  constexpr double kAdobeOfSome = 2;  // not in the standard, but written
+  exif.adobe_rgb = is_r03(data.get()) || number(data.get(), EXIF_IFD_EXIF, EXIF_TAG_COLOR_SPACE) == kAdobeOfSome;
   return exif;
 }
 

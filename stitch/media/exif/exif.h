@@ -20,7 +20,8 @@ struct Exif {
   /// FocalLength and FocalPlaneXResolution. Nothing if the picture does not say it.
   std::optional<double> focal_35mm;
   int orientation = 1;  ///< 1 .. 8; 1: the rows of the file are those of the scene
-  /// Numbers are Adobe RGB's, as cameras say it without a profile: Interoperability index R03 (DCF 2.0, 3.3.3).
+  /// Numbers are Adobe RGB's, as cameras say it without a profile: Interoperability index R03 (DCF 2.0, 3.3.3),
+  /// or ColorSpace 2.
   bool adobe_rgb = false;
 };
 

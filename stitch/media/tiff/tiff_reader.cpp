@@ -17,6 +17,7 @@
 #include "protocol/base/limits.h"
 #include "protocol/files/open_file.h"
 #include "stitch/media/linear_words.h"
+#include "stitch/media/tiff/exif_block.h"
 #include "stitch/media/tiff/memory.h"
 
 namespace nodal::media {
@@ -151,7 +152,7 @@ bool is_plain(const Reader& reader) {
           alpha_of(reader) != Alpha::kNone);
 }
 
-/// Its colour profile, XMP and comment.
+/// Its colour profile, XMP, Exif and comment.
 void read_notes(const Reader& reader, DecodedImage& picture) {
   TIFF* tiff = reader.tiff.get();
   std::uint32_t length = 0;
@@ -169,6 +170,7 @@ void read_notes(const Reader& reader, DecodedImage& picture) {
     picture.meaning.full_exposure_ns = full_exposure_said(text);
   }
   picture.meaning.alpha = alpha_of(reader) != Alpha::kNone;
+  picture.metadata.exif = exif_block(reader.memory.bytes);
 }
 
 /// How the samples of a grey or RGB picture with 8 or 16 bits lie in its strips or tiles.
