@@ -12,7 +12,6 @@
 #include "host_tool/input/pictures.h"
 #include "protocol/base/angles.h"
 #include "stitch/autocalibration/autocalibration.h"
-#include "stitch/autocalibration/point_check.h"
 #include "stitch/geometry/lens/lens.h"
 #include "stitch/media/exif/exif.h"
 #include "stitch/media/image_file.h"
@@ -23,9 +22,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kFamilyUnsure = 0.05;  // of the distance from the axis: how far real lenses are from their family
-// Of the raymap that differences are summed on, px:
-constexpr int kTriedWidth = 768;     // for light, and to find out what the pictures determine,
-constexpr int kRefinedWidth = 2048;  // and for the result
 
 bool is_folder(const std::string& path) {
   std::error_code error;
@@ -47,12 +43,6 @@ std::vector<std::string> head_names(const std::vector<std::string>& paths) {
            different.insert(names.back()).second;
   }
   return good ? names : numbered;
-}
-
-/// Every head's pixel aspect plus `by`.
-Calibration with_aspect(Calibration rig, double by) {
-  for (HeadCalibration& head : rig.heads) head.aspect += by;
-  return rig;
 }
 
 /// The direction that is up for people who look at a picture with this Exif orientation, in the file's pixels.
@@ -119,10 +109,6 @@ std::string lens_note(const FoundLens& lens) {
       "{}. The lens is known {}; elsewhere it is assumed to be {}, and may be wrong by about {:.0f} % of the distance "
       "from its axis. {}",
       seen, text_of(lens.known), lens.family, std::ceil(100 * std::max(kFamilyUnsure, lens.unsure)), advice);
-}
-
-bool all_placed(const registration::Report& report) {
-  return std::ranges::all_of(report.heads, [](const registration::HeadReport& head) { return head.placed; });
 }
 
 }  // namespace
@@ -223,67 +209,6 @@ Result<FirstCalibration> first_calibration(const std::vector<std::string>& files
       "(median)",
       first.placed.size(), files.size(), found->matches, text_of(first.lens.seen), found->error_px);
   return first;
-}
-
-Result<registration::Report> refined(const FirstCalibration& first, const OwnProgress& progress) {
-  registration::FrameSet frames;
-  for (const DecodedImage& image : first.images) frames.push_back(image.view());
-  const Result<registration::LitFrames> lit =
-      registration::LitFrames::of(first.calibration, {frames}, registration::Colour::kLuminance, 0);
-  if (!lit) return fail(lit.error());
-  double begun = 0;
-  const auto run = [&](const Calibration& from, registration::Free free, bool geometry, int width, double share,
-                       const std::string& what) {
-    registration::Options options;
-    options.free = free;
-    options.geometry = geometry;
-    options.search = false;
-    options.width = width;
-    options.progress = [&](const registration::Step&, double done) { progress(begun + share * done, what); };
-    Result<registration::Report> report = registration::register_heads(from, *lit, options);
-    begun += share;
-    return report;
-  };
-  const Result<registration::Report> light =
-      run(first.calibration, registration::Free::kRotations, false, kTriedWidth, 0.2, "matching the light");
-  if (!light) return light;
-  const Result<std::vector<double>> points = autocalibration::point_errors(first.calibration, *first.points);
-  if (!points) return fail(points.error());
-  const auto good = [&](const Result<registration::Report>& report) {
-    if (!report || !all_placed(*report)) return false;
-    const auto after = autocalibration::point_errors(report->calibration, *first.points);
-    return after && autocalibration::agrees_as_well(*points, *after);
-  };
-  for (const registration::Free free :
-       {registration::Free::kLens, registration::Free::kFocals, registration::Free::kRotations}) {
-    if (!first.lens.mostly && free != registration::Free::kRotations) continue;
-    begun = 0.2;
-    const auto tried = [&](const Calibration& from) {
-      return run(from, free, true, kTriedWidth, 0.05, "trying lenses");
-    };
-    Result<registration::Report> best = tried(first.calibration);
-    if (!good(best) || best->objective_after >= light->objective_after) continue;
-    // Registration does not estimate the pixels' aspect: it is the vertex of a parabola through three of them.
-    const bool anamorphic = first.calibration.heads.front().aspect != 1;
-    for (const double step : {0.004, 0.0015}) {
-      if (!anamorphic) break;
-      const Result<registration::Report> less = tried(with_aspect(best->calibration, -step));
-      const Result<registration::Report> more = tried(with_aspect(best->calibration, step));
-      if (!less || !more) break;
-      const double slope = (more->objective_after - less->objective_after) / (2 * step);
-      const double curvature =
-          (more->objective_after + less->objective_after - 2 * best->objective_after) / (step * step);
-      if (!(curvature > 0)) break;
-      Result<registration::Report> there =
-          tried(with_aspect(best->calibration, std::clamp(-slope / curvature, -2 * step, 2 * step)));
-      if (!good(there) || there->objective_after >= best->objective_after) continue;
-      best = std::move(there);
-    }
-    Result<registration::Report> fine =
-        run(best->calibration, free, true, kRefinedWidth, 1 - begun, "registering the lenses");
-    return good(fine) ? fine : best;
-  }
-  return light;
 }
 
 }  // namespace nodal::host

@@ -64,7 +64,7 @@ TEST_F(OwnPictures, Synthetic10head_RotationsFromNothing) {
   EXPECT_LT(test::rotation_error(truth->calibration, first->calibration).max_deg, 1.5);
   const auto report = refined(*first, kSilent);
   ASSERT_TRUE(report) << report.error().text();
-  EXPECT_LT(test::rotation_error(truth->calibration, report->calibration).max_deg, 0.25);
+  EXPECT_LT(test::rotation_error(truth->calibration, report->calibration).rms_deg, 0.02);
 }
 
 TEST_F(OwnPictures, APictureOfSomethingElse_IsLeftOutAndNamed) {

@@ -1,0 +1,130 @@
+// Registration of pictures whose first calibration is from their points.
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "host_tool/input/own_pictures.h"
+#include "stitch/autocalibration/point_check.h"
+#include "stitch/autocalibration/tsai_form.h"
+
+namespace nodal::host {
+namespace {
+
+using registration::Free;
+using registration::Report;
+
+// Of the raymap that differences are summed on, px:
+constexpr int kTriedWidth = 768;     // for light, and to find out what the pictures determine,
+constexpr int kRefinedWidth = 2048;  // and for the result
+
+/// Every head's pixel aspect plus `by`.
+Calibration with_aspect(Calibration rig, double by) {
+  for (HeadCalibration& head : rig.heads) head.aspect += by;
+  return rig;
+}
+
+/// The attempts that together register one set of pictures.
+class Attempts {
+ public:
+  Attempts(const FirstCalibration& first, const registration::LitFrames& lit, std::vector<double> points,
+           const OwnProgress& progress)
+      : first_(first), lit_(lit), points_(std::move(points)), progress_(progress) {}
+
+  Result<Report> light() {
+    return run(first_.calibration, Free::kRotations, false, kTriedWidth, 0.2, "matching the light");
+  }
+  /// Whether a result places every head and agrees with the points as well as the first calibration.
+  bool good(const Result<Report>& report) const {
+    if (!report) return false;
+    const bool placed = std::ranges::all_of(report->heads, [](const auto& head) { return head.placed; });
+    const auto after = autocalibration::point_errors(report->calibration, *first_.points);
+    return placed && after && autocalibration::agrees_as_well(points_, *after);
+  }
+  /// At the width of trials.
+  Result<Report> tried(Free free) {
+    begun_ = 0.2;
+    return run(first_.calibration, free, true, kTriedWidth, 0.1, "trying lenses");
+  }
+  /// At the width of results.
+  Result<Report> fine(const Calibration& from, Free free) {
+    return run(from, free, true, kRefinedWidth, 0.7 * (1 - begun_) / 2, "registering the lenses");
+  }
+  bool better(const Result<Report>& other, const Report& than) const {
+    return good(other) && other->objective_after < than.objective_after;
+  }
+  Report with_best_model(Report best);
+  Report with_best_aspect(Report best, Free free);
+
+ private:
+  Result<Report> run(const Calibration& from, Free free, bool geometry, int width, double share,
+                     const std::string& what) {
+    registration::Options options;
+    options.free = free;
+    options.geometry = geometry;
+    options.search = false;
+    options.width = width;
+    options.progress = [&](const registration::Step&, double done) { progress_(begun_ + share * done, what); };
+    Result<Report> report = registration::register_heads(from, lit_, options);
+    begun_ += share;
+    return report;
+  }
+
+  const FirstCalibration& first_;
+  const registration::LitFrames& lit_;
+  std::vector<double> points_;  ///< errors with the first calibration
+  const OwnProgress& progress_;
+  double begun_ = 0;
+};
+
+// Registration does not change the lenses' model. Which one fits them is seen in the finest detail only.
+Report Attempts::with_best_model(Report best) {
+  const std::optional<Calibration> tsai = autocalibration::with_tsai_lenses(best.calibration);
+  if (!tsai) return best;
+  Result<Report> other = fine(*tsai, Free::kLens);
+  return better(other, best) ? std::move(*other) : best;
+}
+
+// Registration does not estimate the pixels' aspect: it is the vertex of a parabola through three of them.
+Report Attempts::with_best_aspect(Report best, Free free) {
+  for (const double step : {0.003, 0.001}) {
+    const auto at = [&](double by) { return fine(with_aspect(best.calibration, by), free); };
+    const Result<Report> less = at(-step), more = at(step);
+    if (!less || !more) break;
+    const double slope = (more->objective_after - less->objective_after) / (2 * step);
+    const double curvature = (more->objective_after + less->objective_after - 2 * best.objective_after) / (step * step);
+    if (!(curvature > 0)) break;
+    Result<Report> there = at(std::clamp(-slope / curvature, -2 * step, 2 * step));
+    if (better(there, best)) best = std::move(*there);
+  }
+  return best;
+}
+
+}  // namespace
+
+Result<Report> refined(const FirstCalibration& first, const OwnProgress& progress) {
+  registration::FrameSet frames;
+  for (const DecodedImage& image : first.images) frames.push_back(image.view());
+  const Result<registration::LitFrames> lit =
+      registration::LitFrames::of(first.calibration, {frames}, registration::Colour::kLuminance, 0);
+  if (!lit) return fail(lit.error());
+  Result<std::vector<double>> points = autocalibration::point_errors(first.calibration, *first.points);
+  if (!points) return fail(points.error());
+  Attempts attempts(first, *lit, std::move(*points), progress);
+  Result<Report> light = attempts.light();
+  if (!light) return light;
+  const bool anamorphic = first.calibration.heads.front().aspect != 1;
+  for (const Free free : {Free::kLens, Free::kFocals, Free::kRotations}) {
+    if (!first.lens.mostly && free != Free::kRotations) continue;
+    const Result<Report> tried = attempts.tried(free);
+    if (!attempts.better(tried, *light)) continue;
+    Result<Report> fine = attempts.fine(tried->calibration, free);
+    if (!attempts.good(fine)) return tried;
+    Report best = std::move(*fine);
+    if (free == Free::kLens) best = attempts.with_best_model(std::move(best));
+    if (anamorphic) best = attempts.with_best_aspect(std::move(best), free);
+    return best;
+  }
+  return light;
+}
+
+}  // namespace nodal::host
