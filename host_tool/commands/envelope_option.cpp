@@ -1,12 +1,13 @@
 #include "host_tool/commands/envelope_option.h"
 
 #include "host_tool/console/files.h"
+#include "protocol/base/file_ending.h"
 #include "stitch/mesh/mesh_file.h"
 
 namespace nodal::host {
 namespace {
 
-bool is_mesh_file(const std::string& text) { return text.ends_with(".glb") || text.ends_with(".obj"); }
+bool is_mesh_file(const std::string& text) { return has_ending(text, ".glb") || has_ending(text, ".obj"); }
 
 Result<geometry::Envelope> shape_named(const std::string& text) {
   if (text.find(':') == std::string::npos && text.find_first_of("./") != std::string::npos) {
@@ -42,7 +43,7 @@ Result<geometry::Envelope> read_envelope(const std::string& text) {
     if (!shape) return fail(shape.error().in("--envelope"));
     return shape;
   }
-  const bool glb = text.ends_with(".glb");
+  const bool glb = has_ending(text, ".glb");
   const Result<std::string> bytes = read_file(text, glb ? mesh::kMaxMeshFileBytes : geometry::Envelope::kMaxObjBytes);
   if (!bytes) return fail(bytes.error());
   Result<geometry::Envelope> envelope =

@@ -1,4 +1,5 @@
 #include "stitch/calibration/lens/pattern.h"
+#include "protocol/base/file_ending.h"
 
 #include <fmt/format.h>
 
@@ -62,11 +63,11 @@ Status run_pattern(Context& context, const PatternArgs& args) {
   const bool paper = size->width_mm > 0;
   const std::string about = fmt::format("nodal pattern --size {} --seed {}", args.size, args.seed);
   Result<std::vector<std::uint8_t>> bytes = fail(Errc::kInternal, "");
-  if (args.out.ends_with(".pdf")) {
+  if (has_ending(args.out, ".pdf")) {
     // A page for a screen has one pixel per point; margins would only reduce the pattern.
     bytes = paper ? media::grey_pdf(raster, size->width_mm, size->height_mm, args.margin_mm, about)
                   : media::grey_pdf(raster, spec.width * 25.4 / 72, spec.height * 25.4 / 72, 0, about);
-  } else if (args.out.ends_with(".png")) {
+  } else if (has_ending(args.out, ".png")) {
     const double printed_mm = std::min((size->width_mm - 2 * args.margin_mm) / spec.width,
                                        (size->height_mm - 2 * args.margin_mm) / spec.height);
     const int pixels_per_meter = paper ? static_cast<int>(std::lround(1000 / printed_mm)) : 0;

@@ -10,6 +10,7 @@
 #include "host_tool/console/files.h"
 #include "host_tool/rig/wire_json.h"
 #include "protocol/base/decoded_image.h"
+#include "protocol/base/file_ending.h"
 #include "protocol/base/image.h"
 
 namespace nodal::host {
@@ -50,10 +51,10 @@ Result<RaymapFormat> parse_raymap_format(std::string_view text) {
 }
 
 Result<RaymapFormat> raymap_format_of_name(std::string_view name) {
-  if (name.ends_with(".jpg") || name.ends_with(".jpeg")) return RaymapFormat::kJpg;
-  if (name.ends_with(".png")) return RaymapFormat::kPng;
-  if (name.ends_with(".tif") || name.ends_with(".tiff")) return RaymapFormat::kTiff;
-  if (name.ends_with(".raw") || name.ends_with(".yuv")) return RaymapFormat::kRaw;
+  if (has_ending(name, ".jpg") || has_ending(name, ".jpeg")) return RaymapFormat::kJpg;
+  if (has_ending(name, ".png")) return RaymapFormat::kPng;
+  if (has_ending(name, ".tif") || has_ending(name, ".tiff")) return RaymapFormat::kTiff;
+  if (has_ending(name, ".raw") || has_ending(name, ".yuv")) return RaymapFormat::kRaw;
   return fail(Errc::kBadValue, fmt::format("'{}': end it in .jpg, .png, .tif or .raw", name));
 }
 

@@ -15,6 +15,7 @@
 #include "host_tool/rig/frame_period.h"
 #include "host_tool/rig/rig_input.h"
 #include "host_tool/rig/wire_json.h"
+#include "protocol/base/file_ending.h"
 #include "protocol/base/frame_time.h"
 
 namespace nodal::host {
@@ -105,7 +106,7 @@ class Assembly {
 };
 
 Result<RaymapSink> make_sink(const RaymapArgs& args, Console& console) {
-  if (args.out.ends_with(".mkv")) {
+  if (has_ending(args.out, ".mkv")) {
     if (!args.format.empty() && args.format != "jpg") {
       return fail(Errc::kBadValue, "--format " + args.format + ": a film (.mkv) is of JPEGs; leave it out");
     }

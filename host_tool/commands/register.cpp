@@ -76,6 +76,7 @@ Result<RegisterInput> input_from_pictures(Context& context, const RegisterArgs& 
   Console& console = context.console();
   const Result<OwnPictureSets> own = own_pictures(args.inputs);
   if (!own) return fail(own.error());
+  for (const std::string& note : own->notes) console.note("note: " + note);
   Result<FirstCalibration> first = fail(Errc::kInternal, "");
   {
     Progress bar(console, "matching", 1000);

@@ -17,6 +17,7 @@
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/rig/wire_json.h"
+#include "protocol/base/file_ending.h"
 #include "protocol/base/stops.h"
 #include "stitch/media/gpano.h"
 #include "stitch/media/jpeg_writer.h"
@@ -59,7 +60,7 @@ Result<RaymapConfig> wanted_raymap(const media::TakeFolder& folder, const Render
   return raymap;
 }
 
-bool is_film(const std::string& out) { return out.ends_with(".mkv"); }
+bool is_film(const std::string& out) { return has_ending(out, ".mkv"); }
 
 /// A film is made when its first raymap is there: Ctrl-C before that leaves no empty file.
 Result<RaymapSink> make_sink(const std::string& out) {

@@ -115,10 +115,14 @@ Status calibrate(Console& console, Job& job) {
   };
   Result<FirstCalibration> first =
       first_calibration(files, own->names, [&](double done, const std::string& what) { show(0, done, what); });
-  if (!first) return fail(first.error());
+  if (!first) {
+    for (const std::string& note : own->notes) console.note("note: " + note);
+    return fail(first.error());
+  }
   job.confidence = first->confidence;
   job.lens = first->lens;
-  job.input.notes = first->notes;
+  job.input.notes = own->notes;
+  job.input.notes.insert(job.input.notes.end(), first->notes.begin(), first->notes.end());
   if (own->sets.size() > 1) {
     job.input.notes.push_back(fmt::format("the calibration is from set {} of {}, with {}", own->sets.size() / 2 + 1,
                                           own->sets.size(), files.front()));

@@ -9,6 +9,7 @@
 #include <set>
 #include <utility>
 
+#include "host_tool/input/picture_folders.h"
 #include "host_tool/input/pictures.h"
 #include "protocol/base/angles.h"
 #include "stitch/autocalibration/autocalibration.h"
@@ -111,11 +112,30 @@ std::string lens_note(const FoundLens& lens) {
       seen, text_of(lens.known), lens.family, std::ceil(100 * std::max(kFamilyUnsure, lens.unsure)), advice);
 }
 
+/// Takes copies of other files out of `files`, with a note each.
+/// Errors: kBadValue when one file remains of several.
+Status leave_out_copies(std::vector<std::string>& files, std::vector<std::string>& notes) {
+  const auto same = same_files(files);
+  if (!same.empty() && files.size() - same.size() < 2) {
+    return fail(Errc::kBadValue, fmt::format("{} and {} are the same picture; give two or more that overlap",
+                                             files[same.front().first], files[same.front().second]));
+  }
+  std::vector<bool> copy(files.size());
+  for (const auto& [n, original] : same) {
+    copy[n] = true;
+    notes.push_back(fmt::format("{} is left out: it is the same picture as {}", files[n], files[original]));
+  }
+  std::size_t next = 0;
+  std::erase_if(files, [&](const std::string&) { return copy[next++]; });
+  return {};
+}
+
 }  // namespace
 
 bool is_picture(const std::string& path) {
   // A folder is never a calibration, and a file that only claims to be a picture is refused as one.
-  return is_folder(path) || named_like_a_picture(path) || read_picture_header(path).has_value();
+  return is_folder(path) || named_like_a_picture(path) || read_picture_header(path).has_value() ||
+         is_foreign_picture(path);
 }
 
 Result<OwnPictureSets> own_pictures(const std::vector<std::string>& arguments) {
@@ -128,20 +148,25 @@ Result<OwnPictureSets> own_pictures(const std::vector<std::string>& arguments) {
       files.push_back(argument);
       continue;
     }
-    const Result<std::vector<std::string>> inside = pictures_in(argument);
-    if (!inside) return fail(inside.error());
+    const Result<FolderPictures> found = sequences ? sequence_in(argument) : pictures_in(argument);
+    if (!found) return fail(found.error());
+    const std::vector<std::string>& inside = found->files;
+    if (!found->left_out.empty()) own.notes.push_back(found->left_out);
     if (!sequences) {
-      files.insert(files.end(), inside->begin(), inside->end());
+      files.insert(files.end(), inside.begin(), inside.end());
       continue;
     }
-    if (own.sets.empty()) own.sets.resize(inside->size());
-    if (inside->size() != own.sets.size()) {
+    if (own.sets.empty()) own.sets.resize(inside.size());
+    if (inside.size() != own.sets.size()) {
       return fail(Errc::kBadValue,
                   fmt::format("{} has {} pictures, and {} has {}; with a folder for each head, every head needs one "
                               "for each set",
-                              argument, inside->size(), arguments.front(), own.sets.size()));
+                              argument, inside.size(), arguments.front(), own.sets.size()));
     }
-    for (std::size_t n = 0; n < inside->size(); ++n) own.sets[n].push_back((*inside)[n]);
+    for (std::size_t n = 0; n < inside.size(); ++n) own.sets[n].push_back(inside[n]);
+  }
+  if (!sequences) {
+    if (const Status left = leave_out_copies(files, own.notes); !left) return fail(left.error());
   }
   own.names = head_names(sequences ? arguments : files);
   if (!sequences) own.sets = {std::move(files)};
@@ -157,6 +182,7 @@ Result<FirstCalibration> first_calibration(const std::vector<std::string>& files
   std::vector<DecodedImage> images = std::move(*read), grey;
   for (const DecodedImage& image : images) grey.push_back(media::convert_image(image.view(), PixelFormat::kGrey8));
   autocalibration::Options options;
+  options.files = files;
   std::vector<std::string> turned;
   for (std::size_t n = 0; n < files.size(); ++n) {
     const media::Exif exif = media::read_exif(files[n]);

@@ -17,21 +17,23 @@ struct Match;
 
 namespace nodal::host {
 
-/// Whether it is a folder, or a file that starts like a picture or is called like one.
+/// Whether it is a folder, or a file that starts like a picture, also one of a format that is not read, or is called like
+/// one.
 bool is_picture(const std::string& path);
 
 /// Pictures of a rig without a calibration.
 struct OwnPictureSets {
   std::vector<std::vector<std::string>> sets;  ///< for each set one file per head
   std::vector<std::string> names;              ///< of the heads
+  std::vector<std::string> notes;              ///< whole sentences: what in the folders is no picture
 };
 
 /// The pictures among the arguments. Two or more folders are a folder for each head, with a sequence: the n-th pictures,
 /// sorted by name, are a set, and heads are called after the folders. Otherwise all pictures are one set (a folder stands
-/// for the pictures in it, sorted by name), and heads are called after the files. Where names cannot be heads' names, they
-/// are cam0, cam1 and so on.
-/// Errors: kBadValue for an argument that is neither, or folders with different numbers of pictures, with what to do;
-///   kNotFound for a folder without pictures.
+/// for the pictures in it, sorted by name; copies are left out with a note), and heads are called after the files. Where
+/// names cannot be heads' names, they are cam0, cam1 and so on.
+/// Errors: kBadValue for an argument that is neither, for two that are the same picture, or for folders with different
+///   numbers of pictures, with what to do; kNotFound for a folder without pictures.
 Result<OwnPictureSets> own_pictures(const std::vector<std::string>& arguments);
 
 /// Called on the caller's thread with the share of the work that is done, and what is being done.

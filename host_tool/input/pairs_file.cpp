@@ -16,6 +16,7 @@
 
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
+#include "protocol/base/file_ending.h"
 #include "stitch/interchange/export.h"
 #include "stitch/interchange/import.h"
 
@@ -152,7 +153,7 @@ Result<std::vector<PointPair>> parse_pairs_csv(const std::string& text, const Ca
 Result<std::vector<PointPair>> read_pairs(const std::string& file, const Calibration& rig) {
   const Result<std::string> text = read_file(file, interchange::kMaxProjectBytes);
   if (!text) return fail(text.error());
-  const bool project = file.ends_with(".pto") || file.ends_with(".pts") || file.ends_with(".ptv");
+  const bool project = has_ending(file, ".pto") || has_ending(file, ".pts") || has_ending(file, ".ptv");
   Result<std::vector<PointPair>> pairs = project ? pairs_of_project(*text, rig) : parse_pairs_csv(*text, rig);
   if (!pairs) return fail(pairs.error().in(file));
   if (pairs->size() > kMaxPointPairs) {

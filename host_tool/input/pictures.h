@@ -38,11 +38,4 @@ std::vector<bool> linear_heads(const Calibration& calibration);
 /// Its size and natural format, without decoding it.
 Result<ImageHeader> read_picture_header(const std::string& file);
 
-/// The files of a folder that start like pictures, sorted by name.
-/// Errors: kIo when the folder cannot be read, kNotFound when no file in it is a picture.
-Result<std::vector<std::string>> pictures_in(const std::string& folder);
-
-/// Whether a name ends like that of a picture, in any case.
-bool named_like_a_picture(const std::string& file);
-
 }  // namespace nodal::host

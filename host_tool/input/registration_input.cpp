@@ -9,6 +9,7 @@
 
 #include "host_tool/console/files.h"
 #include "host_tool/console/quantities.h"
+#include "host_tool/input/picture_folders.h"
 #include "host_tool/input/pictures.h"
 #include "protocol/base/angles.h"
 #include "stitch/autocalibration/image_circle.h"
@@ -84,15 +85,16 @@ Result<std::vector<std::vector<std::string>>> sequences_of(const std::vector<std
   std::vector<std::vector<std::string>> sets;
   for (std::size_t h = 0; h < names.size(); ++h) {
     const auto own = std::ranges::find(folders, names[h], folder_name);
-    const Result<std::vector<std::string>> pictures = pictures_in(*own);
-    if (!pictures) return fail(pictures.error());
-    if (h == 0) sets.resize(pictures->size());
-    if (pictures->size() != sets.size()) {
+    const Result<FolderPictures> inside = sequence_in(*own);
+    if (!inside) return fail(inside.error());
+    const std::vector<std::string>& pictures = inside->files;
+    if (h == 0) sets.resize(pictures.size());
+    if (pictures.size() != sets.size()) {
       return fail(Errc::kBadValue,
                   fmt::format("{} has {} pictures, and {} has {}; every head needs one for each set", *own,
-                              pictures->size(), *std::ranges::find(folders, names[0], folder_name), sets.size()));
+                              pictures.size(), *std::ranges::find(folders, names[0], folder_name), sets.size()));
     }
-    for (std::size_t n = 0; n < sets.size(); ++n) sets[n].push_back((*pictures)[n]);
+    for (std::size_t n = 0; n < sets.size(); ++n) sets[n].push_back(pictures[n]);
   }
   return sets;
 }

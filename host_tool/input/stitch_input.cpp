@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "host_tool/console/files.h"
+#include "host_tool/input/picture_folders.h"
 #include "host_tool/input/pictures.h"
 #include "stitch/interchange/import.h"
 #include "stitch/media/image_file.h"
@@ -50,6 +51,15 @@ std::vector<std::string> names_of(const Calibration& calibration) {
   return names;
 }
 
+/// One file may hold the pictures of several heads, side by side; two files with the same bytes are a mistake.
+void tell_copies(const std::vector<std::string>& files, std::vector<std::string>& notes) {
+  for (const auto& [later, earlier] : same_files(files)) {
+    std::error_code error;
+    if (fs::equivalent(files[later], files[earlier], error)) continue;
+    notes.push_back(fmt::format("{} and {} are the same picture, for two heads", files[later], files[earlier]));
+  }
+}
+
 PixelFormat common_format(const std::vector<DecodedImage>& pictures, bool rgb) {
   const auto all = [&](PixelFormat format) {
     return std::ranges::all_of(pictures, [format](const DecodedImage& picture) { return picture.format == format; });
@@ -87,6 +97,7 @@ Result<StitchInput> read_stitch_input(const NominalWords& nominal, const std::ve
   }
   auto sets = picture_files(pictures, names_of(project->calibration));
   if (!sets) return fail(sets.error());
+  tell_copies(sets->front(), project->notes);
   return StitchInput{std::move(project->calibration), std::move(*sets), std::move(project->notes), project->imported};
 }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "host_tool/offload/take_fetch.h"
+#include "protocol/base/file_ending.h"
 #include "protocol/take/digest.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
@@ -102,7 +103,7 @@ class RigTakeFiles final : public media::TakeFiles {
   }
 
   Result<std::unique_ptr<media::TakeFile>> open(const std::string& name) override {
-    if (name.ends_with(".mkv")) {
+    if (has_ending(name, ".mkv")) {
       const auto size = source_->sizes.find(name);
       if (size == source_->sizes.end()) return fail(Errc::kNotFound, shown(name) + ": the manifest does not list it");
       return std::make_unique<Video>(source_, name, size->second);

@@ -11,6 +11,7 @@
 #include "host_tool/console/quantities.h"
 #include "host_tool/offload/local_file.h"
 #include "host_tool/offload/take_fetch.h"
+#include "protocol/base/file_ending.h"
 #include "protocol/take/evidence.h"
 #include "stitch/media/take/take_files.h"
 
@@ -24,7 +25,7 @@ using take::PieceHashes;
 const std::string kPart(media::kPartSuffix);
 
 bool is_evidence(const std::string& name) { return name.starts_with("evidence-"); }
-bool is_video(const std::string& name) { return name.ends_with(".mkv"); }
+bool is_video(const std::string& name) { return has_ending(name, ".mkv"); }
 bool of_a_head(const std::string& name) { return name.starts_with("cam"); }
 
 std::uint64_t pieces_of(const take::Manifest::File& file) {

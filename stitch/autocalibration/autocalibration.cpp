@@ -211,7 +211,9 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
   };
   const Result<Arrangement> arrangement = find_arrangement(shapes, matches, options.threads, {matched, alike});
   if (!arrangement) return fail(arrangement.error());
-  if (const Status good = check_different(arrangement->used, count, names); !good) return fail(good.error());
+  if (const Status good = check_different(arrangement->used, count, options.files.empty() ? names : options.files);
+      !good)
+    return fail(good.error());
   tell(0.9);
   Found found;
   found.calibration.name = "from pictures";

@@ -29,6 +29,7 @@ struct Options {
   std::vector<Eigen::Vector2d> up = {};
   int threads = 0;                            ///< 0: one per core. The result does not depend on it.
   std::function<void(double done)> progress;  ///< 0..1, on the caller's thread
+  std::vector<std::string> files = {};        ///< the pictures' names in messages; the heads' names if it is empty
 };
 
 struct Found {

@@ -11,6 +11,7 @@
 
 #include "protocol/base/limits.h"
 #include "protocol/files/open_file.h"
+#include "stitch/media/file_kind.h"
 #include "stitch/media/jpeg_reader.h"
 #include "stitch/media/png_reader.h"
 
@@ -28,29 +29,15 @@ bool begins_with(std::span<const std::uint8_t> bytes, const std::array<std::uint
   return bytes.size() >= kSize && std::equal(magic.begin(), magic.end(), bytes.begin());
 }
 
-/// What files of other formats are that people have pictures in, and what to do with them; empty if unknown.
-std::string_view other_format(std::span<const std::uint8_t> bytes) {
-  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  if (text.starts_with("II*") || text.starts_with(std::string_view("MM\0*", 4)))
-    return "is a TIFF or a camera's raw file, which is not read here: convert it to PNG";
-  if (text.size() >= 12 && text.starts_with("RIFF") && text.substr(8, 4) == "WEBP")
-    return "is a WebP file: convert it to PNG";
-  if (text.size() >= 12 && text.substr(4, 4) == "ftyp") {
-    for (const std::string_view heif : {"heic", "heix", "mif1", "avif"})
-      if (text.substr(8).starts_with(heif)) return "is an HEIF file: convert it to JPEG or PNG";
-    return "is a film: take its pictures out first (ffmpeg -i FILM picture-%04d.png)";
-  }
-  return {};
-}
-
 Result<Kind> kind_of(std::span<const std::uint8_t> bytes, const std::string& name) {
   if (bytes.empty()) return fail(Errc::kTruncated, "picture '" + name + "': the file is empty");
   if (begins_with(bytes, kJpegMagic)) return Kind::kJpeg;
   if (begins_with(bytes, kPngMagic)) return Kind::kPng;
-  const std::string_view other = other_format(bytes);
-  return fail(Errc::kBadFormat, "picture '" + name + "': " +
-                                    (other.empty() ? "is of no format that is read (JPEG, PNG; nodal reads TIFF, too)"
-                                                   : std::string(other)));
+  const FileKind* other = file_kind(bytes.first(std::min(bytes.size(), kFileKindBytes)), name);
+  if (other == nullptr) {
+    return fail(Errc::kBadFormat, "picture '" + name + "': is a TIFF, which is not read here: convert it to PNG");
+  }
+  return fail(Errc::kBadFormat, "picture '" + name + "': is " + told(*other));
 }
 
 Result<ImageHeader> header_of(std::span<const std::uint8_t> bytes, const std::string& name) {

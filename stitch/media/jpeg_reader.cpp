@@ -43,9 +43,11 @@ struct Header {
 };
 
 Result<Header> header(void* decoder, std::span<const std::uint8_t> bytes, const std::string& name) {
+  constexpr int kUnnamed = -1;  // sampling factors that TurboJPEG has no name for; it decodes such files all the same
   Header h;
   if (tjDecompressHeader3(decoder, bytes.data(), bytes.size(), &h.image.width, &h.image.height, &h.subsampling,
-                          &h.colours) != 0) {
+                          &h.colours) != 0 &&
+      h.subsampling != kUnnamed) {
     return fail(broken(decoder, bytes, name));
   }
   if (h.image.width <= 0 || h.image.height <= 0) {  // the data end before the picture's size, with no error

@@ -91,7 +91,7 @@ bool open(Reader& reader, std::span<const std::uint8_t> bytes) {
   if (reader.png == nullptr) return false;
   reader.info = png_create_info_struct(reader.png);
   if (reader.info == nullptr) return false;
-  png_set_user_limits(reader.png, kMaxImageSide, kMaxImageSide);
+  png_set_user_limits(reader.png, PNG_UINT_31_MAX, PNG_UINT_31_MAX);  // png_header()'s caller names the limit
   limit_chunks(reader.png);
   png_set_read_fn(reader.png, &reader, read_bytes);
   return read_header(reader);

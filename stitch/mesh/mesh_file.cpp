@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "protocol/base/file_ending.h"
 #include "stitch/geometry/envelope/obj.h"
 #include "stitch/mesh/formats.h"
 
@@ -92,9 +93,9 @@ Result<std::vector<std::uint32_t>> weld(const FileMesh& file, std::vector<Eigen:
 }  // namespace
 
 Result<MeshFormat> mesh_format_of_name(std::string_view name) {
-  if (name.ends_with(".obj")) return MeshFormat::kObj;
-  if (name.ends_with(".glb")) return MeshFormat::kGlb;
-  if (name.ends_with(".mshp")) return MeshFormat::kMshp;
+  if (has_ending(name, ".obj")) return MeshFormat::kObj;
+  if (has_ending(name, ".glb")) return MeshFormat::kGlb;
+  if (has_ending(name, ".mshp")) return MeshFormat::kMshp;
   return fail(Errc::kUnsupported,
               std::string(name.substr(0, 256)) + ": the name of a mesh ends with .obj, .glb or .mshp");
 }

@@ -66,5 +66,16 @@ TEST(HostRules, PicturesAreReadAndWritten_WhereTheirColoursAreKept) {
               {"in_srgb(", {"stitch/media/colour/", "host_tool/input/pictures.cpp"}, read});
 }
 
+TEST(HostRules, EndingsOfNames_AreComparedInAnyCase) {
+  for (const TextFile& file : project_files()) {
+    if (!is_source(file.path) || !(file.path.starts_with("host_tool/") || file.path.starts_with("stitch/mesh/")))
+      continue;
+    for (std::size_t i = 0; i < file.lines.size(); ++i) {
+      EXPECT_EQ(file.lines[i].find("ends_with(\"."), std::string::npos)
+          << file.path << ":" << i + 1 << ": a camera writes .JPG; call has_ending() (protocol/base/file_ending.h)";
+    }
+  }
+}
+
 }  // namespace
 }  // namespace nodal::tidy

@@ -16,6 +16,7 @@
 
 #include "protocol/base/limits.h"
 #include "protocol/files/open_file.h"
+#include "stitch/media/file_kind.h"
 #include "stitch/media/linear_words.h"
 #include "stitch/media/tiff/exif_block.h"
 #include "stitch/media/tiff/memory.h"
@@ -332,9 +333,11 @@ Status decode(Reader& reader, std::vector<std::uint8_t>& bytes) {
 
 bool is_tiff(const std::filesystem::path& file) {
   const Result<FilePtr> in = open_to_read(file);
-  std::array<char, 4> first{};
-  if (!in || std::fread(first.data(), 1, first.size(), in->get()) != first.size()) return false;
-  const std::string_view start(first.data(), first.size());
+  if (!in) return false;
+  std::vector<std::uint8_t> head(kFileKindBytes);
+  head.resize(std::fread(head.data(), 1, head.size(), in->get()));
+  if (head.size() < 4 || file_kind(head, file.string()) != nullptr) return false;
+  const std::string_view start(reinterpret_cast<const char*>(head.data()), 4);
   using namespace std::string_view_literals;
   return start == "II*\0"sv || start == "MM\0*"sv || start == "II+\0"sv || start == "MM\0+"sv;
 }

@@ -12,7 +12,8 @@ namespace nodal::media {
 
 inline constexpr std::uint64_t kMaxTiffFileBytes = std::uint64_t{2} << 30;
 
-/// Whether the file begins as a TIFF or BigTIFF of either byte order.
+/// Whether the file begins as a TIFF or BigTIFF of either byte order, and is not a camera's raw file, whose first picture is
+/// a thumbnail.
 bool is_tiff(const std::filesystem::path& file);
 
 /// The first picture of a TIFF: strips or tiles, interleaved or by plane, 1 to 16 bits, grey, palette, RGB, YCbCr and

@@ -76,7 +76,7 @@ TEST_F(ProjectPictures, StitchAProjectOfAnotherMachine_SaysWhereItsPicturesAre) 
   const std::string project = (folder_ / "project/rig.pto").string();
   std::ofstream(project) << "i w640 h480 f0 v60 r0 p0 y0 n\"C:\\rig\\b.png\"\n"
                             "i w640 h480 f0 v60 r0 p0 y40 n\"C:\\rig\\a.png\"\n";
-  std::ofstream(folder_ / "project/b.png") << "x";
+  std::ofstream(folder_ / "project/b.png") << "y";
   const auto input = read_stitch_input({}, {project});
   ASSERT_TRUE(input) << input.error().text();
   EXPECT_EQ(input->sets, (std::vector<std::vector<std::string>>{

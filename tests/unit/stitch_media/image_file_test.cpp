@@ -196,12 +196,13 @@ TEST(ReadImage, NotAPicture_SaysSoByName) {
 
 TEST(ReadImage, FormatsThatPeopleHavePicturesIn_AreNamedWithWhatToDo) {
   using namespace std::string_literals;
-  const std::array<std::array<std::string, 2>, 6> files{{{"\0\0\0\x18"s + "ftypheic", "HEIF"},
+  const std::array<std::array<std::string, 2>, 7> files{{{"\0\0\0\x18"s + "ftypheic", "HEIF"},
                                                          {"\0\0\0\x20"s + "ftypmp42", "film"},
                                                          {"RIFF....WEBPVP8 ", "WebP"},
                                                          {"II*\0\x08\0\0\0"s, "TIFF"},
                                                          {"MM\0*\0\0\0\x08"s, "TIFF"},
-                                                         {"ftyp", "no format that is read"}}};
+                                                         {"ftyp", "text, and no picture"},
+                                                         {"\1\2\3\4"s, "no format that is read"}}};
   for (const auto& [bytes, said] : files) {
     const auto image = decode_image(std::vector<std::uint8_t>(bytes.begin(), bytes.end()), "a.jpg");
     ASSERT_FALSE(image);
