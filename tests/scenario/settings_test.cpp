@@ -64,6 +64,15 @@ TEST(Settings, RigTomlChangedMeanwhile_HasTheNewestWord) {
   EXPECT_NE(stand.capture().heads[0].in_effect.gain, Gain::millidecibels(3000));
 }
 
+TEST(Settings, TheDiskIsSlowerThanTheStart_TheyAreInEffectOnceTheyHaveBeenRead) {
+  const StandOptions options;
+  Stand stand(options, set_and_lose_power(options));
+  for (int k = 0; k < 3; ++k) stand.rig->step_control();
+  stand.run(Duration::seconds(2));
+  EXPECT_EQ(stand.capture().heads[0].in_effect.gain, Gain::millidecibels(3000));
+  EXPECT_NE(stand.capture().genlock.state, firmware::GenlockState::kOff);
+}
+
 TEST(Settings, ATornFile_IsNotBelievedAndTheRigStarts) {
   const StandOptions options;
   auto disk = set_and_lose_power(options);

@@ -134,6 +134,25 @@ TEST(TakeDisk, StartAtBootWithoutRoom_IsSaidInTheLogOnceAndInTheStatus) {
       << host.status().recording().problem();
 }
 
+TEST(TakeDisk, StartAtBootIsRefusedAgainAndAgain_ItIsAskedForEverMoreSeldom) {
+  auto used_up = std::make_unique<hal::sim::SimDisk>();
+  const std::string highest = "18446744073709551615";  // no number is left for a take
+  used_up->put(firmware::kNextTakeFile, {reinterpret_cast<const std::uint8_t*>(highest.data()), highest.size()});
+  Stand stand(rig_with_disk(true), nullptr, std::move(used_up));
+  TestHost& host = stand.connect();
+  stand.run(Duration::seconds(40));
+  EXPECT_FALSE(host.status().recording().has_take());
+  wire::Request log;
+  log.mutable_audit_log();
+  std::uint64_t asked = 0;
+  const wire::Reply reply = host.ask(log);
+  for (const wire::AuditEntry& entry : reply.audit_log().entries()) {
+    if (entry.what() == "take_start") asked += entry.count();
+  }
+  EXPECT_GE(asked, 4U);
+  EXPECT_LE(asked, 6U) << "after 0, 2, 6, 14 and 30 s";
+}
+
 TEST(TakeDisk, StartAtBootAndTheDiskFailsForAWhile_RecordingGoesOnByItself) {
   Stand stand(rig_with_disk(true));
   TestHost& host = stand.connect();

@@ -2,6 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
+#include <string>
+#include <vector>
 
 #include "rigs.h"
 #include "stitch/table/clear_tile.h"
@@ -152,6 +155,40 @@ TEST(ClearTile, WithMasksOrWithoutSeams_None) {
   // The score of a head with masks drops within few pixels.
   for (HeadCalibration& head : rig.heads) head.region.masks.push_back({{500, 500}, {900, 500}, {700, 900}});
   EXPECT_EQ(Comparison(rig, *layout, seams(2)).run(43).clear, 0);
+}
+
+TEST(ClearTile, ARigOfOneHead_EveryWholeTileHasOneHeadAtMost) {
+  const auto layout = layout_of("equirectangular", 64);
+  const auto sampler = RaySampler::make(test::turned_fisheyes({0}), *layout, PixelFormat::kGrey8,
+                                        std::vector(1, PixelFormat::kGrey8), seams(2))
+                           .value();
+  for (int top = 0; top < layout->height(); top += kTileSide) {
+    for (int left = 0; left < layout->width(); left += kTileSide) {
+      EXPECT_TRUE(has_one_head_at_most(sampler, 0, left, top)) << left << "," << top;
+    }
+  }
+}
+
+TEST(ClearTile, InAnOverlapButFarFromItsSeam_OneHeadHasAllOfIt) {
+  // Two fisheyes of 110 degrees from the front to the rim, back to back: both see 20 degrees on each side of z = 0.
+  Calibration rig;
+  rig.name = "two";
+  for (const double yaw : {0.0, 180.0}) {
+    rig.heads.push_back(
+        test::head_at("h" + std::to_string(rig.heads.size()), 1600, 1600, EquidistantLens{{400}}, {yaw, 0, 0}));
+    rig.heads.back().max_angle = 110 * std::numbers::pi / 180;
+    rig.heads.back().region.circle = {800, 800, 400 * rig.heads.back().max_angle};
+  }
+  const auto layout = layout_of("equirectangular", 4096);
+  const auto sampler =
+      RaySampler::make(rig, *layout, PixelFormat::kGrey8, std::vector(2, PixelFormat::kGrey8), seams(2)).value();
+  // At the equator a column is 360 / 4096 degrees, and the seams are at columns 1024 and 3072.
+  for (const int degrees : {4, 6, 8, 10, 12, 14}) {
+    const int left = (1024 + degrees * 4096 / 360) / kTileSide * kTileSide;
+    const auto tile = clear_tile(sampler, 0, left, layout->height() / 2);
+    ASSERT_TRUE(tile) << degrees;
+    EXPECT_EQ(tile->head, 0) << degrees;
+  }
 }
 
 }  // namespace

@@ -18,6 +18,15 @@ std::array<std::uint16_t, kMaxHeads> shares(const std::vector<double>& weights) 
   return out;
 }
 
+TEST(RoundUpTies, NumbersBelowZero_GoToTheNearestAndTiesUp) {
+  EXPECT_EQ(round_up_ties(-0.2), 0);
+  EXPECT_EQ(round_up_ties(-0.7), -1);
+  EXPECT_EQ(round_up_ties(-1.5), -1);
+  EXPECT_EQ(round_up_ties(-1.8), -2);
+  EXPECT_EQ(round_up_ties(-2), -2);
+  EXPECT_EQ(round_up_ties(1.5), 2);
+}
+
 TEST(ShareOut, ThirdsOfThreeHeads_SumToOneAndTheFirstGetWhatIsLeft) {
   const auto weights = shares({1.0 / 3, 1.0 / 3, 1 - 2.0 / 3});  // 32768 / 3 = 10922 and 2/3: two get one more
   EXPECT_EQ(weights[0], 10923);
