@@ -110,6 +110,18 @@ TEST_F(Devices, ALongerListThanAReplyTakes_IsAnErrorThatSaysWhereToLook) {
   }
 }
 
+TEST_F(Devices, AListAsLongAsAReplyTakes_IsGivenWhole) {
+  TestHost& host = stand_.connect();
+  stand_.settle();
+  const std::uint64_t asked = host.post(devices());
+  stand_.settle();
+  const std::string longest(firmware::kMaxDeviceListBytes, '#');
+  scan_.result = firmware::DeviceList{longest, longest};
+  ASSERT_TRUE(stand_.run_until([&] { return host.reply(asked) != nullptr; }));
+  ASSERT_FALSE(host.reply(asked)->has_error()) << host.reply(asked)->error().message();
+  EXPECT_EQ(host.reply(asked)->devices().json(), longest);
+}
+
 TEST_F(Devices, TheScanFails_TheHostHearsWhy) {
   TestHost& host = stand_.connect();
   stand_.settle();

@@ -190,6 +190,28 @@ TEST_F(TakeTurns, EveryOtherPlaceIsTakenByHostsThatReadNothing_AFileIsReadAtOnce
   EXPECT_EQ(bytes, bytes_of("cam1-0000.mkv"));
 }
 
+TEST_F(TakeTurns, AHostReadsALittleEverySecond_ItsFileGoesOnAndOneThatReadsNothingIsEndedWithTheReason) {
+  record(Duration::seconds(3));
+  host.link().in().capacity = 1000;
+  const std::uint64_t asked = host.post(read("cam0-0000.mkv"));
+  host.pump();
+  host.reading = false;
+  for (Duration read; read < firmware::TakeSender::kGrace * 2; read = read + Duration::seconds(1)) {
+    stand.run(Duration::seconds(1));
+    host.reading = true;
+    host.pump();
+    host.reading = false;
+  }
+  ASSERT_TRUE(host.reply(asked) && host.reply(asked)->has_pull());
+  const StreamId stream = host.reply(asked)->pull().stream();
+  ASSERT_FALSE(host.closed.contains(stream));
+  stand.run(firmware::TakeSender::kGrace + Duration::seconds(1));
+  host.reading = true;
+  ASSERT_TRUE(stand.run_until([&] { return host.closed.contains(stream); }));
+  ASSERT_TRUE(host.closed[stream]);
+  EXPECT_EQ(host.closed[stream]->message, "this host has read nothing for 10 s");
+}
+
 TEST_F(TakeTurns, TwoHostsReadTheSameFile_BothGetAllOfIt) {
   record(Duration::seconds(3));
   TestHost& other = stand.connect();

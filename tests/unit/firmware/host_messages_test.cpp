@@ -1,0 +1,80 @@
+// What hosts are told: the messages that reports and answers become.
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "firmware/hosts/status.h"
+#include "firmware/hosts/wire_commands.h"
+
+namespace nodal::firmware {
+namespace {
+
+RigConfig two_named_heads() {
+  RigConfig config;
+  config.heads.resize(2);
+  config.heads[0].name = "left";
+  config.heads[1].name = "right";
+  return config;
+}
+
+TEST(HostMessages, OfTheGenlock_NameLostPulsesByTheirReasonAndHeadsThatDoNotFollow) {
+  GenlockReport report;
+  report.losses_of_port.late = 3;
+  report.losses_of_port.jumps = 1;
+  report.wired[1].state = Following::kDrifts;
+  wire::Genlock told;
+  fill_genlock(two_named_heads(), report, told);
+  ASSERT_EQ(told.pulse_losses_size(), 2);
+  EXPECT_EQ(told.pulse_losses(0).reason(), "late");
+  EXPECT_EQ(told.pulse_losses(0).pulses(), 3U);
+  EXPECT_EQ(told.pulse_losses(1).reason(), "jumped");
+  EXPECT_EQ(told.pulse_losses(1).pulses(), 1U);
+  ASSERT_EQ(told.unaligned_size(), 1);
+  EXPECT_EQ(told.unaligned(0).find("head 'right' does not follow the trigger"), 0U) << told.unaligned(0);
+}
+
+TEST(HostMessages, OfTheExposure_GiveSharesOfTheSphereInMillionths) {
+  ExposureControl::Report report;
+  report.seen.solid_angle = 1 << 23;  // half of the sphere
+  report.settings.target = -kStop;
+  wire::ExposureState told;
+  fill_exposure(report, 2, told);
+  EXPECT_EQ(told.sphere_ppm(), 500'000U);
+  EXPECT_EQ(told.settings().target_below(), 1000U);
+}
+
+TEST(HostMessages, OfATake_GiveItsLengthAndHowLongAgoAllOfItWasDurable) {
+  TakeReport report;
+  report.recording = 7;
+  report.since = Instant::from_ns(1'000);
+  report.durable = Instant::from_ns(4'000);
+  wire::Recording told;
+  fill_recording(report, Instant::from_ns(9'000), told);
+  EXPECT_EQ(told.take(), 7U);
+  EXPECT_EQ(told.length_ns(), 8'000U);
+  EXPECT_EQ(told.durable_ns(), 5'000U);
+  wire::Recording none;
+  fill_recording(TakeReport(), Instant::from_ns(9'000), none);
+  EXPECT_FALSE(none.has_take());
+}
+
+TEST(HostMessages, OfACommandThatIsDone_SayWhenAndWhatWillBeLost) {
+  Answer answer{1, Outcome(CommandDone{Instant::from_ns(42)})};
+  wire::Reply told = reply_of(answer, two_named_heads());
+  ASSERT_TRUE(told.has_done());
+  EXPECT_EQ(told.done().at_ns(), 42U);
+  EXPECT_EQ(told.not_stored(), "");
+  EXPECT_EQ(told.not_recorded(), "");
+  answer.not_stored = "no space";
+  answer.not_recorded = "the disk is gone";
+  told = reply_of(answer, two_named_heads());
+  EXPECT_EQ(told.not_stored(), "no space");
+  EXPECT_EQ(told.not_recorded(), "the disk is gone");
+  EXPECT_TRUE(reply_of({1, Outcome(CommandDone{})}, two_named_heads()).has_done()) << "of a change without a time";
+  const wire::Reply refused = reply_of({1, fail(Errc::kBusy, "try again")}, two_named_heads());
+  EXPECT_EQ(refused.error().message(), "try again");
+  EXPECT_EQ(refused.error().code(), static_cast<std::uint32_t>(Errc::kBusy));
+}
+
+}  // namespace
+}  // namespace nodal::firmware
