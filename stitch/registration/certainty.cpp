@@ -17,7 +17,11 @@ constexpr double kMostLeverage = 0.8;  // a part that alone determines a paramet
 constexpr double kStepTooShort = 1.5;  // steps to other lenses are too short, because large differences weigh less
 constexpr double kInexactPx = 0.01;    // of interpolation and blur
 constexpr double kDetermined = 1e-3;   // of the largest curvature: what a part says nothing about is below
-constexpr double kChanceShare = 0.4;   // of noise's share; less than 1, because own curvatures are too large
+// Two heads that are apart by d along both axes are brought together by turns of d / 2 each, whose rms over heads and axes is
+// half of the displacement.
+constexpr double kPairAndAxes = 2;
+constexpr double kMostExcess = 2;     // of own curvatures; more is detail that is not aligned
+constexpr double kChanceShare = 0.4;  // of noise's share; less than 1, because own curvatures are too large
 
 using Matrix = Eigen::MatrixXd;
 using Vector = Eigen::VectorXd;
@@ -55,9 +59,9 @@ class Model {
     return total_.cost > 0 ? -step.dot(parameters_.gradient(total_)) / total_.cost : 0;
   }
 
-  /// Certainty::by_parts, and the size of these turns, rad.
+  /// Certainty::by_parts, and the displacement of two heads that these turns remove, rad.
   struct ByParts {
-    double share = 0, turn_rad = 0;
+    double share = 0, displacement_rad = 0;
   };
   ByParts by_parts() const {
     if (total_.cost <= 0) return {};
@@ -79,7 +83,15 @@ class Model {
     }
     // A turn by t removes curvature x t squared of the cost.
     removed -= kChanceShare * noise_ * determined;
-    return {removed / total_.cost, curvatures > 0 ? std::sqrt(std::max(0.0, removed) / curvatures) : 0};
+    const double turn = curvatures > 0 ? std::sqrt(std::max(0.0, removed) / curvatures) : 0;
+    return {removed / total_.cost, kPairAndAxes * curvature_excess(turns) * turn};
+  }
+
+  /// How much too large own curvatures of turns are, by the noise of the gradients.
+  double curvature_excess(const std::vector<Eigen::Index>& turns) const {
+    const double own = parameters_.hessian(total_, Curvature::kOwn)(turns, turns).trace();
+    const double common = parameters_.hessian(total_, Curvature::kCommon)(turns, turns).trace();
+    return common > 0 ? std::clamp(own / common, 1.0, kMostExcess) : kMostExcess;
   }
 
   /// Covariances of the free parameters if `sought` is estimated.
@@ -175,7 +187,7 @@ Result<Certainty> certainty_of(Objective& objective, const std::vector<HeadState
   certainty.by_distance = model.share_removed_by(to_distance);
   const Model::ByParts parts_alone = model.by_parts();
   certainty.by_parts = parts_alone.share;
-  certainty.parts_px = parts_alone.turn_rad * pixels_per_radian(heads);
+  certainty.parts_px = parts_alone.displacement_rad * pixels_per_radian(heads);
   if (near.nearness) certainty.distance_nearness = parameters.moved(heads, to_distance).front().nearness;
 
   Matrix to_all = parameters.basis();  // from the free parameters to all, relative to the gauge

@@ -1,0 +1,65 @@
+// The displacement that warnings state, against what the true rig says about it.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+#include "stitch/geometry/head.h"
+#include "stitch/registration/registration.h"
+#include "tests/support/rendered_rig.h"
+
+namespace nodal::registration {
+namespace {
+
+/// The displacement, px, that a warning states after "by about".
+double stated_px(const Report& report) {
+  const std::string before = "displaced against each other by about ";
+  for (const std::string& warning : report.warnings) {
+    if (const std::size_t at = warning.find(before); at != std::string::npos) {
+      return std::strtod(warning.c_str() + at + before.size(), nullptr);
+    }
+  }
+  return 0;
+}
+
+/// Rms over what two heads see: how far apart a calibration says that the heads show one point of the scene, px.
+double displacement(const Calibration& truth, const Calibration& found) {
+  const auto is = geometry::make_heads(truth).value(), says = geometry::make_heads(found).value();
+  double sum = 0, count = 0;
+  for (std::size_t a = 0; a < is.size(); ++a) {
+    for (std::size_t b = 0; b < is.size(); ++b) {
+      for (int y = 2; a != b && y < is[a].height(); y += 4) {
+        for (int x = 2; x < is[a].width(); x += 4) {
+          const geometry::Pixel at{x + 0.5, y + 0.5};
+          if (!is[a].contains(at)) continue;
+          const auto ray = is[a].unproject(at), moved = says[a].unproject(at);
+          const auto there = ray ? is[b].project(*ray) : std::nullopt;
+          const auto stated = moved ? says[b].project(*moved) : std::nullopt;
+          if (!there || !stated || !is[b].contains(*there)) continue;
+          sum += std::pow(there->x - stated->x, 2) + std::pow(there->y - stated->y, 2);
+          ++count;
+        }
+      }
+    }
+  }
+  return std::sqrt(sum / count);
+}
+
+TEST(RegisterSize, FocalLengthsThatAreWrong_TheStatedDisplacementIsTheTrueOne) {
+  const Calibration truth = test::six_fisheyes(160);
+  const test::RenderedRig rig =
+      test::render_rig(truth, hal::sim::town_square_scene(3), {PixelFormat::kGrey8, 1.0, 5, 3});
+  for (const double percent : {0.5, 0.6, 0.7, 0.8}) {
+    Calibration prior = rig.truth;
+    for (HeadCalibration& head : prior.heads) std::get<EquidistantLens>(head.lens).coefficients[0] *= 1 + percent / 100;
+    const Result<Report> report = register_heads(prior, {rig.frames()}, {});
+    ASSERT_TRUE(report) << report.error().text();
+    const double is = displacement(rig.truth, report->calibration), says = stated_px(*report);
+    EXPECT_GT(says, is / 1.5) << percent << " % off, which displaces by " << is << " px";
+    EXPECT_LT(says, is * 1.5) << percent << " % off, which displaces by " << is << " px";
+  }
+}
+
+}  // namespace
+}  // namespace nodal::registration
