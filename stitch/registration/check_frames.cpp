@@ -133,14 +133,14 @@ std::string near_things(double nearness, double size_px, const Calibration& prio
          "; near things double at the seams: run again with --free distance";
 }
 
-std::string fewer_lens_parameters(Free asked, Free estimated, const std::string& error) {
+std::string fewer_lens_parameters(Free asked, Free estimated, const std::string& error, double size_px) {
   const std::string did = estimated == Free::kFocals
                               ? "of the lenses only the focal lengths are estimated"
                               : "the lenses are the calibration's, and only rotations are estimated";
-  const std::string could_not = error.empty() ? "near things may bend the lenses"
-                                              : std::string("there is no result with ") +
-                                                    (asked == Free::kLens ? "whole lenses" : "focal lengths") +
-                                                    " estimated (" + error + ")";
+  const std::string could_not =
+      error.empty() ? "near things may bend the lenses: with whole lenses estimated, " + displaced(size_px)
+                    : std::string("there is no result with ") +
+                          (asked == Free::kLens ? "whole lenses" : "focal lengths") + " estimated (" + error + ")";
   return did + ", because " + could_not + "; to estimate them, film a scene with detail all around and far away";
 }
 
@@ -161,12 +161,14 @@ std::string weak_head(const HeadReport& head) {
   return message;
 }
 
-std::string disagreement(bool little_detail) {
-  return little_detail
-             ? "it shows much less detail than its neighbours and does not agree with them; check its focus, and "
-               "that its front is clean"
-             : "it and its neighbours see different things where they should overlap; check that the picture is "
-               "its own and was taken at the same moment, or start from point pairs";
+std::string disagreement(bool little_detail, double agreement) {
+  const std::string size = " (their detail correlates by " + number("%.2f", agreement) + ", and equal detail by 1)";
+  return little_detail ? "it shows much less detail than its neighbours and does not agree with them" + size +
+                             "; check its focus, and "
+                             "that its front is clean"
+                       : "it and its neighbours see different things where they should overlap" + size +
+                             "; check that the picture is "
+                             "its own and was taken at the same moment, or start from point pairs";
 }
 
 std::string wrong_lenses(bool focals) {
@@ -189,10 +191,13 @@ std::string doubtful_seams(const Calibration& prior, const std::vector<PairRepor
   std::string names;
   for (std::size_t k = 0; k < std::min(pairs.size(), kMostNamed); ++k) {
     names += (k > 0 ? ", " : "") + quoted(prior.heads[static_cast<std::size_t>(pairs[k].a)].name) + " and " +
-             quoted(prior.heads[static_cast<std::size_t>(pairs[k].b)].name);
+             quoted(prior.heads[static_cast<std::size_t>(pairs[k].b)].name) + " (" +
+             number("%.2f", pairs[k].agreement) + ")";
   }
   if (pairs.size() > kMostNamed) names += " and " + std::to_string(pairs.size() - kMostNamed) + " more pairs";
-  return "heads " + names + " do not line up in fine detail; look at their " + (pairs.size() == 1 ? "seam" : "seams") +
+  return "heads " + names +
+         " do not line up in fine detail (in brackets: its correlation, 1 for equal detail); look at their " +
+         (pairs.size() == 1 ? "seam" : "seams") +
          (explained ? ""
                     : ": objects may be close to the rig, or a repeating pattern may be matched one period off (start "
                       "from point pairs)");

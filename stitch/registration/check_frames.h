@@ -32,14 +32,14 @@ std::string wrong_lenses(bool focals);
 /// `nearness`: 1 / the distance at which the pictures agree best, 1/m; 0: unknown. `size_px`: Certainty::parts_px.
 std::string near_things(double nearness, double size_px, const Calibration& prior);
 /// Why fewer parameters of lenses are estimated than was asked for. `error`: that of what was asked for; empty if it has a
-/// result, but near things affect it.
-std::string fewer_lens_parameters(Free asked, Free estimated, const std::string& error);
+/// result, but near things affect it, by `size_px` (Certainty::parts_px).
+std::string fewer_lens_parameters(Free asked, Free estimated, const std::string& error, double size_px);
 /// A placed head with little detail.
 std::string weak_head(const HeadReport& head);
 /// A head whose gains or fall-off came out beyond what a calibration may have (geometry::hold_light).
 std::string held_light(const std::string& head);
-/// Why a head is left out that agrees with no other.
-std::string disagreement(bool little_detail);
+/// Why a head is left out that agrees with no other. `agreement`: the correlation of its detail with the others'.
+std::string disagreement(bool little_detail, double agreement);
 /// The message for wrong focal lengths: their errors in percent (rms and mean), and by how many levels the heads differ
 /// if they are held and if they are estimated.
 std::string wrong_focals(double rms_percent, double mean_percent, double held, double sought);

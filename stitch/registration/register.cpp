@@ -66,6 +66,7 @@ std::optional<std::string> mistake_of(const Calibration& prior, const std::vecto
 struct Registered {
   Report report;
   Cause cause = Cause::kNone;
+  double displaced_px = 0;
 };
 
 /// Leaves out heads one by one that contradict all others.
@@ -78,7 +79,7 @@ Result<Registered> register_with(const Calibration& prior, const LitFrames& fram
       if (Status right = check_focals(prior, frames, options, run.objective_after()); !right)
         return fail(right.error());
     }
-    if (report) return Registered{std::move(*report), run.cause()};
+    if (report) return Registered{std::move(*report), run.cause(), run.displaced_px()};
     if (report.error().code != Errc::kHeadMismatch || run.wrong().empty()) return fail(report.error());
     if (const auto mistake = mistake_of(prior, frames.frame_sets, options, run.wrong())) {
       return fail(Errc::kHeadMismatch, *mistake);
@@ -86,7 +87,7 @@ Result<Registered> register_with(const Calibration& prior, const LitFrames& fram
     // One head alone must not refuse the others, if those that are left can contradict each other.
     if (run.wrong().size() != 1 || prior.heads.size() - left_out.size() < 4) return fail(report.error());
     const std::size_t head = run.wrong().front();
-    left_out.push_back({head, disagreement(run.little_detail(head))});
+    left_out.push_back({head, disagreement(run.little_detail(head), run.agreement(head))});
   }
 }
 
@@ -108,8 +109,8 @@ Result<Report> register_what_is_sure(const Calibration& prior, const LitFrames& 
     const bool worse = found && bent && found->report.objective_after > kLensesExplain * asked->report.objective_after;
     if (bent && (!found || worse)) return std::move(asked->report);
     if (!found) continue;
-    found->report.warnings.push_back(
-        fewer_lens_parameters(options.free, fewer.free, bent ? std::string() : asked.error().message));
+    found->report.warnings.push_back(fewer_lens_parameters(
+        options.free, fewer.free, bent ? std::string() : asked.error().message, bent ? asked->displaced_px : 0));
     return std::move(found->report);
   }
   return fail(asked.error());

@@ -188,6 +188,8 @@ Status Run::check_agreement() {
   apart_ = std::ranges::count_if(pairs, [](double agreement) { return agreement < kLeastPairAgreement; });
   wrong_ = disagreeing(*best, why_not_);
   little_detail_ = with_little_detail(*best, used());
+  agreement_.clear();
+  for (const auto& head : best->heads) agreement_.push_back(head.agreement);
   return registration::check_agreement(prior_, wrong_,
                                        static_cast<std::size_t>(std::ranges::count(why_not_, std::string())));
 }

@@ -35,8 +35,12 @@ class Run {
   const std::vector<std::size_t>& wrong() const { return wrong_; }
   /// Whether one of them shows much less detail than the other heads, as out of focus.
   bool little_detail(std::size_t head) const { return little_detail_[head]; }
+  /// The correlation of one's detail with what the others show there.
+  double agreement(std::size_t head) const { return agreement_[head]; }
   /// Of a run() that got as far as its report; also if that failed because of wrong lenses.
   Cause cause() const { return cause_; }
+  /// Certainty::parts_px of the result.
+  double displaced_px() const { return displaced_px_; }
   /// The final objective, levels squared; also after a run() that failed because of its lenses.
   double objective_after() const { return report_.objective_after; }
 
@@ -98,8 +102,10 @@ class Run {
   std::vector<std::size_t> wrong_;                        // by the latest check_agreement()
   std::ptrdiff_t apart_ = 0;  // pairs of heads whose common detail did not agree in that check
   Cause cause_ = Cause::kNone;
+  double displaced_px_ = 0;
   bool soft_priors_ = true;          // of lenses
   std::vector<bool> loose_;          // heads whose detail does not determine their rotation
+  std::vector<double> agreement_;    // of heads, by the latest check_agreement()
   std::vector<bool> little_detail_;  // heads with much less detail than the others, by the latest check_agreement()
   float huber_ = 0;                  // of the latest level
   Report report_;

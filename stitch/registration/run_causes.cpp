@@ -89,6 +89,7 @@ Result<Run::Explanation> Run::check_cause(const Certainty& certainty) {
   Explanation found = explained(certainty);
   if (report_.objective_after < kRounding * kRounding) found.cause = Cause::kNone;
   cause_ = found.cause;
+  displaced_px_ = certainty.parts_px;
   if (cause_ == Cause::kNone) return found;
   if (cause_ == Cause::kNearThings) {
     report_.warnings.push_back(near_things(found.nearness, certainty.parts_px, prior_));
