@@ -66,8 +66,8 @@ Residual total_of(const Residuals& residuals) {
   return total;
 }
 
-/// A rig.toml with replay heads for the project's pictures.
-Result<std::string> rig_toml_of(const interchange::ImportResult& imported, const ImportArgs& args) {
+/// A rig.toml with replay heads for the project's pictures; notes those that are not where the project says.
+Result<std::string> rig_toml_of(interchange::ImportResult& imported, const ImportArgs& args) {
   for (std::size_t i = 0; i < imported.images.size(); ++i) {
     if (imported.images[i].empty()) {
       return fail(Errc::kMissingField, fmt::format("{}: names no picture for head '{}', so there is nothing to replay; "
@@ -77,6 +77,7 @@ Result<std::string> rig_toml_of(const interchange::ImportResult& imported, const
   }
   const Result<FoundPictures> pictures = project_pictures(args.files.front(), imported.images, args.places());
   if (!pictures) return fail(pictures.error());
+  imported.notes.insert(imported.notes.end(), pictures->notes.begin(), pictures->notes.end());
   return replay_rig_toml(imported.calibration, pictures->files, fs::path(args.files.front()).filename().string(),
                          args.rig_toml);
 }
@@ -158,7 +159,7 @@ Result<interchange::ImportResult> imported_from(const ImportArgs& args) {
 }
 
 Status run_import(Context& context, const ImportArgs& args) {
-  const Result<interchange::ImportResult> imported = imported_from(args);
+  Result<interchange::ImportResult> imported = imported_from(args);
   if (!imported) return fail(imported.error());
   const Result<CalibrationReport> report = report_on(imported->calibration);
   if (!report) return fail(report.error().in(args.files.front()));

@@ -84,6 +84,10 @@ TEST_F(ProjectPictures, StitchAProjectOfAnotherMachine_SaysWhereItsPicturesAre) 
   ASSERT_EQ(input->notes.size(), 1u);
   EXPECT_NE(input->notes[0].find("2 of 2 pictures"), std::string::npos) << input->notes[0];
   EXPECT_NE(input->notes[0].find("b.png"), std::string::npos) << input->notes[0];
+  const Outcome imported(
+      {"import", project, "-o", (folder_ / "c.json").string(), "--rig-toml", (folder_ / "rig.toml").string()});
+  EXPECT_EQ(imported.code, ExitCode::kOk) << imported.err;
+  EXPECT_NE(imported.err.find("2 of 2 pictures are not where the project says"), std::string::npos) << imported.err;
 }
 
 TEST_F(ProjectPictures, AFolderWithTheSameBeginning_IsAnother) {
