@@ -9,7 +9,7 @@
 namespace nodal::command_line {
 namespace {
 
-constexpr int kWide = 128, kHigh = 64;
+constexpr int kSphereWide = 128, kSphereHigh = 64;
 
 class MetadataCommand : public RigTest {
  protected:
@@ -40,9 +40,10 @@ class MetadataCommand : public RigTest {
 
   /// A sphere as a camera with a compass, level sensor and GPS writes it.
   void write_sphere(const std::string& name) const {
-    const auto rgb = test::smooth_rgb(kWide, kHigh);
-    test::write_bytes(path(name), name.ends_with(".jpg") ? test::jpeg_of(rgb, kWide, kHigh, test::Sampling::k420)
-                                                         : test::png_of(rgb, kWide, kHigh, 3));
+    const auto rgb = test::smooth_rgb(kSphereWide, kSphereHigh);
+    test::write_bytes(path(name), name.ends_with(".jpg")
+                                      ? test::jpeg_of(rgb, kSphereWide, kSphereHigh, test::Sampling::k420)
+                                      : test::png_of(rgb, kSphereWide, kSphereHigh, 3));
     tag(name,
         {"-XMP-GPano:ProjectionType=equirectangular", "-XMP-GPano:PoseHeadingDegrees=225",
          "-XMP-GPano:PosePitchDegrees=-24.5", "-XMP-GPano:PoseRollDegrees=9", "-XMP-GPano:InitialViewHeadingDegrees=30",
@@ -72,7 +73,7 @@ TEST_F(MetadataCommand, AConvertedSphere_KeepsPosePlaceAndTime) {
       EXPECT_EQ(said.value("PosePitchDegrees", 0.0), -24.5) << what;
       EXPECT_EQ(said.value("PoseRollDegrees", 0.0), 9) << what;
       EXPECT_EQ(said.value("InitialViewHeadingDegrees", 0.0), 30) << what;
-      EXPECT_EQ(said.value("FullPanoWidthPixels", 0), kWide) << what;
+      EXPECT_EQ(said.value("FullPanoWidthPixels", 0), kSphereWide) << what;
       expect_place_and_time(said, what);
       EXPECT_EQ(said.value("Model", ""), to == "o.tif" ? "" : "Sphere 1") << what;
       EXPECT_EQ(said.value("Warning", ""), "") << what;
@@ -115,7 +116,8 @@ TEST_F(MetadataCommand, AStitchedSphere_SaysWhenAndWhereAndClaimsNoNorth) {
 }
 
 TEST_F(MetadataCommand, APictureThatKnowsNothing_GetsNoClaims) {
-  test::write_bytes(path("plain.png"), test::png_of(test::smooth_rgb(kWide, kHigh), kWide, kHigh, 3));
+  test::write_bytes(path("plain.png"),
+                    test::png_of(test::smooth_rgb(kSphereWide, kSphereHigh), kSphereWide, kSphereHigh, 3));
   ASSERT_EQ(nodal({"convert", path("plain.png"), "--from", "equirectangular", "-o", path("o.jpg")}).code, 0);
   const Json said = tags("o.jpg");
   EXPECT_EQ(said.value("ProjectionType", ""), "equirectangular");
