@@ -13,8 +13,10 @@
 #include <sstream>
 
 #include "host_tool/commands/completion.h"
+#include "host_tool/commands/confinement.h"
 #include "host_tool/commands/usage.h"
 #include "host_tool/console/interrupt.h"
+#include "host_tool/console/overwriting.h"
 #include "host_tool/console/quantities.h"
 #include "protocol/base/text.h"
 #include "protocol/base/version.h"
@@ -131,6 +133,9 @@ CommandLine::CommandLine(Console& console)
       ->type_name("DURATION")
       ->check(checked_by(parse_duration));
   app_.add_flag("-v,--verbose", context_.verbose, "Say what this command may read, write and start");
+  set_overwriting(environment("NODAL_OVERWRITE", "") == "1");
+  app_.add_flag_callback(
+      "--overwrite", [] { set_overwriting(true); }, "Replace files that are there already; otherwise they are refused");
   app_.add_flag("--json", context_.json, "Print JSON for programs, one document per line");
   add_status(app_, *this);
   add_heads(app_, *this);
@@ -216,7 +221,8 @@ ExitCode CommandLine::dispatch() {
   watch_interrupts();
   context_.answer = ExitCode::kOk;
   Status done;
-  if (before_command) done = before_command(context_, *chosen);
+  if (const Status free = check_outputs(*chosen); !free) done = free;
+  if (done && before_command) done = before_command(context_, *chosen);
   if (done) done = action->second(context_);
   console_.finish_progress();
   if (done) return context_.answer;

@@ -13,6 +13,7 @@
 
 #include "hal/linux/confine/confine.h"
 #include "hal/linux/link/link_helper.h"
+#include "host_tool/console/overwriting.h"
 #include "host_tool/input/project_pictures.h"
 
 namespace nodal::host {
@@ -155,6 +156,20 @@ Status give_helper(Context& context) {
 PathUse path_use(const std::string& option) {
   const auto* const found = std::ranges::find(kUses, option, &Use::option);
   return found == kUses.end() ? PathUse::kNone : found->use;
+}
+
+Status check_outputs(const CLI::App& command) {
+  for (const CLI::App* app = &command; app != nullptr; app = app->get_parent()) {
+    for (const CLI::Option* option : app->get_options()) {
+      const bool named = !option->get_lnames().empty() && !option->empty();
+      if (!named || path_use(option->get_lnames().front()) != PathUse::kOutputFile) continue;
+      for (const std::string& word : option->results()) {
+        if (const Status free = check_free(word); !free)
+          return fail(free.error().in("--" + option->get_lnames().front()));
+      }
+    }
+  }
+  return {};
 }
 
 CommandRights rights_of(const CLI::App& command) {

@@ -22,6 +22,10 @@ enum class PathUse { kNone, kInput, kOutputFile, kOutputFolder };
 /// By the option's long name without "--"; positional arguments are inputs. Options that name no file are kNone.
 PathUse path_use(const std::string& option);
 
+/// Whether every output that the words name may be written, before a command works for it (console/overwriting.h). Names with a number
+/// are looked at when they are written. Errors: kExists.
+Status check_outputs(const CLI::App& command);
+
 /// What the parsed command needs, without what every program needs.
 CommandRights rights_of(const CLI::App& command);
 

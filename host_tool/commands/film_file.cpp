@@ -13,6 +13,7 @@
 #include <span>
 #include <vector>
 
+#include "host_tool/console/overwriting.h"
 #include "protocol/base/version.h"
 #include "protocol/files/open_file.h"
 #include "protocol/take/limits.h"
@@ -92,9 +93,17 @@ Result<std::unique_ptr<FilmFile>> FilmFile::create(const std::string& name) {
   state->name = name;
   std::error_code unknown;
   state->created = !std::filesystem::exists(name, unknown);
-  const Result<int> opened = open_descriptor_to_write(name);
-  if (!opened) return fail(opened.error().code, fmt::format("{}: {}", name, opened.error().message));
-  state->fd = *opened;
+  if (const Status free = check_free(name); !free) return fail(free.error());
+  if (state->created) {
+    const Result<FilePtr> made = create_to_write(name);
+    if (!made) return fail(made.error().code == Errc::kExists ? is_there(name) : made.error().in(name));
+    state->fd = ::fcntl(::fileno(made->get()), F_DUPFD_CLOEXEC, 0);
+  } else {
+    const Result<int> opened = open_descriptor_to_write(name);
+    if (!opened) return fail(opened.error().code, fmt::format("{}: {}", name, opened.error().message));
+    state->fd = *opened;
+  }
+  if (state->fd < 0) return fail(Errc::kIo, fmt::format("{}: {}", name, std::strerror(errno)));
   return std::unique_ptr<FilmFile>(new FilmFile(std::move(state)));
 }
 

@@ -5,12 +5,14 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
 #include <optional>
 #include <utility>
 
+#include "host_tool/console/overwriting.h"
 #include "protocol/files/open_file.h"
 
 namespace nodal::host {
@@ -57,6 +59,14 @@ int write_all(int fd, std::span<const std::uint8_t> bytes) {
 
 /// Returns 0 or an errno; that a file system cannot sync (EINVAL, ENOTSUP) is not an error for the user.
 int sync(int fd) { return ::fsync(fd) == 0 || errno == EINVAL || errno == ENOTSUP ? 0 : errno; }
+
+/// Whether the file, of which `info` was read, has these very bytes: then nothing needs to be written over.
+bool has_bytes(const std::string& path, const struct stat& info, std::span<const std::uint8_t> bytes) {
+  if (!S_ISREG(info.st_mode) || static_cast<std::uint64_t>(info.st_size) != bytes.size()) return false;
+  const Result<std::string> there = read_file(path, bytes.size());
+  return there && std::equal(there->begin(), there->end(), bytes.begin(), bytes.end(),
+                             [](char a, std::uint8_t b) { return static_cast<std::uint8_t>(a) == b; });
+}
 
 /// The umask can only be read by setting it; no other thread creates files meanwhile.
 mode_t current_umask() {
@@ -131,6 +141,8 @@ Status write_file(const std::string& path, std::span<const std::uint8_t> bytes, 
     if (const int at_close = device.close(); wrong == 0) wrong = at_close;
     return wrong == 0 ? Status{} : system_error(path, wrong);
   }
+  if (has_bytes(path, info, bytes)) return {};
+  if (const Status free = check_free(path); !free) return free;
   std::string temporary = path + ".XXXXXX";
   Descriptor file(::mkstemp(temporary.data()));
   if (file.get() < 0) return system_error(path, errno);
@@ -138,9 +150,10 @@ Status write_file(const std::string& path, std::span<const std::uint8_t> bytes, 
   if (wrong == 0 && ::fchmod(file.get(), 0666 & ~current_umask()) != 0) wrong = errno;
   if (wrong == 0 && durability == Durability::kNow) wrong = sync(file.get());
   if (const int at_close = file.close(); wrong == 0) wrong = at_close;
-  if (wrong == 0 && ::rename(temporary.c_str(), path.c_str()) != 0) wrong = errno;
+  if (wrong == 0) wrong = rename_to_free(temporary, path);
   if (wrong == 0) return {};
   ::unlink(temporary.c_str());
+  if (wrong == EEXIST) return fail(is_there(path));
   return system_error(path, wrong);
 }
 

@@ -12,6 +12,8 @@
 #include <cstring>
 #include <utility>
 
+#include "host_tool/console/overwriting.h"
+
 namespace nodal::host {
 namespace {
 
@@ -110,12 +112,7 @@ Status sync_folder(const std::filesystem::path& folder) {
 }
 
 Status rename_new(const std::filesystem::path& from, const std::filesystem::path& to) {
-  if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return {};
-  // A file system without RENAME_NOREPLACE. FolderLock keeps other copies away.
-  struct stat about {};
-  int error = errno;
-  if (error == EINVAL) error = ::lstat(to.c_str(), &about) == 0 ? EEXIST : 0;
-  if (error == 0) error = ::rename(from.c_str(), to.c_str()) == 0 ? 0 : errno;
+  const int error = rename_to_new(from.string(), to.string());
   if (error == EEXIST)
     return fail(Errc::kExists, to.string() + ": is there already, and is never written over; move it away");
   if (error != 0) return refuse(to, "cannot be written", error);

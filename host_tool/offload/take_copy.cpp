@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "host_tool/console/files.h"
+#include "host_tool/console/overwriting.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/offload/local_file.h"
 #include "host_tool/offload/take_fetch.h"
@@ -106,7 +107,9 @@ Status TakeCopy::claim_folder(std::span<const std::uint8_t> manifest) {
   if (!length_of_file(folder_ / (take::kManifestFile + kPart))) {
     if (const Status free = check_names(true); !free) return free;
   }
-  return write_file((folder_ / (take::kManifestFile + kPart)).string(), text_of(manifest));
+  const std::string part = (folder_ / (take::kManifestFile + kPart)).string();
+  note_own(part);  // an earlier run's
+  return write_file(part, text_of(manifest));
 }
 
 /// Nothing has the name of a file of the take but that file. `and_parts`: nor of a part of one.

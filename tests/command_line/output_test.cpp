@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 
 #include "rig_process.h"
 
@@ -106,6 +107,24 @@ TEST_F(Output, FileOverItsSizeLimit_IsAnErrorThatNamesItAndLeavesNothing) {
   EXPECT_EQ(run.code, 6) << run.err;
   EXPECT_NE(run.err.find("out/pattern.pdf"), std::string::npos) << run.err;
   EXPECT_EQ(files_in("out"), 0U);
+}
+
+TEST_F(Output, FileThatIsThere_IsRefusedAndKeptUntilItMayBeReplaced) {
+  start_nodald();
+  bring_up();
+  for (const std::string command :
+       {"pattern -o " + path("there.pdf"), "raymap pull -o " + path("there.jpg"),
+        "raymap pull -n 3 -o " + path("there.mkv"), "calibration show -o " + path("there.json")}) {
+    const std::string file = command.substr(command.rfind(' ') + 1);
+    std::ofstream(file) << "precious";
+    const Finished refused = shell("NODAL_OVERWRITE=0 " + kNodal + command);
+    EXPECT_EQ(refused.code, 6) << command << ": " << refused.err;
+    EXPECT_NE(refused.err.find(file + ": is there already"), std::string::npos) << refused.err;
+    EXPECT_EQ(fs::file_size(file), 8U) << command;
+    const Finished replaced = shell("NODAL_OVERWRITE=0 " + kNodal + command + " --overwrite");
+    EXPECT_EQ(replaced.code, 0) << command << ": " << replaced.err;
+    EXPECT_GT(fs::file_size(file), 100U) << command;
+  }
 }
 
 TEST_F(Output, Umask_HoldsForFilesThatAreWritten) {

@@ -119,7 +119,7 @@ constexpr const char* kHelp =
     "  --quiet S    seconds before and after (120)\n"
     "  --attack S   seconds of attacks (3600)\n"
     "  --turns      instead: how long one `nodal` waits while other hosts keep what it asks for\n"
-    "  --quick      with --turns: only with more hosts than there may be\n"
+    "  --quick      with --turns: only with as many hosts as there may be\n"
     "  --kind NAME  with --turns: only this kind of request\n"
     "  --untimed    only memory, log, settings and replies are judged: for a machine that is busy\n";
 

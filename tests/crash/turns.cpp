@@ -194,7 +194,7 @@ int run_turns(bool timed, bool quick, const std::string& only) {
   for (int k = 0; k < kOccupations; ++k) {
     const auto kind = static_cast<Occupation>(k);
     if (!only.empty() && name_of(kind) != only) continue;
-    for (const int hosts : quick ? std::vector<int>{16} : std::vector<int>{1, 4, 16}) {
+    for (const int hosts : quick ? std::vector<int>{11} : std::vector<int>{1, 4, 16}) {
       Occupiers others(kind, hosts, target);
       // Further ones take each other's places.
       rig.wait_for_hosts(std::min(hosts, kind == Occupation::kFrameSetsViewOnly ? 6 : 11));

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
+#include <cstdlib>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,7 @@ struct Outcome {
     std::FILE* out_file = std::tmpfile();
     std::FILE* err_file = std::tmpfile();
     Console console(out_file, err_file);
+    ::setenv("NODAL_OVERWRITE", "1", 0);
     CommandLine line(console);
     code = line.run(static_cast<int>(all.size()), all.data());
     out = content_of(out_file);
