@@ -34,6 +34,22 @@ TEST(House, ARigsFiles_AreCreatedExclusivelyAndNoTreeIsDeleted) {
   EXPECT_GT(read, 300U);
 }
 
+/// Outputs of commands are written where console/overwriting.h is asked: by write_file(), and as films.
+TEST(House, ACommandsFiles_AreWrittenInTwoPlacesThatAskForTheName) {
+  constexpr std::array<std::string_view, 2> kMayWrite{"host_tool/console/files.cpp",
+                                                      "host_tool/commands/film_file.cpp"};
+  constexpr std::array<std::string_view, 5> kWays{"open_descriptor_to_write(", "O_TRUNC", "ofstream", "std::fstream",
+                                                  "fopen("};
+  for (const TextFile& file : project_files()) {
+    if (!file.path.starts_with("host_tool/") || !file.path.ends_with(".cpp")) continue;
+    const bool may = std::ranges::find(kMayWrite, file.path) != kMayWrite.end();
+    const bool does = std::ranges::any_of(file.lines, [&](const std::string& line) {
+      return std::ranges::any_of(kWays, [&](std::string_view way) { return line.find(way) != std::string::npos; });
+    });
+    EXPECT_EQ(does, may) << file.path << ": use write_file(), which asks check_free()";
+  }
+}
+
 /// A name that exists is replaced in few places, each with a reason: settings and counters that have one newest value, the manifest
 /// that a loop shortens, the calibration in force, the audit log after its entries have gone into the file before.
 TEST(House, WhatReplacesAFile_IsListedHere) {
