@@ -112,7 +112,7 @@ TEST_F(Output, FileOverItsSizeLimit_IsAnErrorThatNamesItAndLeavesNothing) {
 TEST_F(Output, FileThatIsThere_IsRefusedAndKeptUntilItMayBeReplaced) {
   start_nodald();
   bring_up();
-  for (const std::string command :
+  for (const std::string& command :
        {"pattern -o " + path("there.pdf"), "raymap pull -o " + path("there.jpg"),
         "raymap pull -n 3 -o " + path("there.mkv"), "calibration show -o " + path("there.json")}) {
     const std::string file = command.substr(command.rfind(' ') + 1);
