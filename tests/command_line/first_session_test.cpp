@@ -183,7 +183,7 @@ TEST_F(FirstSession, EveryCommandOfTheTutorial_WorksInItsOrder) {
   std::string log;
   for (const std::string& command : commands) {
     // nodald goes on in the background until the end of the test.
-    std::string script = "cd '" + path(".") + "' && export PATH='" NODAL_BIN_DIR "':$PATH; ";
+    std::string script = "cd '" + path(".") + "' && unset NODAL_OVERWRITE && export PATH='" NODAL_BIN_DIR "':$PATH; ";
     if (command.ends_with("&")) {
       const std::size_t start = command.find("&& nodald");
       ASSERT_NE(start, std::string::npos) << command;
@@ -204,8 +204,8 @@ TEST_F(FirstSession, EveryCommandOfTheTutorial_WorksInItsOrder) {
            "pid=$(cat '" + path("nodald.pid") +
                "'); kill $pid; for n in $(seq 100); do kill -0 $pid 2>/dev/null || break; sleep 0.1; done"})
       .wait();
-  for (const char* file :
-       {"sphere.jpg", "sphere.rig.json", "sphere.report.html", "next.jpg", "rig.json", "rig.html", "raymap.jpg"}) {
+  for (const char* file : {"sphere.jpg", "sphere.rig.json", "sphere.report.html", "holiday.jpg", "next.jpg",
+                           "better.html", "rig.json", "raymap.jpg"}) {
     EXPECT_TRUE(std::filesystem::exists(path(file))) << file << "\n" << log;
   }
   EXPECT_NE(log.find("3 of 3 pictures placed"), std::string::npos) << log;
