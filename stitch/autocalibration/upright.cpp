@@ -23,6 +23,7 @@ constexpr double kFinest = 0.3 * kRadiansPerDegree;            // and at the end
 constexpr double kWindow = 35 * kRadiansPerDegree;             // how far up may be from where the light comes from
 constexpr double kWideWindow = 60 * kRadiansPerDegree;         // the same for edges that are beyond doubt,
 constexpr double kWideStep = 2 * kRadiansPerDegree;
+constexpr double kOtherWay = 45 * kRadiansPerDegree;    // from how pictures are held; few people tilt a camera so far
 constexpr double kRingWindow = 12 * kRadiansPerDegree;  // or from a ring's axis
 constexpr double kRim = 0.06;                           // of an image circle's radius; edges are not used there
 constexpr std::size_t kSectors = 12;
@@ -282,6 +283,8 @@ Upright find_upright(const std::vector<geometry::Head>& heads, const std::vector
     edges = decided(kBeyondDoubt);
     if (!edges) found = near;
   }
+  // Lines on the ground and the walls of a room agree on wrong directions, too; how the pictures are held says which is up.
+  if (!ring && upright && found.up.dot(*upright) < std::cos(kOtherWay)) edges = edges && best > kBeyondDoubt;
   if (edges) {
     found.basis = UpBasis::kEdges;
   } else if (ring) {

@@ -19,7 +19,8 @@ struct Upright {
 /// head, the direction in the picture, x right and y down, that is up for people who look at it; empty: its rows go down.
 /// The light of the scene comes mostly from above; near that direction, or near the axis that all heads of a ring have in
 /// common, vertical edges and the horizon are looked for. If they are not seen all around, they are often chance; then the
-/// axis of the ring decides, or else how the pictures are held.
+/// axis of the ring decides, or else how the pictures are held. So it does where edges say that the pictures lie on their side,
+/// as the lines on a floor and on walls do, unless the edges are beyond doubt.
 Upright find_upright(const std::vector<geometry::Head>& heads, const std::vector<Picture>& pictures,
                      const std::vector<Eigen::Vector2d>& held = {});
 

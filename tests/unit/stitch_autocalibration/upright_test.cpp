@@ -142,6 +142,20 @@ TEST(Upright, PostsAndAHorizonAbovePatternedGround_AreAReasonToBeSure) {
   }
 }
 
+/// A room of 4 x 2.5 x 6 m with tiles of half a metre on all walls, by the light of a window in the right one: straight edges in three
+/// directions, each of which could be up.
+float room(const Eigen::Vector3d& ray) {
+  const Eigen::Vector3d half(2, 1.25, 3);
+  int wall = 0;
+  for (int k = 1; k < 3; ++k)
+    if (std::abs(ray[k]) * half[wall] > std::abs(ray[wall]) * half[k]) wall = k;
+  const Eigen::Vector3d at = ray * (half[wall] / std::abs(ray[wall]));
+  double sign = 1;
+  for (int k = 0; k < 3; ++k)
+    if (k != wall) sign *= std::sin(std::numbers::pi * (at[k] / 0.5 + 0.5));
+  return static_cast<float>(110 + 50 * ray.x() + (sign > 0 ? 50 : -50));
+}
+
 /// Blobs without straight edges, brighter on the right: the light comes from the side.
 float blobs(const Eigen::Vector3d& ray) {
   double level = 90 + 50 * ray.x();
@@ -153,13 +167,13 @@ float blobs(const Eigen::Vector3d& ray) {
   return static_cast<float>(level);
 }
 
-void show_blobs(Scene& scene) {
+void show(Scene& scene, float (*world)(const Eigen::Vector3d&)) {
   for (std::size_t h = 0; h < scene.heads.size(); ++h) {
     for (int y = 0; y < scene.heads[h].height(); ++y) {
       for (int x = 0; x < scene.heads[h].width(); ++x) {
         const auto ray = scene.heads[h].unproject({x + 0.5, y + 0.5});
         scene.pictures[h].values[static_cast<std::size_t>(y * scene.heads[h].width() + x)] =
-            ray ? blobs(ray->direction()) : 0;
+            ray ? world(ray->direction()) : 0;
       }
     }
   }
@@ -170,7 +184,7 @@ TEST(Upright, LightFromTheSideAndNoEdges_UpIsTheRingsAxisOrHowThePicturesAreHeld
   pair.heads = {pair.heads[0], pair.heads[2]};  // forward and back
   for (const auto& [rig, basis] : {std::pair(ring, UpBasis::kRing), std::pair(pair, UpBasis::kHeld)}) {
     Scene scene = seen_by(rig, Eigen::Matrix3d::Identity(), {});
-    show_blobs(scene);
+    show(scene, blobs);
     const Upright found = find_upright(scene.heads, scene.pictures);
     EXPECT_LT(error_deg(found, Eigen::Matrix3d::Identity()), 0.1);
     EXPECT_EQ(found.basis, basis);
@@ -181,6 +195,15 @@ TEST(Upright, LightFromTheSideAndNoEdges_UpIsTheRingsAxisOrHowThePicturesAreHeld
       EXPECT_GT(turned.up.dot(-scene.heads[0].R_head_rig().row(0).transpose()), 0.99);
     }
   }
+}
+
+TEST(Upright, InARoomWithLightFromTheSide_OfThreeDirectionsOfEdgesTheOneThatThePicturesAreHeldByIsUp) {
+  Calibration pair = test::six_fisheyes(480, 200);
+  pair.heads = {pair.heads[0], pair.heads[2]};  // forward and back
+  Scene scene = seen_by(pair, Eigen::Matrix3d::Identity(), {});
+  show(scene, room);
+  const Upright found = find_upright(scene.heads, scene.pictures);
+  EXPECT_LT(error_deg(found, Eigen::Matrix3d::Identity()), 1);
 }
 
 TEST(Upright, Rotation_TurnsUpUpAndForwardForward) {
