@@ -96,6 +96,24 @@ TEST_F(Devices, AHostAsksMoreOftenThanItMay_TheRestWaitsAndAllAreAnswered) {
   EXPECT_LE(scan_.begun, 4);
 }
 
+TEST_F(Devices, AHostHasAsManyUnansweredRequestsAsItMay_ItsNextOneWaitsAndNoneOfAnother) {
+  TestHost& host = stand_.connect();
+  TestHost& other = stand_.connect();
+  stand_.settle();
+  wire::Request status;
+  status.mutable_status();
+  for (std::size_t i = 1; i < firmware::Control::kMaxRequests; ++i) host.post(devices());
+  const std::uint64_t before_last = host.post(status);
+  host.post(devices());
+  const std::uint64_t waits = host.post(status);
+  stand_.run(Duration::seconds(1));
+  EXPECT_NE(host.reply(before_last), nullptr) << "one request fewer than it may have is unanswered";
+  EXPECT_EQ(host.reply(waits), nullptr);
+  EXPECT_EQ(other.status().state(), "no-calibration");
+  scan_.result = firmware::DeviceList{"", "{}"};
+  EXPECT_TRUE(stand_.run_until([&] { return host.reply(waits) != nullptr; }));
+}
+
 TEST_F(Devices, ALongerListThanAReplyTakes_IsAnErrorThatSaysWhereToLook) {
   TestHost& host = stand_.connect();
   stand_.settle();

@@ -107,6 +107,23 @@ TEST(Hosts, APullIsStopped_NothingMoreComesAndItsStreamCloses) {
   EXPECT_EQ(host.ask(stop).error().code(), static_cast<unsigned>(Errc::kNotFound));
 }
 
+TEST(Hosts, AHostRefusesTheStreamOfItsPull_NothingMoreComesAndItMayPullAgain) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  const StreamId refused = host.pull(true, 0);
+  stand.run(Duration::milliseconds(500));
+  host.session().stop_stream(refused, {Errc::kOverload, "this host's disk is full"});
+  stand.run(Duration::milliseconds(100));
+  const std::size_t had = host.pulled[refused].size();
+  const StreamId next = host.pull(true, 0);
+  stand.run(Duration::milliseconds(500));
+  EXPECT_EQ(host.pulled[refused].size(), had);
+  EXPECT_GT(host.pulled[next].size(), 10u);
+  wire::Request stop;
+  stop.mutable_pull_stop()->set_stream(refused);
+  EXPECT_EQ(host.ask(stop).error().code(), static_cast<unsigned>(Errc::kNotFound)) << "it has ended already";
+}
+
 TEST(Hosts, MorePullsThanAHostMayHave_AreRefused) {
   Stand stand;
   TestHost& host = stand.bring_up();

@@ -228,6 +228,48 @@ TEST_F(TakeTurns, TwoHostsReadTheSameFile_BothGetAllOfIt) {
   }
 }
 
+/// Each time more than a piece of 64 KiB, so that the file moves, and never all that waits.
+TEST_F(TakeTurns, AHostReadsSlowlyForLongerThanItMayRest_GetsAllOfItsFile) {
+  constexpr std::size_t kAtATime = 100'000;
+  record(Duration::seconds(3));
+  ASSERT_GT(bytes_of("cam0-0000.mkv"), 8 * kAtATime);
+  host.link().in().capacity = kAtATime;
+  const std::uint64_t asked = host.post(read("cam0-0000.mkv"));
+  host.pump();
+  host.reading = false;
+  const Duration pause = firmware::TakeSender::kGrace / 4;
+  for (Duration slow; slow < firmware::TakeSender::kGrace * 3 / 2; slow = slow + pause) {
+    stand.run(pause);
+    host.reading = true;
+    host.pump();
+    host.reading = false;
+  }
+  ASSERT_TRUE(host.reply(asked) && host.reply(asked)->has_pull());
+  const StreamId stream = host.reply(asked)->pull().stream();
+  host.reading = true;
+  ASSERT_TRUE(stand.run_until([&] { return host.closed.contains(stream); }));
+  EXPECT_FALSE(host.closed[stream]) << host.closed[stream]->message;
+  std::size_t bytes = 0;
+  for (const Pulled& piece : host.pulled[stream]) bytes += piece.body.size();
+  EXPECT_EQ(bytes, bytes_of("cam0-0000.mkv"));
+}
+
+TEST_F(TakeTurns, AHostIsUnpluggedInItsCopy_TheOthersCopyGoesOn) {
+  record(Duration::seconds(3));
+  TestHost& other = stand.connect();
+  host.link().in().capacity = 1000;
+  host.post(read("cam0-0000.mkv"));
+  host.pump();
+  host.reading = false;
+  stand.run(Duration::milliseconds(200));
+  host.link().reset();
+  stand.run(Duration::milliseconds(200));
+  const wire::Reply reply = other.ask(read("cam0-0000.mkv"));
+  ASSERT_TRUE(reply.has_pull()) << reply.error().message();
+  ASSERT_TRUE(stand.run_until([&] { return other.closed.contains(reply.pull().stream()); }));
+  EXPECT_FALSE(other.closed[reply.pull().stream()]);
+}
+
 wire::Request disk_test(std::int64_t seconds) {
   wire::Request request;
   request.mutable_disk_test()->set_length_ns(static_cast<std::uint64_t>(Duration::seconds(seconds).ns()));

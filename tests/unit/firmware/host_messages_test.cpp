@@ -76,5 +76,14 @@ TEST(HostMessages, OfACommandThatIsDone_SayWhenAndWhatWillBeLost) {
   EXPECT_EQ(refused.error().code(), static_cast<std::uint32_t>(Errc::kBusy));
 }
 
+TEST(HostMessages, OfAGenlockActionThatIsNew_AreRefusedWithWhatToDo) {
+  wire::Request request;
+  request.mutable_genlock()->set_action(static_cast<wire::GenlockRequest::Action>(3));
+  const auto command = command_of(request, two_named_heads(), 1);
+  ASSERT_FALSE(command);
+  EXPECT_EQ(command.error().code, Errc::kUnsupported);
+  EXPECT_NE(command.error().message.find("update nodald"), std::string::npos) << command.error().message;
+}
+
 }  // namespace
 }  // namespace nodal::firmware
