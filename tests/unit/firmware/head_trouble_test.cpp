@@ -1,6 +1,7 @@
 // One head of the capture stage on a port that fails at every call in turn, and that sends frames of every fault.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <deque>
 #include <functional>
 #include <set>
@@ -306,6 +307,70 @@ TEST_F(HeadTrouble, ValuesAtTheLimits_AreAllowedAndOneBeyondIsRefused) {
   EXPECT_TRUE(allowed([](auto& c) { c.white_balance = WhiteBalance{}; }));
   script.limits.has_white_balance = false;
   EXPECT_TRUE(allowed([](auto& c) { c.white_balance = WhiteBalance{}; })) << "limits are those of the opened port";
+}
+
+TEST(SettingsChanges, AddAndRemove_ChangeTheFieldsOfTheOtherAndNoMore) {
+  using Fill = void (*)(SettingsChange&);
+  const std::array<Fill, 4> fields = {[](SettingsChange& c) { c.exposure = Exposure::microseconds(1); },
+                                      [](SettingsChange& c) { c.gain = Gain::millidecibels(1); },
+                                      [](SettingsChange& c) { c.white_balance = WhiteBalance{}; },
+                                      [](SettingsChange& c) { c.gamma = hal::Gamma::thousandths(1); }};
+  const auto has = [](const SettingsChange& c) {
+    return std::array<bool, 4>{c.exposure.has_value(), c.gain.has_value(), c.white_balance.has_value(),
+                               c.gamma.has_value()};
+  };
+  for (std::size_t k = 0; k < fields.size(); ++k) {
+    SettingsChange all, one, none;
+    for (const Fill fill : fields) fill(all);
+    fields[k](one);
+    none.add(one);
+    std::array<bool, 4> only{};
+    only[k] = true;
+    EXPECT_EQ(has(none), only) << k;
+    all.remove(one);
+    std::array<bool, 4> others{true, true, true, true};
+    others[k] = false;
+    EXPECT_EQ(has(all), others) << k;
+  }
+}
+
+TEST_F(HeadTrouble, TemporarySettings_EndWithTheHostThatMadeThemAlsoWhileTheHeadIsGone) {
+  constexpr std::uint64_t kBorrower = 7, kOtherHost = 8;
+  SettingsChange shorter;
+  shorter.exposure = Exposure::microseconds(4000);
+  const auto in_effect = [&](int us) {
+    hal::FrameView view = frame();
+    view.in_effect.exposure = Exposure::microseconds(us);
+    script.frames.push_back(view);
+    const auto taken = head.take_frame();
+    ASSERT_TRUE(taken);
+    head.lose(*taken, LossReason::kLate);
+  };
+  for (const bool gone : {false, true}) {
+    SCOPED_TRACE(gone);
+    stream();
+    in_effect(8000);
+    ASSERT_TRUE(head.change(shorter, kBorrower));
+    EXPECT_TRUE(head.check_lease(kBorrower));
+    EXPECT_EQ(head.check_lease(kOtherHost).error().code, Errc::kBusy);
+    EXPECT_EQ(head.pending_exposure(), Exposure::microseconds(4000));
+    EXPECT_TRUE(head.end_lease(kOtherHost));
+    EXPECT_EQ(head.pending_exposure(), Exposure::microseconds(4000)) << "not its own";
+    if (gone) {
+      script.fail_at = script.calls;
+      EXPECT_FALSE(head.take_frame());
+      ASSERT_FALSE(head.report().present);
+    }
+    const int calls = script.calls;
+    EXPECT_TRUE(head.end_lease(kBorrower));
+    EXPECT_EQ(script.calls - calls, gone ? 0 : 1) << "the exposure is requested of a head that is there";
+    stream();
+    in_effect(4000);
+    EXPECT_EQ(head.pending_exposure(), Exposure::microseconds(8000));
+    EXPECT_TRUE(head.check_lease(kOtherHost));
+  }
+  ASSERT_TRUE(head.change(shorter));
+  EXPECT_TRUE(head.check_lease(kOtherHost)) << "a lasting setting is nobody's";
 }
 
 TEST_F(HeadTrouble, HeldAndInSets_AreCountedUntilTheyAreReleased) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
 #include <thread>
 #include <vector>
@@ -51,6 +52,17 @@ TEST(RecentRate, OneInSeconds_IsExactFromTheSecondOn) {
       }
     }
   }
+}
+
+TEST(RecentRate, NoMoreComesForMoreThanTwiceItsInterval_FallsAsTimePasses) {
+  RecentRate rate;
+  Instant now;
+  for (int half = 0; half <= 9; ++half) {
+    rate.observe(std::min<std::uint64_t>(half / 2, 2), now + Duration::milliseconds(500) * half);
+    if (half < 4 || half > 8) continue;
+    EXPECT_EQ(rate.millihertz(), 1000u) << half << " half seconds";
+  }
+  EXPECT_EQ(rate.millihertz(), 2u * 1'000'000 / 4500) << "two in 4.5 s";
 }
 
 TEST(MilliHertz, OfNtsc_Is29970) { EXPECT_EQ(millihertz(FrameRate{30000, 1001}), 29'970u); }
