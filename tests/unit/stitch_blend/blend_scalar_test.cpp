@@ -1,5 +1,7 @@
 // The blend against results calculated by hand.
 #include <gtest/gtest.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 #include "small_tables.h"
 
@@ -70,6 +72,20 @@ TEST(BlendRows, PixelNobodyLooksAt_IsTheComponentsBlack) {
   EXPECT_EQ(blend_grey(table, {flat(255).view()}), (std::vector<std::uint8_t>{0, 255}));
   table.components[0].black = 16;
   EXPECT_EQ(blend_grey(table, {flat(255).view()}), (std::vector<std::uint8_t>{16, 255}));
+}
+
+TEST(BlendRows, PixelsWithoutWeightThatLookAnywhere_ReadNothingBesideThePicture) {
+  const auto page = static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+  void* const pages = mmap(nullptr, 2 * page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  ASSERT_NE(pages, MAP_FAILED);
+  std::uint8_t* const end = static_cast<std::uint8_t*>(pages) + page;  // what follows the picture cannot be read
+  ASSERT_EQ(mprotect(end, page, PROT_NONE), 0);
+  std::fill(end - 4, end, std::uint8_t{100});
+  const ImageView picture = packed_image(PixelFormat::kGrey8, 2, 2, static_cast<const std::uint8_t*>(end - 4));
+  constexpr int kFar = 15 * kOnePixel;
+  const BlendTable table = grey_row({{{0, 0, 0}}, {{0, kFar, 0, 0}}, {{0, 0, kFar, 0}}, {{0, kFar, kFar, 0}}}, 1, 2);
+  EXPECT_EQ(blend_grey(table, {picture}), (std::vector<std::uint8_t>{100, 0, 0, 0}));
+  munmap(pages, 2 * page);
 }
 
 TEST(BlendRows, HeadMissing_OthersTakeItsShare) {
