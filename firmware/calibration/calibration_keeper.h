@@ -37,7 +37,7 @@ struct KeeperRequest {
   };
   struct Use {
     std::string id_prefix;
-    bool allow_older = false;  ///< as in Install
+    bool allow_older = false;  ///< also if its signature is of an older generation, or names none
   };
   struct Rollback {};
   struct List {};

@@ -22,7 +22,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kFamilyUnsure = 0.05;  // of the distance from the axis: how far real lenses are from their family
+constexpr double kFamilyUnsure =
+    0.05;  // how far real lenses are from their family, as a share of the distance from the axis
 
 bool is_folder(const std::string& path) {
   std::error_code error;

@@ -63,7 +63,8 @@ struct FirstCalibration {
   std::vector<DecodedImage> images;  ///< of these files
   std::string confidence;            ///< one sentence: how many were placed, by what, and how well they agree
   std::vector<std::string> notes;    ///< whole sentences: pictures left out, what could not be determined
-  std::shared_ptr<const std::vector<autocalibration::Match>> points;  ///< that agree; of the placed pictures
+  std::shared_ptr<const std::vector<autocalibration::Match>>
+      points;  ///< the matches that agree, between placed pictures
   FoundLens lens;
 };
 

@@ -18,7 +18,7 @@ using Eigen::Vector3d;
 
 constexpr double kFarthest = 0.05;          // units; a match that is farther off is an outlier
 constexpr double kNearest = 0.0004;         // units; features are not more accurate than this
-constexpr double kRayleighMedian = 1.1774;  // of the length of an error, in standard deviations along an axis
+constexpr double kRayleighMedian = 1.1774;  // the median length of an error, in standard deviations along one axis
 constexpr double kOutlier = 6;              // standard deviations
 constexpr double kLinear = 2;               // from here on Huber's norm is linear
 constexpr double kStatedFocalSigma = 0.1;   // of its logarithm: stated for infinity, and rounded to whole millimetres

@@ -6,9 +6,10 @@
 namespace nodal::autocalibration {
 namespace {
 
-constexpr double kMuchShared = 0.6;     // of a picture's features: two pictures that show so much of the same
+constexpr double kMuchShared =
+    0.6;  // share of a picture's features that the other one should show, too: a large overlap
 constexpr double kLeastMatched = 0.06;  // have matches for at least so many of these features,
-constexpr double kAgreeing = 0.02;      // which agree within this, units of radius
+constexpr double kAgreeing = 0.02;      // two features match if they agree within this, units of radius
 constexpr std::size_t kAsked = 400;     // features of a picture that are projected
 
 /// Where the picture `to` shows what `from` shows at a pixel.

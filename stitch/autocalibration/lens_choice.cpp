@@ -10,15 +10,18 @@
 namespace nodal::autocalibration {
 namespace {
 
-constexpr double kFamilyPart = 0.03;  // of the radius, standard deviation: how far lenses are from their family
+constexpr double kFamilyPart = 0.03;  // standard deviation of lenses from their family, as a share of the radius
 constexpr double kWideRange =
     0.3;                      // units; a thinner range of seen radii may bend the family less: what it shows of the
                               // bend is extrapolated, and so are errors by near things
 constexpr double kTold = 30;  // chi squared, by which a family must fit worse to be excluded
 constexpr double kOutlierChi = 36;   // chi squared of a match that counts as an outlier
-constexpr double kKnownPart = 0.02;  // of the radius, two standard deviations
+constexpr double kKnownPart = 0.02;  // a radius is known if two standard deviations are at most this share of it
 constexpr int kRadii = 200;
-constexpr double kInward = 1.5, kOutward = 0.25;  // of the seen radii's range: so far beyond it, matches hold the lens
+constexpr double
+    kInward = 1.5,
+    kOutward =
+        0.25;  // how far beyond the range of seen radii matches still determine the lens, as a share of that range
 constexpr double kSeenTail = 0.02;  // part of the matches nearest to the axis, and farthest from it, that are left out
 constexpr double kOwnSigma = 0.01;  // of a head's log focal length, and of its axis, units, about the shared ones
 constexpr double kClearlyBetter = 0.96;

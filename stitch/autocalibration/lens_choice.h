@@ -10,7 +10,7 @@ namespace nodal::autocalibration {
 
 struct LensChoice {
   BundleFit fit;
-  BundleRules rules;  ///< with which the fit was made
+  BundleRules rules;  ///< the rules by which the fit was made
   LensEvidence evidence;
 };
 

@@ -9,7 +9,7 @@
 namespace nodal::autocalibration {
 namespace {
 
-constexpr std::size_t kFewPoints = 16;                   // of a head: their median tells little
+constexpr std::size_t kFewPoints = 16;                   // of so few points of a head the median tells little
 constexpr double kWorse = 1.1, kWorsePx = 0.05;          // of all points
 constexpr double kWorseHead = 1.35, kWorseHeadPx = 0.2;  // of one head's
 

@@ -60,7 +60,7 @@ class FieldCheck {
 
  private:
   struct Seen {
-    std::string name;   ///< as in the file
+    std::string name;   ///< its name in the file
     std::string value;  ///< the first one that is not neutral
     std::string whose;  ///< the first one's
     std::size_t count = 0;
