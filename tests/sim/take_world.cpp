@@ -281,8 +281,21 @@ void TakeWorld::start(Daemon& daemon, bool waits) {
   card->rates[folder] = {{0, daemon.stage->rate()}};
 }
 
+/// Shorter than it takes until the next sync, or longer.
+void TakeWorld::lose_contact() {
+  const auto disk = slot_.disk();
+  if (!disk) return;
+  event_ = "a card that has no contact for a moment";
+  ++tally_.pulls;
+  slot_.pull();
+  run_for(Duration::milliseconds(static_cast<std::int64_t>(10 + random_.below(1200))));
+  slot_.insert(disk);
+  disk->unplug(false);
+}
+
 void TakeWorld::handle_cards() {
-  switch (random_.below(6)) {
+  switch (random_.below(7)) {
+    case 6: return lose_contact();
     case 0:
     case 1:
       event_ = "an exchange of cards";

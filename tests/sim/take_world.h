@@ -80,6 +80,7 @@ class TakeWorld {
   void act();
   void act_on(Daemon& daemon);
   void handle_cards();
+  void lose_contact();
   void act_as_host(Daemon& daemon);
   void start(Daemon& daemon, bool waits = true);
   void hang_up(Daemon& daemon);
