@@ -241,10 +241,14 @@ TEST_F(Commands, PullWhileTheStoredCalibrationIsCompiled_WaitsAndSaysSo) {
   nodald().signal(SIGTERM);
   EXPECT_EQ(nodald().wait().code, 0);
   std::string toml = read("rig.toml");  // a raymap whose table takes a while
-  toml.replace(toml.find("width = 256"), 11, "width = 2048");
-  toml.replace(toml.find("height = 128"), 12, "height = 1024");
+  toml.replace(toml.find("width = 256"), 11, "width = 4096");
+  toml.replace(toml.find("height = 128"), 12, "height = 2048");
   write("rig.toml", toml);
   start_nodald();
+  const auto compiles = [&] {
+    return nodal_json({"status"}).at(0)["activity"].get<std::string>().find("compiling") != std::string::npos;
+  };
+  ASSERT_TRUE(wait_until(compiles));  // the pull asks once a second: what comes before may be all that it sees
   const auto pull = start({"raymap", "pull", "--out", path("r.jpg")});
   ASSERT_EQ(nodal({"genlock", "start"}).code, 0);
   const Finished pulled = pull->wait();
