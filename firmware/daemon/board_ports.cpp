@@ -12,9 +12,12 @@
 
 #include "firmware/daemon/device_heads.h"
 #include "firmware/daemon/device_scanner.h"
+#include "firmware/daemon/drivers.h"
 #include "firmware/daemon/line_ports.h"
+#include "firmware/daemon/log.h"
 #include "firmware/daemon/panel_ports.h"
 #include "firmware/daemon/replay_deck.h"
+#include "firmware/daemon/traced_heads.h"
 #include "hal/linux/cable/cable.h"
 #include "hal/linux/clock.h"
 #include "hal/linux/disk.h"
@@ -176,6 +179,7 @@ struct BoardPorts::State {
   std::unique_ptr<hal::replay::Deck> deck;
   std::unique_ptr<DeviceHeads> devices;
   Enumerators enumerators;
+  std::unique_ptr<TracedHeads> traced;  ///< null: the log wants none of capture
   std::unique_ptr<LinePorts> lines;
   std::unique_ptr<BothTriggers> both, with_lines;
   hal::TriggerPort* trigger = nullptr;
@@ -243,6 +247,9 @@ Result<std::unique_ptr<BoardPorts>> BoardPorts::make(const RigConfig& config, co
   }
   state->devices = std::make_unique<DeviceHeads>(config, state->machine_clock);
   state->enumerators.devices = state->devices.get();
+  if (logs(LogCategory::kCapture, LogLevel::kDebug)) {
+    state->traced = std::make_unique<TracedHeads>(state->enumerators, state->clock());
+  }
   auto panel = PanelPorts::make(config.panel, state->clock());
   if (!panel) return fail(panel.error());
   state->panel = std::move(*panel);
@@ -267,7 +274,7 @@ Status BoardPorts::check_devices(const RigConfig& config) {
 
 std::vector<Error> BoardPorts::claim_lines(const RigConfig& config) {
   State& state = *state_;
-  state.lines = std::make_unique<LinePorts>(config, hal::gpio::kernel());
+  state.lines = std::make_unique<LinePorts>(config, gpio_chips());
   if (hal::TriggerPort* const trigger = state.lines->trigger()) {
     // Simulated and replayed heads are exposed by pulses of their own, which begin together with the line's.
     if (state.trigger != nullptr) state.with_lines = std::make_unique<BothTriggers>(*trigger, *state.trigger);
@@ -343,8 +350,17 @@ Status BoardPorts::check_links(const firmware::LinksConfig& links) const {
 
 firmware::RigPorts BoardPorts::ports() {
   NODAL_ASSERT(state_->disk);
-  firmware::RigPorts ports{state_->clock(),   state_->enumerators,   state_->trigger,        *state_->disk,   {},
-                           &state_->watchdog, state_->panel->pins(), &state_->machine_clock, &state_->scanner};
+  hal::HeadEnumerator& heads =
+      state_->traced ? static_cast<hal::HeadEnumerator&>(*state_->traced) : state_->enumerators;
+  firmware::RigPorts ports{state_->clock(),
+                           heads,
+                           state_->trigger,
+                           *state_->disk,
+                           {},
+                           &state_->watchdog,
+                           state_->panel->pins(),
+                           &state_->machine_clock,
+                           &state_->scanner};
   if (state_->lines) state_->lines->add_to(ports.panel);
   for (const auto& each : state_->listeners) ports.listeners.push_back({each.port.get(), each.access});
   return ports;

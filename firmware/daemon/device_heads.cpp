@@ -1,5 +1,6 @@
 #include "firmware/daemon/device_heads.h"
 
+#include "firmware/daemon/drivers.h"
 #include "firmware/rig.h"
 
 namespace nodal::daemon {
@@ -53,10 +54,10 @@ DeviceHeads::DeviceHeads(const RigConfig& config, hal::ClockPort& clock) {
   const hal::device::UsbBuses buses;  // shared, because heads of both kinds can be on one bus
   for (const HeadConfig& head : config.heads) {
     if (head.port.kind == PortKind::kV4l2) {
-      if (!v4l2_) v4l2_ = std::make_unique<hal::v4l2::V4l2Enumerator>(clock, hal::v4l2::kernel(), buses);
+      if (!v4l2_) v4l2_ = std::make_unique<hal::v4l2::V4l2Enumerator>(clock, v4l2_drivers(), buses);
       v4l2_->request(head.port.text(), v4l2_request(config, head));
     } else if (head.port.kind == PortKind::kIidc) {
-      if (!iidc_) iidc_ = std::make_unique<hal::iidc::IidcEnumerator>(clock, hal::iidc::cameras(), buses);
+      if (!iidc_) iidc_ = std::make_unique<hal::iidc::IidcEnumerator>(clock, iidc_cameras(), buses);
       iidc_->request(head.port.text(), iidc_request(config, head));
     }
   }

@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "firmware/daemon/drivers.h"
 #include "firmware/hosts/device_scan.h"
 #include "hal/linux/iidc/lister.h"
 #include "hal/linux/v4l2/scan.h"
@@ -21,7 +22,7 @@ inline constexpr std::chrono::milliseconds kScanWithin = std::chrono::seconds(8)
 /// Ownership: system and bus outlive the process's threads: a device that hangs is never waited for.
 class MachineDevices {
  public:
-  explicit MachineDevices(hal::v4l2::System& system = hal::v4l2::kernel(), hal::iidc::Bus& bus = hal::iidc::cameras())
+  explicit MachineDevices(hal::v4l2::System& system = v4l2_drivers(), hal::iidc::Bus& bus = iidc_cameras())
       : v4l2_(system), iidc_(bus) {}
   std::vector<hal::v4l2::FoundDevice> scan(std::chrono::milliseconds patience);
 

@@ -17,6 +17,7 @@
 #include "firmware/daemon/bridge.h"
 #include "firmware/daemon/confined_work.h"
 #include "firmware/daemon/device_scanner.h"
+#include "firmware/daemon/drivers.h"
 #include "firmware/daemon/end_deadline.h"
 #include "firmware/daemon/line_ports.h"
 #include "firmware/daemon/log.h"
@@ -152,7 +153,7 @@ int scan(const Options& options) {
 }
 
 int make_lines_safe(const firmware::RigConfig& config) {
-  const SafeLevels done = set_safe_levels(config, hal::gpio::kernel());
+  const SafeLevels done = set_safe_levels(config, gpio_chips());
   for (const std::string& line : done.lines) log_line(LogLevel::kInfo, line);
   for (const Error& problem : done.problems) log_line(LogLevel::kError, problem.text());
   return done.problems.empty() ? kExitFine : kExitCannotStart;
@@ -225,7 +226,7 @@ int start(int argc, char** argv, EndDeadline& deadline) {
   const sigset_t signals = hal::ending_signals();
   ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   hal::ignore_stray_signals();
-  start_log(options.log_level);
+  start_log(options.log);
   end_while_starting(signals);
 
   if (options.scan) return scan(options);

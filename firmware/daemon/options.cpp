@@ -47,9 +47,16 @@ Parsed parse_options(int argc, char** argv) {
   app.add_option("--blend-threads", options.blend_threads, "Number of threads that blend; default: one per core")
       ->check(CLI::Range(1, 64))
       ->type_name("N");
-  app.add_option("--log", options.log_level, "Level of the log on standard error: debug, info, warning, error")
-      ->check(CLI::IsMember({"debug", "info", "warning", "error"}))
-      ->type_name("LEVEL");
+  app.add_option_function<std::string>(
+         "--log",
+         [&options](const std::string& text) {
+           const Result<LogLevels> levels = LogLevels::parse(text);
+           if (!levels) throw CLI::ValidationError(levels.error().message);
+           options.log = *levels;
+         },
+         "Level of the log on standard error: trace, debug, info, warning, error; or of one category, such as "
+         "capture=debug,v4l2=trace (rig, capture, v4l2, iidc, gpio): what heads do, and every call to a driver")
+      ->type_name("LEVELS");
   CLI::Option* check =
       app.add_flag("--check", options.check, "Check rig.toml and the files and devices it names, and stop");
   app.add_flag("--bridge", options.bridge, "Connect standard input and output to the running nodald's socket")

@@ -4,6 +4,7 @@
 #include <string>
 #include <string_view>
 
+#include "firmware/daemon/log.h"
 #include "protocol/base/result.h"
 
 namespace nodal::daemon {
@@ -19,7 +20,7 @@ struct Options {
   bool scan = false;
   bool json = false;      ///< of a scan
   int blend_threads = 0;  ///< 0: one per core
-  std::string log_level = "info";
+  LogLevels log;
 };
 
 inline constexpr int kExitFine = 0;

@@ -181,6 +181,28 @@ TEST(Nodald, ABadRigToml_EndsWith2AndSaysWhere) {
   EXPECT_NE(daemon.complained().find("there is no key 'heads[5].colour'"), std::string::npos) << daemon.complained();
 }
 
+TEST(Nodald, LogOfCapture_SaysWhatEachHeadDoes) {
+  const RigFolder folder;
+  test::Process daemon(nodald({"--config", folder.config(), "--log", "warning,capture=debug"}));
+  const auto host = LinkHost::connect(folder.socket());
+  ASSERT_TRUE(host) << daemon.complained();
+  const auto says = [&](const std::string& part) {
+    return test::wait_until([&] { return daemon.complained().find(part) != std::string::npos; });
+  };
+  EXPECT_TRUE(says("debug: capture: sim:cam0: open: ")) << daemon.complained();
+  EXPECT_TRUE(says("debug: capture: sim:cam0: start, exposed ")) << daemon.complained();
+  EXPECT_EQ(daemon.complained().find(" info: "), std::string::npos) << daemon.complained();
+  EXPECT_EQ(daemon.complained().find(": frame "), std::string::npos) << "good frames are at level trace";
+}
+
+TEST(Nodald, LogOfACategoryThatThereIsNot_EndsWith2AndNamesThoseThatThereAre) {
+  const RigFolder folder;
+  test::Process daemon(nodald({"--config", folder.config(), "--log", "v4l=trace"}));
+  EXPECT_EQ(daemon.wait(std::chrono::seconds(20)).code, 2);
+  EXPECT_NE(daemon.complained().find("no category 'v4l'; there are rig, capture, v4l2, iidc, gpio"), std::string::npos)
+      << daemon.complained();
+}
+
 TEST(Nodald, TruthThatIsMissing_EndsWith2AndNamesTheFile) {
   const RigFolder folder;
   std::filesystem::remove(folder.path / "truth.json");

@@ -2,18 +2,12 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
 #include <utility>
+
+#include "hal/linux/v4l2/driver_text.h"
 
 namespace nodal::hal::v4l2 {
 namespace {
-
-/// A text from a driver, which may lack the terminating zero.
-template <std::size_t kSize>
-std::string text_of(const std::uint8_t (&field)[kSize]) {
-  const char* const start = reinterpret_cast<const char*>(field);
-  return std::string(start, ::strnlen(start, kSize));
-}
 
 std::uint32_t capabilities_of(const v4l2_capability& capability) {
   return (capability.capabilities & V4L2_CAP_DEVICE_CAPS) != 0 ? capability.device_caps : capability.capabilities;

@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstring>
 #include <string_view>
 #include <vector>
+
+#include "hal/linux/v4l2/driver_text.h"
 
 namespace nodal::hal::v4l2 {
 namespace {
@@ -25,12 +26,6 @@ constexpr std::array<Standard, 9> kStandards{{{"NTSC", V4L2_STD_NTSC},
                                               {"PAL-Nc", V4L2_STD_PAL_Nc},
                                               {"PAL-60", V4L2_STD_PAL_60},
                                               {"SECAM", V4L2_STD_SECAM}}};
-
-template <std::size_t kSize>
-std::string text_of(const std::uint8_t (&field)[kSize]) {
-  const char* const start = reinterpret_cast<const char*>(field);
-  return std::string(start, ::strnlen(start, kSize));
-}
 
 std::string joined(const std::vector<std::string>& words) {
   std::string text;

@@ -13,6 +13,7 @@
 
 #include "hal/linux/thread/thread.h"
 #include "hal/linux/v4l2/device.h"
+#include "hal/linux/v4l2/driver_text.h"
 #include "hal/linux/v4l2/layout.h"
 #include "protocol/base/text.h"
 
@@ -21,12 +22,6 @@ namespace {
 
 constexpr std::size_t kLongestText = 64;
 constexpr std::uint32_t kSmallestSide = 16, kLargestSide = 16384;  ///< of a head's picture
-
-template <std::size_t kSize>
-std::string text_of(const std::uint8_t (&field)[kSize]) {
-  const std::string_view all(reinterpret_cast<const char*>(field), kSize);
-  return printable(all.substr(0, all.find('\0')), kLongestText);
-}
 
 /// Asks one device, and counts the questions.
 class Question {
