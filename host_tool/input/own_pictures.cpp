@@ -88,7 +88,7 @@ FoundLens lens_of(const autocalibration::Found& found, const HeadCalibration& he
   return {std::string(evidence.family),
           range(evidence.seen_from, evidence.seen_to),
           range(evidence.known_from, evidence.known_to),
-          evidence.unsure,
+          std::max(kFamilyUnsure, evidence.unsure),
           evidence.mostly(),
           evidence.whole(),
           ""};
@@ -110,7 +110,7 @@ std::string lens_note(const FoundLens& lens) {
   return fmt::format(
       "{}. The lens is known {}; elsewhere it is assumed to be {}, and may be wrong by about {:.0f} % of the distance "
       "from its axis. {}",
-      seen, text_of(lens.known), lens.family, std::ceil(100 * std::max(kFamilyUnsure, lens.unsure)), advice);
+      seen, text_of(lens.known), lens.family, lens.may_be_wrong_percent(), advice);
 }
 
 /// Takes copies of other files out of `files`, with a note each.
@@ -132,6 +132,8 @@ Status leave_out_copies(std::vector<std::string>& files, std::vector<std::string
 }
 
 }  // namespace
+
+double FoundLens::may_be_wrong_percent() const { return std::ceil(100 * unsure); }
 
 bool is_picture(const std::string& path) {
   // A folder is never a calibration, and a file that only claims to be a picture is refused as one.

@@ -50,10 +50,12 @@ struct FoundLens {
   std::string family;  ///< what is assumed of the lens elsewhere: "equidistant"; empty: nothing
   LensRange seen;      ///< where there are points
   LensRange known;     ///< where they determine the lens to 2 %; empty: nowhere
-  double unsure = 0;   ///< elsewhere, part of the distance from the axis
+  double unsure = 0;   ///< how wrong it may be elsewhere, part of the distance from the axis
   bool mostly = true;  ///< known over most of the radius
   bool whole = true;   ///< known everywhere
   std::string note;    ///< what of it is assumed, in whole sentences; empty: nothing
+
+  double may_be_wrong_percent() const;  ///< `unsure`, rounded up
 };
 
 struct FirstCalibration {

@@ -20,6 +20,7 @@ constexpr int kLeast = 8;             // matches that connect two heads
 constexpr double kLeastShare = 0.12;  // of their matches
 constexpr std::size_t kFinalists = 5;
 constexpr double kTolerances = 6;  // standard deviations within which a match agrees with a fit
+constexpr double kThinStep = 1.25;  // degrees between lenses that are tried: two rims then agree within kTolerance
 constexpr double kCircle = 0.98;   // of an image circle's radius
 constexpr double kWidestFisheye = 142 * kRadiansPerDegree;  // from the axis; the widest ones see 280 degrees
 constexpr std::array<double, 2> kSigma{0.3, 0.15};          // of a lens's coefficients, about those that are tried;
@@ -30,12 +31,14 @@ constexpr std::array<double, 2> kFisheyeSigma{0.05, 0.01};  // of a fisheye's: f
 /// The lenses that are tried. With circles: fisheyes with this angle at the circle. Without: this angle at the middle of
 /// the picture's shorter edges, for a rectilinear lens (tan a = a + a^3/3 + 2 a^5/15 ...), an equidistant one, and one
 /// between them. The first ones have the focal length that the camera stated, if it did.
-std::vector<SharedLens> tried_lenses(bool circles, bool anamorphic, std::optional<double> stated) {
+std::vector<SharedLens> tried_lenses(bool circles, bool anamorphic, std::optional<double> stated, Overlap overlap) {
   std::vector<SharedLens> all;
   for (const double part : {0.5, 1.0, 0.0}) {
     if (stated) all.push_back({{*stated, {part / 3, part * 2 / 15}}});
   }
-  for (double angle = 60; circles && angle <= 135; angle += 5) all.push_back({{1 / (angle * kRadiansPerDegree), {}}});
+  const double step = overlap == Overlap::kThin ? kThinStep : 5;
+  for (double angle = 60; circles && angle <= 135; angle += step)
+    all.push_back({{1 / (angle * kRadiansPerDegree), {}}});
   for (double angle = 8; !circles && angle <= 105; angle *= 1.12) {
     const double a = angle * kRadiansPerDegree;
     all.push_back({{1 / a, {}}});
@@ -123,9 +126,7 @@ Arrangement arrangement_of(const BundleFit& best, const LensEvidence& evidence, 
 }
 
 Error not_built() {
-  return {Errc::kNoCoverage,
-          "the points that pictures seem to have in common fit no lens that is built: give pictures that overlap more, "
-          "taken at the same place, or the lens's field of view (--nominal)"};
+  return {Errc::kNoCoverage, "the points that the pictures seem to have in common fit no lens that is built"};
 }
 
 /// How many matches agree with each fit, near misses in part, by the tolerance of the most accurate one.
@@ -153,13 +154,13 @@ geometry::Pixel Shape::center() const {
 double Shape::unit() const { return circle ? circle->radius : std::max(width, height) / 2.0; }
 
 Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std::vector<Match>& matches, int threads,
-                                     const Checks& checks) {
+                                     const Checks& checks, Overlap overlap) {
   const std::vector<UnitMatch> units = in_units(shapes, matches);
   const bool circles = std::ranges::all_of(shapes, [](const Shape& shape) { return shape.circle.has_value(); });
   const bool anamorphic = 2 * std::ranges::count_if(shapes, may_be_anamorphic) > std::ssize(shapes);
   const std::optional<double> stated = stated_focal(shapes);
   const BundleRules rules{{}, 0, anamorphic, circles ? kFisheyeSigma : kSigma, kShiftSigma, stated.value_or(0)};
-  const std::vector<SharedLens> lenses = tried_lenses(circles, anamorphic, stated);
+  const std::vector<SharedLens> lenses = tried_lenses(circles, anamorphic, stated, overlap);
   const auto rules_for = [&](const Start& start, const SharedLens& prior) {
     BundleRules own = rules;
     own.first = start.first;
@@ -174,8 +175,7 @@ Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std
   });
   std::ranges::stable_sort(starts, [](const Start& a, const Start& b) { return a.agreeing > b.agreeing; });
   if (starts.front().agreeing == 0) {
-    return fail(Errc::kNoCoverage,
-                "no two pictures show the same things: give pictures that overlap, taken at the same place");
+    return fail(Errc::kNoCoverage, "no two pictures show the same things");
   }
   starts.resize(std::min(starts.size(), kFinalists));
   std::vector<BundleFit> fits(starts.size());
@@ -197,9 +197,9 @@ Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std
     // With a good lens the pictures themselves can be compared, and the rotations are found once more.
     Start again = start_with(state.lens, units, shapes.size(), checks.thorough);
     if (again.agreeing == 0) {
-      return fail(Errc::kNoCoverage,
-                  "what the pictures seem to have in common are things that repeat, such as windows or tiles: give "
-                  "pictures that overlap more, taken at the same place");
+      return fail(
+          Errc::kNoCoverage,
+          "where the points that the pictures seem to have in common would put them, they show different things");
     }
     state = std::move(again.state);
     first = again.first;
@@ -210,10 +210,8 @@ Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std
   const BundleFit best = choice.evidence.mostly() ? with_own_lenses(choice.fit, units, choice.rules) : choice.fit;
   if (circles && !is_built(best.state.lens)) return fail(not_built());
   if (circles && choice.evidence.nowhere()) {
-    return fail(
-        Errc::kNoCoverage,
-        "the few points that the pictures have in common do not determine the fisheyes' lens anywhere: give pictures "
-        "that overlap more, or the lens's field of view (--nominal)");
+    return fail(Errc::kNoCoverage,
+                "the few points that the pictures have in common do not determine the fisheyes' lens anywhere");
   }
   return arrangement_of(best, choice.evidence, matches);
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <vector>
@@ -51,14 +52,18 @@ struct Checks {
   Trust thorough;  ///< asked with the best lens: how far the pictures show the same where they overlap
 };
 
+/// How much fisheyes overlap. Where only their rims do, a lens must be almost right for matches to agree.
+enum class Overlap : std::uint8_t { kWide, kThin };
+
 /// Tries lenses from tele to fisheye (Kannala-Brandt with two coefficients; pixels that are not square for the sizes of
 /// BT.601), and for each one finds the rotations on which most matches agree; the best of these starts go through a
 /// bundle adjustment of all rotations and the lens. Lenses that nobody builds are refused. Where matches do not determine
 /// the lens, it is that of a family (see LensEvidence).
 ///
 /// Threading: thread-safe; starts `threads` of its own (0: one per core). The result does not depend on their number.
-/// Errors: kNoCoverage if no two pictures have enough matches in common.
+/// Errors: kNoCoverage with the cause, without advice, if no two pictures have enough matches in common, or if these contradict
+///   what the pictures show, or every lens.
 Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std::vector<Match>& matches, int threads,
-                                     const Checks& checks = {});
+                                     const Checks& checks = {}, Overlap overlap = Overlap::kWide);
 
 }  // namespace nodal::autocalibration

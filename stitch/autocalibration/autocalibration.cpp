@@ -8,11 +8,11 @@
 #include <utility>
 
 #include "stitch/autocalibration/arrangement.h"
-#include "stitch/autocalibration/features.h"
 #include "stitch/autocalibration/image_circle.h"
 #include "stitch/autocalibration/in_common.h"
 #include "stitch/autocalibration/matches.h"
 #include "stitch/autocalibration/overlap.h"
+#include "stitch/autocalibration/sight.h"
 #include "stitch/autocalibration/upright.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/rotation.h"
@@ -21,11 +21,9 @@
 namespace nodal::autocalibration {
 namespace {
 
-constexpr int kFeatureSide = 1600;         // px; larger pictures are reduced to this for features
 constexpr double kLeastCorrelation = 0.3;  // of two pictures' detail where they overlap
 constexpr double kSamePlace = 2;           // px
 constexpr double kWithin = 0.98;           // of the lens's largest radius
-constexpr std::size_t kFeatures = 2500;    // per picture
 
 Region scaled(const Region::Circle* circle, int width, int height, double scale) {
   Region region{0, 0, width * scale, height * scale, {}};
@@ -139,19 +137,32 @@ Status turn_upright(const std::vector<Picture>& small, const std::vector<Eigen::
   return {};
 }
 
-std::vector<Match> all_matches(const std::vector<std::vector<Feature>>& features, const parallel::Workers& workers) {
-  std::vector<std::pair<std::size_t, std::size_t>> pairs;
-  for (std::size_t a = 0; a < features.size(); ++a) {
-    for (std::size_t b = a + 1; b < features.size(); ++b) pairs.emplace_back(a, b);
+/// Lens and rotations from what the pictures show.
+Result<Arrangement> arranged(const std::vector<Shape>& shapes, const Sight& sight, const Overlaps& overlaps,
+                             int threads, Overlap overlap) {
+  const InCommon common(shapes, sight.features, sight.matches);
+  const auto matched = [&](std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a, const SharedLens& lens) {
+    return common.agreeing(a, b, R_b_a, lens);
+  };
+  const auto alike = [&](std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a, const SharedLens& lens) {
+    if (common.agreeing(a, b, R_b_a, lens) == 0) return 0.0;
+    const double correlation = overlaps.correlation(a, b, R_b_a, lens, lens);
+    return correlation > kLeastCorrelation ? correlation : 0;
+  };
+  return find_arrangement(shapes, sight.matches, threads, {matched, alike}, overlap);
+}
+
+/// The error of pictures that are not placed: the cause, and what helps.
+Error with_advice(Error error, const Repetition& repetition, bool fisheyes) {
+  if (repetition.prevails()) {
+    error.message = fmt::format(
+        "most of what the pictures show repeats: {} of {} points look the same as two or more of another picture, as "
+        "windows or tiles do, so that nothing tells which of them belong together",
+        repetition.ambiguous, repetition.features);
   }
-  std::vector<std::vector<Match>> of_pair(pairs.size());
-  workers.run(static_cast<int>(pairs.size()), [&](int i) {
-    const auto n = static_cast<std::size_t>(i);
-    of_pair[n] = find_matches(pairs[n].first, features[pairs[n].first], pairs[n].second, features[pairs[n].second]);
-  });
-  std::vector<Match> matches;
-  for (const auto& own : of_pair) matches.insert(matches.end(), own.begin(), own.end());
-  return matches;
+  error.message += ": give pictures that overlap more, taken at the same place";
+  if (fisheyes) error.message += ", or the field of view of their lens, for example --nominal 2x200";
+  return error;
 }
 
 void add_points(const Arrangement& arrangement, Found& found) {
@@ -186,31 +197,18 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
   std::vector<Shape> shapes = shapes_of(pictures, small);
   for (std::size_t n = 0; n < std::min(count, options.focal_px.size()); ++n) shapes[n].focal_px = options.focal_px[n];
   tell(0.05);
-  std::vector<std::vector<Feature>> features(count);
-  workers.run(static_cast<int>(count), [&](int i) {
-    const auto n = static_cast<std::size_t>(i);
-    const Picture picture = reduced(pictures[n], kFeatureSide);
-    const double scale = static_cast<double>(pictures[n].width) / picture.width;
-    const Region region =
-        scaled(shapes[n].circle ? &*shapes[n].circle : nullptr, pictures[n].width, pictures[n].height, 1 / scale);
-    features[n] = find_features(picture, region, kFeatures);
-    for (Feature& feature : features[n]) feature.pixel = {feature.pixel.x * scale, feature.pixel.y * scale};
-  });
-  tell(0.5);
-  const std::vector<Match> matches = all_matches(features, workers);
+  Sight sight = see(pictures, shapes, workers);
   tell(0.7);
   const Overlaps overlaps(shapes, small);
-  const InCommon common(shapes, features, matches);
-  const auto matched = [&](std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a, const SharedLens& lens) {
-    return common.agreeing(a, b, R_b_a, lens);
-  };
-  const auto alike = [&](std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a, const SharedLens& lens) {
-    if (common.agreeing(a, b, R_b_a, lens) == 0) return 0.0;
-    const double correlation = overlaps.correlation(a, b, R_b_a, lens, lens);
-    return correlation > kLeastCorrelation ? correlation : 0;
-  };
-  const Result<Arrangement> arrangement = find_arrangement(shapes, matches, options.threads, {matched, alike});
-  if (!arrangement) return fail(arrangement.error());
+  const Repetition repetition = sight.repetition;
+  Result<Arrangement> arrangement = arranged(shapes, sight, overlaps, options.threads, Overlap::kWide);
+  const bool fisheyes = shapes.front().circle.has_value();  // if one has a circle, all have
+  if (!arrangement && fisheyes && !repetition.prevails()) {
+    // Overlaps may be so thin that hardly any of these features are in them.
+    sight = see_rims(pictures, shapes, workers);
+    arrangement = arranged(shapes, sight, overlaps, options.threads, Overlap::kThin);
+  }
+  if (!arrangement) return fail(with_advice(arrangement.error(), repetition, fisheyes));
   if (const Status good = check_different(arrangement->used, count, options.files.empty() ? names : options.files);
       !good)
     return fail(good.error());

@@ -25,4 +25,8 @@ struct Feature {
 /// run.
 std::vector<Feature> find_features(const Picture& picture, const Region& region, std::size_t most);
 
+/// The same of the rim of a region with a circle, from `from_radius` on, px. Other features are at least as far from the
+/// circle as their descriptors reach; these also where descriptors reach beyond, into the mirrored picture.
+std::vector<Feature> find_rim_features(Picture picture, const Region& region, std::size_t most, double from_radius);
+
 }  // namespace nodal::autocalibration

@@ -91,7 +91,8 @@ void find_known(const BundleFit& fit, const std::vector<const BundleFit*>& other
       for (const BundleFit* other : others) {
         const Result<LensRays> its = LensRays::make(other->state.lens);
         const std::optional<double> there = its ? its->radius(*angle) : std::nullopt;
-        unsure = std::max(unsure, there ? std::abs(*there / radius - 1) : 1.0);
+        // Of the one that is true, whichever it is.
+        unsure = std::max(unsure, there ? std::max(std::abs(*there / radius - 1), std::abs(radius / *there - 1)) : 1.0);
       }
     }
 

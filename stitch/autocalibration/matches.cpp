@@ -8,6 +8,9 @@ namespace nodal::autocalibration {
 namespace {
 
 constexpr double kRatio = 0.8;  // of the distances to the nearest and to the second nearest, as in Lowe's paper
+constexpr std::int32_t kAlike =
+    150;  // distance of descriptors, of 512: of the same thing in two pictures it is mostly less
+constexpr double kPrevails = 0.15;  // of the features
 
 // The loop is compiled for wider registers, too; the arithmetic is integer, so the result is the same.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && \
@@ -46,8 +49,10 @@ struct Nearest {
 
 }  // namespace
 
+bool Repetition::prevails() const { return static_cast<double>(ambiguous) > kPrevails * static_cast<double>(features); }
+
 std::vector<Match> find_matches(std::size_t a, const std::vector<Feature>& in_a, std::size_t b,
-                                const std::vector<Feature>& in_b) {
+                                const std::vector<Feature>& in_b, Repetition* repetition) {
   std::vector<Nearest> of_a(in_a.size()), of_b(in_b.size());
   for (std::size_t i = 0; i < in_a.size(); ++i) {
     for (std::size_t j = 0; j < in_b.size(); ++j) {
@@ -55,6 +60,10 @@ std::vector<Match> find_matches(std::size_t a, const std::vector<Feature>& in_a,
       of_a[i].offer(j, distance);
       of_b[j].offer(i, distance);
     }
+  }
+  for (std::size_t i = 0; repetition != nullptr && i < in_a.size(); ++i) {
+    ++repetition->features;
+    repetition->ambiguous += of_a[i].first < kAlike * kAlike && !of_a[i].clear() ? 1 : 0;
   }
   std::vector<Match> matches;
   for (std::size_t i = 0; i < in_a.size(); ++i) {

@@ -181,7 +181,7 @@ TEST(Arrangement, ThingsThatRepeat_DeceiveMatchesButNotThePictures) {
   const auto none =
       find_arrangement(shapes_of(truth), matches, 0, {{}, [](auto, auto, const auto&, const auto&) { return 0.0; }});
   ASSERT_FALSE(none);
-  EXPECT_NE(none.error().message.find("repeat"), std::string::npos) << none.error().message;
+  EXPECT_NE(none.error().message.find("show different things"), std::string::npos) << none.error().message;
 }
 
 TEST(Arrangement, FewPointsInANarrowOverlap_TheFocalLengthThatTheCameraStatesHelps) {

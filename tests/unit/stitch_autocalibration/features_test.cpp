@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <random>
 
 #include "stitch/autocalibration/matches.h"
@@ -112,6 +114,52 @@ TEST(Features, UnrelatedPictures_HardlyMatch) {
   const Picture a = blobs(300, 5), b = blobs(300, 6);
   const auto in_a = find_features(a, whole(a), 1000);
   EXPECT_LT(find_matches(0, in_a, 1, find_features(b, whole(b), 1000)).size(), in_a.size() / 5);
+}
+
+TEST(Features, OfARim_AreFoundWhereDescriptorsReachBeyondTheCircle) {
+  const Picture whole_picture = blobs(400, 5);
+  Picture picture = whole_picture;
+  const Region region{0, 0, 400, 400, Region::Circle{200, 200, 180}};
+  for (int y = 0; y < 400; ++y) {
+    for (int x = 0; x < 400; ++x) {
+      if (std::hypot(x + 0.5 - 200, y + 0.5 - 200) > 180) picture.values[static_cast<std::size_t>(y * 400 + x)] = 0;
+    }
+  }
+  const auto inner = find_features(picture, region, 4000), rim = find_rim_features(picture, region, 4000, 150);
+  const auto radius_of = [](const Feature& f) { return std::hypot(f.pixel.x - 200, f.pixel.y - 200); };
+  const auto beyond = [&](const Feature& f) { return radius_of(f) + 6 * f.scale > 180; };
+  for (const Feature& feature : inner) EXPECT_FALSE(beyond(feature));
+  for (const Feature& feature : rim) {
+    EXPECT_GE(radius_of(feature), 150);
+    EXPECT_LE(radius_of(feature) + 2 * feature.scale, 180);
+  }
+  // They match those of the picture without an edge, at the same places.
+  std::vector<Feature> near_edge;
+  for (const Feature& feature : rim) {
+    if (beyond(feature)) near_edge.push_back(feature);
+  }
+  const auto matches = find_matches(0, near_edge, 1, find_features(whole_picture, whole(whole_picture), 4000));
+  ASSERT_GT(matches.size(), 10U);
+  const auto right = std::ranges::count_if(matches, [](const Match& match) {
+    return std::hypot(match.pixel_a.x - match.pixel_b.x, match.pixel_a.y - match.pixel_b.y) < 1;
+  });
+  EXPECT_GT(10 * right, 9 * std::ssize(matches));
+}
+
+TEST(Matches, OfAPictureWhoseHalvesAreTheSame_AreAmbiguous) {
+  const Picture part = blobs(200, 6), other = blobs(400, 7);
+  Picture tiles{400, 400, std::vector<float>(400 * 400)};
+  for (int y = 0; y < 400; ++y) {
+    for (int x = 0; x < 400; ++x) tiles.values[static_cast<std::size_t>(y * 400 + x)] = part.at(x % 200, y % 200);
+  }
+  const auto in_tiles = find_features(tiles, whole(tiles), 1000), in_other = find_features(other, whole(other), 1000);
+  Repetition of_tiles, of_other, of_both;
+  find_matches(0, in_tiles, 1, in_tiles, &of_tiles);
+  find_matches(0, in_other, 1, in_other, &of_other);
+  find_matches(0, in_other, 1, in_tiles, &of_both);
+  EXPECT_TRUE(of_tiles.prevails()) << of_tiles.ambiguous << " of " << of_tiles.features;
+  EXPECT_FALSE(of_other.prevails()) << of_other.ambiguous << " of " << of_other.features;
+  EXPECT_FALSE(of_both.prevails()) << "pictures of different things: " << of_both.ambiguous;
 }
 
 }  // namespace

@@ -1,0 +1,30 @@
+// What pictures show of one scene: their features, which of them match, and how many look the same at several places.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "protocol/base/decoded_image.h"
+#include "stitch/autocalibration/arrangement.h"
+#include "stitch/autocalibration/features.h"
+#include "stitch/autocalibration/matches.h"
+#include "stitch/parallel/workers.h"
+
+namespace nodal::autocalibration {
+
+struct Sight {
+  std::vector<std::vector<Feature>> features;  ///< by picture, in its pixels
+  std::vector<Match> matches;                  ///< of all pairs of pictures
+  Repetition repetition;                       ///< of all pairs of pictures
+};
+
+/// Of whole pictures, which are reduced to a size that suits the work.
+Sight see(const std::vector<DecodedImage>& pictures, const std::vector<Shape>& shapes,
+          const parallel::Workers& workers);
+
+/// Of the rims of fisheyes, in more detail: what is left if their overlaps are so thin that few of the features of whole
+/// pictures are in them. All shapes must have a circle.
+Sight see_rims(const std::vector<DecodedImage>& pictures, const std::vector<Shape>& shapes,
+               const parallel::Workers& workers);
+
+}  // namespace nodal::autocalibration

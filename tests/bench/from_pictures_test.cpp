@@ -1,0 +1,71 @@
+// Pairs of fisheyes back to back from their pictures alone: a short form of bench_from_pictures --pairs.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "tests/bench/fisheye_pairs.h"
+
+namespace nodal::bench {
+namespace {
+
+class FisheyePairs : public testing::Test {
+ protected:
+  static PairVerdict judged(FisheyePair pair, int seed, int side = 480) {
+    pair.side = side;
+    const Calibration truth = true_pair(pair, seed);
+    const auto folder = std::filesystem::path(testing::TempDir()) /
+                        (std::string("nodal-") + testing::UnitTest::GetInstance()->current_test_info()->name());
+    const auto files = written(rendered_pair(pair, truth, seed), folder);
+    EXPECT_TRUE(files) << files.error().text();
+    PairVerdict verdict = files ? judged_alone(pair, truth, *files) : PairVerdict{};
+    std::filesystem::remove_all(folder);
+    return verdict;
+  }
+  static void expect_true_claims(const PairVerdict& verdict) {
+    ASSERT_EQ(verdict.refused, "");
+    EXPECT_LE(verdict.errors.worst_known, 3) << "from " << verdict.known_from_px << " to " << verdict.known_to_px;
+    if (verdict.errors.worst > 3) {
+      EXPECT_FALSE(verdict.whole);
+      EXPECT_LE(verdict.errors.worst, verdict.unsure_percent);
+      EXPECT_TRUE(std::ranges::any_of(verdict.notes, [&](const std::string& note) {
+        return note.find("The lens is known") != std::string::npos && note.find("--nominal") != std::string::npos;
+      }));
+    }
+    EXPECT_LT(verdict.errors.rotation_deg, 1);
+  }
+};
+
+TEST_F(FisheyePairs, EquidistantLensesInATown_AreRightWhereTheySayThatTheyAre) {
+  expect_true_claims(judged({"equidistant", "town", 205, true}, 1));
+}
+
+TEST_F(FisheyePairs, EquisolidLensesInARoomWithColumns_AreRightWhereTheySayThatTheyAre) {
+  expect_true_claims(judged({"equisolid", "near", 215, false}, 2));
+}
+
+TEST_F(FisheyePairs, StereographicLensesWithAThinOverlap_AreRightWhereTheySayThatTheyAre) {
+  expect_true_claims(judged({"stereographic", "town", 195, false}, 3));
+}
+
+// The overlap is 5 degrees, 19 px wide: inside the circle hardly a descriptor has room there.
+TEST_F(FisheyePairs, EquidistantLensesOf185Degrees_ArePlacedByTheirRims) {
+  expect_true_claims(judged({"equidistant", "town", 185, false}, 36, 720));
+}
+
+TEST_F(FisheyePairs, TilesThatRepeat_AreNamedAsTheCause) {
+  const PairVerdict verdict = judged({"equidistant", "tiles", 210, false}, 4);
+  EXPECT_NE(verdict.refused.find("repeat"), std::string::npos) << verdict.refused;
+  EXPECT_NE(verdict.refused.find("--nominal"), std::string::npos) << verdict.refused;
+}
+
+// They share 1 degree: a few pixels of their rims, in which no feature can be found.
+TEST_F(FisheyePairs, AnOverlapWithoutFeatures_IsRefusedAndRepetitionIsNotNamed) {
+  const PairVerdict verdict = judged({"equidistant", "town", 181, false}, 5);
+  EXPECT_NE(verdict.refused, "");
+  EXPECT_EQ(verdict.refused.find("repeat"), std::string::npos) << verdict.refused;
+  EXPECT_NE(verdict.refused.find("--nominal"), std::string::npos) << verdict.refused;
+}
+
+}  // namespace
+}  // namespace nodal::bench
