@@ -28,7 +28,7 @@
 #include "hal/sim/scene/response.h"
 #include "hal/sim/scene/scene.h"
 #include "protocol/files/open_file.h"
-#include "stitch/media/image_file.h"
+#include "stitch/media/plain_image.h"
 
 namespace nodal::daemon {
 namespace {
@@ -119,7 +119,7 @@ Result<hal::sim::ScenePtr> make_scene(const SimConfig& sim, const Calibration& t
     case SimConfig::Scene::kBar: return hal::sim::bar_scene({0, 1, 0}, Duration::seconds(4), 0.1);
     case SimConfig::Scene::kPhoto: break;
   }
-  const auto photo = media::read_image(base / sim.photo, PixelFormat::kRgb24);
+  const auto photo = media::read_plain_image(base / sim.photo, PixelFormat::kRgb24);
   if (!photo) return fail(photo.error().in("sim.photo"));
   Response encoding;
   encoding.curve = Response::Curve::kSrgb;

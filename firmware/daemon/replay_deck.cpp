@@ -3,16 +3,21 @@
 #include <string>
 #include <utility>
 
+#include "firmware/daemon/log.h"
 #include "firmware/replay/take_reel.h"
 #include "hal/linux/disk.h"
-#include "stitch/media/image_file.h"
+#include "stitch/media/picture_folder.h"
+#include "stitch/media/plain_image.h"
 
 namespace nodal::daemon {
 
 std::unique_ptr<hal::replay::Deck> make_deck(const firmware::RigConfig& config, const std::filesystem::path& base,
                                              hal::ClockPort& clock, int buffers) {
   hal::replay::DeckOptions options;
-  options.pictures = {media::read_image_header, media::read_image};
+  options.pictures = {media::read_plain_header, media::read_plain_image, [](const std::filesystem::path& folder) {
+                        return media::pictures_in(folder, media::read_plain_header, false);
+                      }};
+  options.note = [](const std::string& sentence) { log_line(LogLevel::kInfo, sentence); };
   options.takes = [](const std::filesystem::path& folder,
                      const std::string& head) -> Result<std::unique_ptr<hal::replay::Reel>> {
     std::error_code error;  // opening a folder for a disk would make it

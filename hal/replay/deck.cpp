@@ -115,6 +115,7 @@ struct Deck::State {
   std::map<std::string, std::optional<PixelFormat>> known;
   std::map<std::string, Fields> fields;
   std::set<std::string> open;
+  std::set<std::string> noted;
 
   Fields fields_of(const std::string& path) const {
     const auto told = fields.find(path);
@@ -300,6 +301,8 @@ class Deck::State::Enumerator final : public HeadEnumerator {
     auto reel = open_reel(path);
     if (!reel) return fail(reel.error().in("head '" + path + "'"));
     deck_.known.emplace(path, std::nullopt);
+    const std::string left_out = (*reel)->left_out();
+    if (!left_out.empty() && deck_.options.note && deck_.noted.insert(left_out).second) deck_.options.note(left_out);
     return std::make_unique<Head>(deck_, path, std::move(*reel));
   }
 

@@ -20,6 +20,8 @@ struct DeckOptions {
   PictureReader pictures;  ///< required to open a head
   /// Opens the frames of a head of a take; required for heads on "take:".
   std::function<Result<std::unique_ptr<Reel>>(const std::filesystem::path& folder, const std::string& head)> takes;
+  /// Called when a head is opened, once for each sentence about files that are not played; may be empty.
+  std::function<void(const std::string& sentence)> note{};
   FrameRate rate;
   std::filesystem::path base;               ///< base of heads' relative paths
   int buffers = 4;                          ///< per head; a consumer that holds all of them loses frames

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "protocol/base/decoded_image.h"
+#include "protocol/base/picture_folder.h"
 #include "protocol/base/result.h"
 
 namespace nodal::hal::replay {
@@ -15,6 +16,8 @@ struct PictureReader {
   std::function<Result<ImageHeader>(const std::filesystem::path& file)> header;
   /// Reads the picture, in its own format or in `as`.
   std::function<Result<DecodedImage>(const std::filesystem::path& file, std::optional<PixelFormat> as)> read;
+  /// Finds a folder's pictures. Errors: kNotFound if there is none, kIo.
+  std::function<Result<PictureFolder>(const std::filesystem::path& folder)> folder;
 };
 
 }  // namespace nodal::hal::replay

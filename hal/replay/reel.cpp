@@ -3,7 +3,6 @@
 #include <glob.h>
 
 #include <algorithm>
-#include <cctype>
 #include <vector>
 
 namespace nodal::hal::replay {
@@ -12,26 +11,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool is_picture_name(const fs::path& file) {
-  std::string ending = file.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(), [](unsigned char c) { return std::tolower(c); });
-  return ending == ".jpg" || ending == ".jpeg" || ending == ".png";
-}
-
-std::vector<fs::path> files_at(const fs::path& where) {
+/// The files of a glob(7) pattern; or the file itself.
+std::vector<fs::path> files_of_pattern(const fs::path& where) {
   std::vector<fs::path> files;
   std::error_code error;
-  if (fs::is_directory(where, error)) {
-    for (fs::directory_iterator it(where, error), end; !error && it != end; it.increment(error)) {
-      if (is_picture_name(it->path())) files.push_back(it->path());
-    }
-  } else if (fs::exists(where, error)) {
-    files.push_back(where);
-  } else {
-    glob_t found{};
-    if (::glob(where.c_str(), 0, nullptr, &found) == 0) files.assign(found.gl_pathv, found.gl_pathv + found.gl_pathc);
-    ::globfree(&found);
-  }
+  if (fs::exists(where, error)) return {where};
+  glob_t found{};
+  if (::glob(where.c_str(), 0, nullptr, &found) == 0) files.assign(found.gl_pathv, found.gl_pathv + found.gl_pathc);
+  ::globfree(&found);
   std::sort(files.begin(), files.end());
   return files;
 }
@@ -45,13 +32,16 @@ class PictureReel final : public Reel {
   PixelFormat format() const override { return format_; }
   int width() const override { return width_; }
   int height() const override { return height_; }
+  std::string left_out() const override { return left_out_; }
   Shot shot(std::size_t i) override { return {true, picture(i), {}}; }
 
  private:
+  Status find_files(const fs::path& where);
   std::shared_ptr<const DecodedImage> picture(std::size_t i);
 
   PictureReader reader_;
   std::vector<fs::path> files_;
+  std::string left_out_;
   std::vector<std::shared_ptr<const DecodedImage>> kept_;
   std::size_t may_keep_ = 0;  ///< limit in pictures
   std::size_t keeps_ = 0;
@@ -60,15 +50,32 @@ class PictureReel final : public Reel {
   int height_ = 0;
 };
 
+Status PictureReel::find_files(const fs::path& where) {
+  const std::string named = "replay '" + where.string() + "': ";
+  std::error_code error;
+  if (!fs::is_directory(where, error)) {
+    files_ = files_of_pattern(where);
+    if (files_.empty()) return fail(Errc::kNoSuchDevice, named + "no file is there");
+    return {};
+  }
+  const Result<PictureFolder> found = reader_.folder(where);
+  if (!found && found.error().code == Errc::kNotFound) return fail(Errc::kNoSuchDevice, found.error().message);
+  if (!found) return fail(found.error());
+  for (const std::string& broken : found->broken) {
+    // Without it, the later pictures of this head would be in other sets than those of the other heads.
+    if (const auto header = reader_.header(broken); !header) return fail(header.error());
+  }
+  files_.assign(found->files.begin(), found->files.end());
+  left_out_ = found->left_out;
+  return {};
+}
+
 Result<std::unique_ptr<Reel>> PictureReel::open(const fs::path& where, std::optional<PixelFormat> as,
                                                 std::uint64_t keep_bytes, const PictureReader& reader) {
   auto made = std::make_unique<PictureReel>();
   PictureReel& reel = *made;
   reel.reader_ = reader;
-  reel.files_ = files_at(where);
-  if (reel.files_.empty()) {
-    return fail(Errc::kNoSuchDevice, "replay '" + where.string() + "': no JPEG or PNG is there");
-  }
+  if (const Status found = reel.find_files(where); !found) return fail(found.error());
   const auto first = reader.header(reel.files_.front());
   if (!first) return fail(first.error());
   reel.format_ = as.value_or(first->natural);
@@ -107,7 +114,15 @@ std::shared_ptr<const DecodedImage> PictureReel::picture(std::size_t i) {
 
 }  // namespace
 
-bool pictures_present(const fs::path& where) { return !files_at(where).empty(); }
+bool pictures_present(const fs::path& where) {
+  std::error_code error;
+  if (!fs::is_directory(where, error)) return !files_of_pattern(where).empty();
+  const fs::directory_iterator entries(where, error);
+  return !error && std::any_of(begin(entries), end(entries), [](const fs::directory_entry& entry) {
+    std::error_code unknown;
+    return entry.is_regular_file(unknown);
+  });
+}
 
 Result<std::unique_ptr<Reel>> open_pictures(const fs::path& where, std::optional<PixelFormat> as,
                                             std::uint64_t keep_bytes, const PictureReader& reader) {

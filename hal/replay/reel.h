@@ -34,14 +34,17 @@ class Reel {
   /// Nothing: the pictures do not say.
   virtual std::optional<Fields> fields() const { return std::nullopt; }
   virtual std::optional<FrameRate> rate() const { return std::nullopt; }
+  /// A whole sentence about files that are not played, such as those in a folder of pictures; empty: there are none.
+  virtual std::string left_out() const { return {}; }
   virtual Shot shot(std::size_t i) = 0;
 };
 
-/// Picture files. `where` is a file, a folder (its JPEGs and PNGs) or a glob(7) pattern; at most `keep_bytes` of decoded pictures
-/// are kept in memory. Errors: kNoSuchDevice if there is no picture; kBadValue if sizes differ; those of a broken picture.
+/// Picture files. `where` is a file, a folder (all its pictures) or a glob(7) pattern; at most `keep_bytes` of decoded pictures
+/// are kept in memory. Errors: kNoSuchDevice if there is no picture; kBadValue if sizes differ; those of a broken picture, and
+/// of a file in a folder that is called like a picture and is none.
 Result<std::unique_ptr<Reel>> open_pictures(const std::filesystem::path& where, std::optional<PixelFormat> as,
                                             std::uint64_t keep_bytes, const PictureReader& reader);
-/// Whether there is a picture to open.
+/// Whether there is a file to open.
 bool pictures_present(const std::filesystem::path& where);
 
 }  // namespace nodal::hal::replay

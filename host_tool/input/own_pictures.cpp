@@ -151,7 +151,7 @@ Result<OwnPictureSets> own_pictures(const std::vector<std::string>& arguments) {
       files.push_back(argument);
       continue;
     }
-    const Result<FolderPictures> found = sequences ? sequence_in(argument) : pictures_in(argument);
+    const Result<PictureFolder> found = sequences ? sequence_in(argument) : pictures_in(argument);
     if (!found) return fail(found.error());
     const std::vector<std::string>& inside = found->files;
     if (!found->left_out.empty()) own.notes.push_back(found->left_out);

@@ -11,52 +11,14 @@
 #include <string_view>
 
 #include "host_tool/input/pictures.h"
-#include "protocol/base/file_ending.h"
-#include "protocol/base/text.h"
 #include "protocol/files/open_file.h"
-#include "stitch/media/file_kind.h"
+#include "stitch/media/picture_folder.h"
 
 namespace nodal::host {
 
 namespace fs = std::filesystem;
 
 namespace {
-
-/// Files that are left out, by their kind.
-class LeftOut {
- public:
-  void add(std::string_view one, std::string_view many, std::string_view advice, const std::string& file) {
-    Kind& kind = kinds_[std::string(one)];
-    kind.many = many;
-    kind.advice = advice;
-    kind.files.push_back(printable(fs::path(file).filename().string(), kMaxName));
-  }
-
-  /// "2 HEIF files (a.heic, b.heic): convert them ...; an empty file (c.jpg): ...".
-  std::string text() const {
-    constexpr std::size_t kMaxNames = 3;
-    std::string all;
-    for (const auto& [one, kind] : kinds_) {
-      std::vector<std::string> names = kind.files;
-      std::ranges::sort(names);
-      std::string listed;
-      for (std::size_t k = 0; k < std::min(names.size(), kMaxNames); ++k) listed += (k > 0 ? ", " : "") + names[k];
-      if (names.size() > kMaxNames) listed += fmt::format(" and {} more", names.size() - kMaxNames);
-      all += fmt::format("{}{} ({}){}{}", all.empty() ? "" : "; ",
-                         names.size() == 1 ? one : fmt::format("{} {}", names.size(), kind.many), listed,
-                         kind.advice.empty() ? "" : ": ", kind.advice);
-    }
-    return all;
-  }
-
- private:
-  static constexpr std::size_t kMaxName = 100;  // bytes
-  struct Kind {
-    std::string many, advice;
-    std::vector<std::string> files;
-  };
-  std::map<std::string, Kind> kinds_;
-};
 
 bool same_bytes(const std::string& a, const std::string& b) {
   const Result<FilePtr> first = open_to_read(a), second = open_to_read(b);
@@ -70,58 +32,15 @@ bool same_bytes(const std::string& a, const std::string& b) {
   }
 }
 
-/// Null for a JPEG, a PNG, a TIFF, and for a file that cannot be opened.
-const media::FileKind* kind_of_file(const std::string& file) {
-  const Result<FilePtr> in = open_to_read(file);
-  if (!in) return nullptr;
-  std::vector<std::uint8_t> head(media::kFileKindBytes);
-  head.resize(std::fread(head.data(), 1, head.size(), in->get()));
-  return media::file_kind(head, file);
-}
-
 }  // namespace
 
-Result<FolderPictures> pictures_in(const std::string& folder) {
-  FolderPictures pictures;
-  LeftOut left_out;
-  std::error_code error;
-  fs::directory_iterator entries(folder, error);
-  for (; !error && entries != fs::directory_iterator(); entries.increment(error)) {
-    const std::string file = entries->path().string();
-    if (entries->path().filename().string().starts_with('.')) continue;
-    std::error_code unknown;
-    if (entries->is_directory(unknown)) {
-      left_out.add("a folder", "folders", "give it by its own name", file);
-    } else if (!entries->is_regular_file(unknown)) {
-      left_out.add("no regular file", "that are no regular files", "", file);
-    } else if (const Result<ImageHeader> header = read_picture_header(file)) {
-      pictures.files.push_back(file);
-    } else {
-      if (named_like_a_picture(file)) pictures.broken.push_back(file);
-      const media::FileKind* kind = kind_of_file(file);
-      if (kind != nullptr) {
-        left_out.add(kind->one, kind->many, kind->advice, file);
-      } else {
-        left_out.add("a broken picture", "broken pictures", "copy it from the camera again", file);
-      }
-    }
-  }
-  if (error) return fail(Errc::kIo, folder + ": the folder cannot be read: " + error.message());
-  if (pictures.files.empty()) {
-    const std::string others = left_out.text();
-    return fail(Errc::kNotFound, folder + ": there is no picture in this folder" +
-                                     (others.empty() ? "" : " that is read (JPEG, PNG, TIFF); it holds " + others));
-  }
-  std::ranges::sort(pictures.files);
-  std::ranges::sort(pictures.broken);
-  if (const std::string others = left_out.text(); !others.empty()) {
-    pictures.left_out = fmt::format("{}: {} pictures are read; left out: {}", folder, pictures.files.size(), others);
-  }
-  return pictures;
+Result<PictureFolder> pictures_in(const std::string& folder) {
+  return media::pictures_in(
+      folder, [](const fs::path& file) { return read_picture_header(file.string()); }, true);
 }
 
-Result<FolderPictures> sequence_in(const std::string& folder) {
-  Result<FolderPictures> pictures = pictures_in(folder);
+Result<PictureFolder> sequence_in(const std::string& folder) {
+  Result<PictureFolder> pictures = pictures_in(folder);
   if (!pictures || pictures->broken.empty()) return pictures;
   const Result<ImageHeader> header = read_picture_header(pictures->broken.front());
   const std::string why = header ? "it changed while it was read" : header.error().message;
@@ -129,15 +48,10 @@ Result<FolderPictures> sequence_in(const std::string& folder) {
               why + "; in a sequence every picture counts: replace it, or take its set out of all folders");
 }
 
-bool named_like_a_picture(const std::string& file) {
-  constexpr std::array<std::string_view, 5> kEndings{".jpg", ".jpeg", ".png", ".tif", ".tiff"};
-  return std::ranges::any_of(kEndings, [&](std::string_view ending) { return has_ending(file, ending); });
-}
-
 bool is_foreign_picture(const std::string& file) {
   std::error_code error;
   if (!fs::is_regular_file(file, error)) return false;
-  const media::FileKind* kind = kind_of_file(file);
+  const media::FileKind* kind = media::kind_of_file(file);
   return kind != nullptr && kind->pictures;
 }
 

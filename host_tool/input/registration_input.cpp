@@ -85,7 +85,7 @@ Result<std::vector<std::vector<std::string>>> sequences_of(const std::vector<std
   std::vector<std::vector<std::string>> sets;
   for (std::size_t h = 0; h < names.size(); ++h) {
     const auto own = std::ranges::find(folders, names[h], folder_name);
-    const Result<FolderPictures> inside = sequence_in(*own);
+    const Result<PictureFolder> inside = sequence_in(*own);
     if (!inside) return fail(inside.error());
     const std::vector<std::string>& pictures = inside->files;
     if (h == 0) sets.resize(pictures.size());

@@ -59,6 +59,9 @@ struct ImageHeader {
   PixelFormat natural = PixelFormat::kRgb24;  ///< the format that decoding gives if none is requested
   /// RGB48 or GREY16 if the file has 16 bits a sample: the format in which decoding gives them all on request.
   std::optional<PixelFormat> deep = std::nullopt;
+  /// Of JPEGs and PNGs; of PNGs what stands before the picture, where everything about colour is.
+  SampleMeaning meaning{};
+  FileMetadata metadata{};
 };
 
 }  // namespace nodal

@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <optional>
 #include <string>
 #include <utility>
+
+#include "stitch/media/tiff_directory.h"
 
 namespace nodal::media {
 namespace {
@@ -111,44 +112,6 @@ bool is_raw_name(std::string_view name) {
   return std::ranges::find(kRawEndings, lower_ending(name)) != kRawEndings.end();
 }
 
-/// The first directory of a TIFF, as far as `head` holds it.
-class TiffDirectory {
- public:
-  explicit TiffDirectory(std::span<const std::uint8_t> head) : head_(head), little_(head[0] == 'I') {
-    const std::optional<std::uint32_t> at = number(4, 4);
-    if (!at) return;
-    const std::optional<std::uint32_t> entries = number(*at, 2);
-    if (!entries) return;
-    first_ = std::size_t{*at} + 2;
-    count_ = *entries;
-  }
-
-  /// The first value of a tag, if it is a number that stands in the directory itself; 0 for others.
-  std::optional<std::uint32_t> find(std::uint32_t tag) const {
-    constexpr std::size_t kEntryBytes = 12;
-    constexpr std::uint32_t kShort = 3;
-    for (std::size_t k = 0; k < count_; ++k) {
-      const std::size_t at = first_ + k * kEntryBytes;
-      const std::optional<std::uint32_t> name = number(at, 2), type = number(at + 2, 2);
-      if (!name || !type) return std::nullopt;
-      if (*name == tag) return number(at + 8, *type == kShort ? 2 : 4).value_or(0);
-    }
-    return std::nullopt;
-  }
-
- private:
-  std::optional<std::uint32_t> number(std::size_t at, std::size_t bytes) const {
-    if (at > head_.size() || head_.size() - at < bytes) return std::nullopt;
-    std::uint32_t value = 0;
-    for (std::size_t k = 0; k < bytes; ++k) value = value << 8 | head_[at + (little_ ? bytes - 1 - k : k)];
-    return value;
-  }
-
-  std::span<const std::uint8_t> head_;
-  bool little_;
-  std::size_t first_ = 0, count_ = 0;
-};
-
 /// Whether a TIFF is a camera's raw file: by DNG's tag, or because its first picture is a reduced copy or the sensor's
 /// own numbers.
 bool is_raw_tiff(std::span<const std::uint8_t> head) {
@@ -197,6 +160,12 @@ std::string told(const FileKind& kind) {
   return std::string(kind.one) + (kind.advice.empty() ? "" : ": ") + std::string(kind.advice);
 }
 
+bool begins_like_tiff(std::span<const std::uint8_t> head) {
+  const std::string_view text(reinterpret_cast<const char*>(head.data()), head.size());
+  return std::ranges::any_of(std::array{"II*\0"sv, "MM\0*"sv, "II+\0"sv, "MM\0+"sv},
+                             [text](std::string_view start) { return text.starts_with(start); });
+}
+
 const FileKind* file_kind(std::span<const std::uint8_t> head, std::string_view name) {
   if (head.empty()) return &kEmpty;
   const std::string_view text(reinterpret_cast<const char*>(head.data()), head.size());
@@ -204,10 +173,10 @@ const FileKind* file_kind(std::span<const std::uint8_t> head, std::string_view n
   for (const Magic& magic : kMagics) {
     if (text.size() > magic.at && text.substr(magic.at).starts_with(magic.bytes)) return magic.kind;
   }
-  if (text.starts_with("II*\0"sv) || text.starts_with("MM\0*"sv)) {
-    return is_raw_name(name) || is_raw_tiff(head) ? &kRaw : nullptr;
+  if (begins_like_tiff(head)) {
+    const bool big = text[2] == '+' || text[3] == '+';  // whose directory has another form
+    return is_raw_name(name) || (!big && is_raw_tiff(head)) ? &kRaw : nullptr;
   }
-  if (text.starts_with("II+\0"sv) || text.starts_with("MM\0+"sv)) return is_raw_name(name) ? &kRaw : nullptr;
   if (text.size() >= 12 && text.substr(4, 4) == "ftyp") return boxed_kind(text);
   if (is_transport_stream(text)) return &kFilm;
   const std::string ending = lower_ending(name);

@@ -23,6 +23,9 @@ struct FileKind {
 /// TIFF that is not a camera's raw file.
 const FileKind* file_kind(std::span<const std::uint8_t> head, std::string_view name);
 
+/// Whether a file with these first bytes is a TIFF or BigTIFF of either byte order, a camera's raw file among them.
+bool begins_like_tiff(std::span<const std::uint8_t> head);
+
 /// "an HEIF file: convert it to JPEG or PNG (...)".
 std::string told(const FileKind& kind);
 

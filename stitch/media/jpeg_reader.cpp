@@ -72,7 +72,8 @@ Result<ImageHeader> jpeg_header(std::span<const std::uint8_t> bytes, const std::
   const Decoder decoder(tjInitDecompress());
   auto h = header(decoder.get(), bytes, name);
   if (!h) return fail(h.error());
-  return h->image;
+  read_segments(bytes, h->image.meaning, h->image.metadata);
+  return std::move(h->image);
 }
 
 Result<DecodedImage> decode_jpeg(std::span<const std::uint8_t> bytes, const std::string& name, bool rgb) {
@@ -99,7 +100,7 @@ Result<DecodedImage> decode_jpeg(std::span<const std::uint8_t> bytes, const std:
                            image.format == PixelFormat::kGrey8 ? TJPF_GRAY : TJPF_RGB, kFlags);
   }
   if (status != 0) return fail(broken(decoder.get(), bytes, name));
-  read_segments(bytes, image);
+  read_segments(bytes, image.meaning, image.metadata);
   return image;
 }
 

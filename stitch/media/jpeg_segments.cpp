@@ -21,7 +21,7 @@ struct IccPart {
 
 }  // namespace
 
-void read_segments(std::span<const std::uint8_t> jpeg, DecodedImage& image) {
+void read_segments(std::span<const std::uint8_t> jpeg, SampleMeaning& meaning, FileMetadata& metadata) {
   std::vector<IccPart> profile;
   std::size_t at = 2;
   while (at + 4 <= jpeg.size() && jpeg[at] == 0xFF) {
@@ -35,17 +35,17 @@ void read_segments(std::span<const std::uint8_t> jpeg, DecodedImage& image) {
     if (length < 2 || at + 2 + length > jpeg.size()) break;
     const std::string_view body(reinterpret_cast<const char*>(jpeg.data()) + at + 4, length - 2);
     at += 2 + length;
-    if (marker == kApp1Marker && body.starts_with(kXmpBegin) && image.metadata.xmp.empty()) {
-      image.metadata.xmp = body.substr(kXmpBegin.size());
-    } else if (marker == kApp1Marker && body.starts_with(kExifBegin) && image.metadata.exif.empty()) {
-      image.metadata.exif.assign(body.begin() + kExifBegin.size(), body.end());
+    if (marker == kApp1Marker && body.starts_with(kXmpBegin) && metadata.xmp.empty()) {
+      metadata.xmp = body.substr(kXmpBegin.size());
+    } else if (marker == kApp1Marker && body.starts_with(kExifBegin) && metadata.exif.empty()) {
+      metadata.exif.assign(body.begin() + kExifBegin.size(), body.end());
     } else if (marker == kApp2Marker && body.starts_with(kIccBegin) && body.size() > kIccBegin.size() + 2) {
       profile.push_back({static_cast<std::uint8_t>(body[kIccBegin.size()]), body.substr(kIccBegin.size() + 2)});
     }
   }
   std::ranges::stable_sort(profile, {}, &IccPart::number);
   for (const IccPart& part : profile) {
-    image.meaning.icc.insert(image.meaning.icc.end(), part.bytes.begin(), part.bytes.end());
+    meaning.icc.insert(meaning.icc.end(), part.bytes.begin(), part.bytes.end());
   }
 }
 

@@ -10,6 +10,6 @@ namespace nodal::media {
 
 /// Sets meaning.icc (ICC.1:2010, B.4; a profile of which a part is missing is given without it), metadata.exif and
 /// metadata.xmp. Stops at the first scan; bytes that are no segments end the search.
-void read_segments(std::span<const std::uint8_t> jpeg, DecodedImage& image);
+void read_segments(std::span<const std::uint8_t> jpeg, SampleMeaning& meaning, FileMetadata& metadata);
 
 }  // namespace nodal::media

@@ -60,8 +60,7 @@ void limit_chunks(png_structp png) {
   png_set_keep_unknown_chunks(png, PNG_HANDLE_CHUNK_ALWAYS, kIccpName, 1);
 }
 
-void read_meaning(png_structp png, png_infop info, DecodedImage& image) {
-  SampleMeaning& meaning = image.meaning;
+void read_meaning(png_structp png, png_infop info, SampleMeaning& meaning, FileMetadata& metadata) {
   read_curve(png, info, meaning);
   png_unknown_chunkp chunks = nullptr;
   const int unknown = png_get_unknown_chunks(png, info, &chunks);
@@ -75,13 +74,12 @@ void read_meaning(png_structp png, png_infop info, DecodedImage& image) {
   png_get_text(png, info, &texts, &count);
   for (int k = 0; k < count; ++k) {
     const std::string_view key(texts[k].key), text(texts[k].text);
-    if (key == "XML:com.adobe.xmp") image.metadata.xmp = text;
+    if (key == "XML:com.adobe.xmp") metadata.xmp = text;
     if (key == "Comment") meaning.full_exposure_ns = full_exposure_said(text);
   }
   png_bytep exif = nullptr;
   png_uint_32 length = 0;
-  if (png_get_eXIf_1(png, info, &length, &exif) != 0 && exif != nullptr)
-    image.metadata.exif.assign(exif, exif + length);
+  if (png_get_eXIf_1(png, info, &length, &exif) != 0 && exif != nullptr) metadata.exif.assign(exif, exif + length);
 }
 
 }  // namespace nodal::media

@@ -15,7 +15,8 @@ inline constexpr std::uint32_t kMaxPngTexts = 32;
 /// drops profiles that do not fit the picture without an error.
 void limit_chunks(png_structp png);
 
-/// Sets the picture's meaning (except alpha) and metadata after png_read_end(). Calls nothing of libpng that can fail.
-void read_meaning(png_structp png, png_infop info, DecodedImage& image);
+/// Sets the meaning (except alpha) and the metadata of a picture, by the chunks that were read so far: those of the meaning
+/// stand before the picture, others may stand behind it. Calls nothing of libpng that can fail.
+void read_meaning(png_structp png, png_infop info, SampleMeaning& meaning, FileMetadata& metadata);
 
 }  // namespace nodal::media

@@ -102,7 +102,10 @@ bool open(Reader& reader, std::span<const std::uint8_t> bytes) {
 Result<ImageHeader> png_header(std::span<const std::uint8_t> bytes, const std::string& name) {
   Reader reader;
   if (!open(reader, bytes)) return fail(broken(reader, name));
-  return ImageHeader{reader.image.width, reader.image.height, reader.image.format, deep_format(reader)};
+  const DecodedImage& image = reader.image;
+  ImageHeader header{image.width, image.height, image.format, deep_format(reader), image.meaning};
+  read_meaning(reader.png, reader.info, header.meaning, header.metadata);
+  return header;
 }
 
 Result<DecodedImage> decode_png(std::span<const std::uint8_t> bytes, const std::string& name, bool deep) {
@@ -116,7 +119,7 @@ Result<DecodedImage> decode_png(std::span<const std::uint8_t> bytes, const std::
     reader.rows.push_back(image.bytes.data() + y * stride);
   }
   if (!read_rows(reader)) return fail(broken(reader, name));
-  read_meaning(reader.png, reader.info, image);
+  read_meaning(reader.png, reader.info, image.meaning, image.metadata);
   return std::move(image);
 }
 

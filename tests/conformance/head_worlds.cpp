@@ -2,6 +2,7 @@
 #include "hal/sim/rig.h"
 #include "head_conformance.h"
 #include "stitch/media/image_file.h"
+#include "stitch/media/picture_folder.h"
 #include "tests/support/pictures.h"
 #include "tests/support/rigs.h"
 
@@ -59,7 +60,7 @@ class ReplayHeadWorld final : public HeadWorld {
       }
     }
     replay::DeckOptions options;
-    options.pictures = {media::read_image_header, media::read_image};
+    options.pictures = {media::read_image_header, media::read_image, media::jpegs_and_pngs_in};
     options.base = folder_.path();
     options.keep_bytes = keep_bytes;
     deck_ = std::make_unique<replay::Deck>(clock_, options);

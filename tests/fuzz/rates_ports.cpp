@@ -12,6 +12,7 @@
 #include "hal/sim/clock.h"
 #include "hal/sim/rig.h"
 #include "stitch/media/image_file.h"
+#include "stitch/media/picture_folder.h"
 
 namespace nodal::fuzz {
 namespace {
@@ -179,7 +180,7 @@ void check_replay_head(ByteReader& in) {
   if (!rate) return;
   hal::sim::SimClock clock;
   hal::replay::DeckOptions options;
-  options.pictures = {media::read_image_header, media::read_image};
+  options.pictures = {media::read_image_header, media::read_image, media::jpegs_and_pngs_in};
   options.rate = *rate;
   hal::replay::Deck deck(clock, options);
   const bool pulsed = in.u8() % 2 == 1;

@@ -336,10 +336,7 @@ bool is_tiff(const std::filesystem::path& file) {
   if (!in) return false;
   std::vector<std::uint8_t> head(kFileKindBytes);
   head.resize(std::fread(head.data(), 1, head.size(), in->get()));
-  if (head.size() < 4 || file_kind(head, file.string()) != nullptr) return false;
-  const std::string_view start(reinterpret_cast<const char*>(head.data()), 4);
-  using namespace std::string_view_literals;
-  return start == "II*\0"sv || start == "MM\0*"sv || start == "II+\0"sv || start == "MM\0+"sv;
+  return begins_like_tiff(head) && file_kind(head, file.string()) == nullptr;
 }
 
 Result<ImageHeader> read_tiff_header(const std::filesystem::path& file) {

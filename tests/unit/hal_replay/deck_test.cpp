@@ -2,9 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <string>
 #include <vector>
 
 #include "stitch/media/image_file.h"
+#include "stitch/media/picture_folder.h"
 #include "tests/support/pictures.h"
 
 namespace nodal::hal::replay {
@@ -28,7 +31,7 @@ class Playing : public testing::Test {
   }
   DeckOptions options() const {
     DeckOptions options;
-    options.pictures = {media::read_image_header, media::read_image};
+    options.pictures = {media::read_image_header, media::read_image, media::jpegs_and_pngs_in};
     options.base = folder_.path();
     options.keep_bytes = 1 << 20;
     return options;
@@ -163,6 +166,50 @@ TEST_F(Playing, SizesThatDiffer_AreRefusedByName) {
   ASSERT_FALSE(head);
   EXPECT_EQ(head.error().code, Errc::kBadValue);
   EXPECT_NE(head.error().message.find("a1.png"), std::string::npos);
+}
+
+TEST_F(Playing, OtherFilesInAFolder_AreNamedAndCountedOnce) {
+  flat("b1.png", 10);
+  flat("b2", 20);  // a picture by its content
+  test::write_bytes(folder_ / "a.heic", {0, 0, 0, 24, 'f', 't', 'y', 'p', 'h', 'e', 'i', 'c', 0, 0, 0, 0});
+  test::write_bytes(folder_ / "b.heic", {0, 0, 0, 24, 'f', 't', 'y', 'p', 'h', 'e', 'i', 'c', 0, 0, 0, 0});
+  test::write_bytes(folder_ / "c", {'I', 'I', 42, 0, 8, 0, 0, 0, 0, 0, 0, 0, 0, 0});
+  test::write_bytes(folder_ / ".hidden", {'x'});
+  std::vector<std::string> notes;
+  DeckOptions with_notes = options();
+  with_notes.note = [&](const std::string& sentence) { notes.push_back(sentence); };
+  Deck deck(clock_, with_notes);
+  for (int time = 0; time < 2; ++time) {
+    auto head = deck.enumerator().open("replay:.");
+    ASSERT_TRUE(head) << head.error().text();
+    ASSERT_TRUE((*head)->start(TriggerMode::kFreeRun));
+    std::vector<int> seen = levels(**head, 4);
+    std::sort(seen.begin(), seen.end());
+    EXPECT_EQ(seen, (std::vector<int>{10, 10, 20, 20}));
+  }
+  ASSERT_EQ(notes.size(), 1U);
+  EXPECT_NE(notes[0].find("2 pictures are read; left out: "), std::string::npos) << notes[0];
+  EXPECT_NE(notes[0].find("2 HEIF files (a.heic, b.heic): convert"), std::string::npos) << notes[0];
+  EXPECT_NE(notes[0].find("a TIFF (c): convert it to PNG"), std::string::npos) << notes[0];
+  EXPECT_EQ(notes[0].find("hidden"), std::string::npos) << notes[0];
+}
+
+TEST_F(Playing, AFileInAFolderThatIsOnlyCalledLikeAPicture_IsAnErrorByName) {
+  flat("a1.png", 10);
+  test::write_bytes(folder_ / "a2.png", {'x', 'y'});
+  Deck deck(clock_, options());
+  const auto head = deck.enumerator().open("replay:.");
+  ASSERT_FALSE(head);
+  EXPECT_NE(head.error().message.find("a2.png"), std::string::npos) << head.error().message;
+}
+
+TEST_F(Playing, AFolderWithoutAPicture_SaysWhatItHoldsInstead) {
+  test::write_bytes(folder_ / "a.heic", {0, 0, 0, 24, 'f', 't', 'y', 'p', 'h', 'e', 'i', 'c', 0, 0, 0, 0});
+  Deck deck(clock_, options());
+  const auto head = deck.enumerator().open("replay:.");
+  ASSERT_FALSE(head);
+  EXPECT_EQ(head.error().code, Errc::kNoSuchDevice);
+  EXPECT_NE(head.error().message.find("an HEIF file (a.heic)"), std::string::npos) << head.error().message;
 }
 
 TEST_F(Playing, NothingThere_IsNoSuchDevice) {

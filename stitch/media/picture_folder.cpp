@@ -1,0 +1,131 @@
+#include "stitch/media/picture_folder.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "protocol/base/file_ending.h"
+#include "protocol/base/text.h"
+#include "protocol/files/open_file.h"
+#include "stitch/media/image_file.h"
+
+namespace nodal::media {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+/// Files that are left out, by their kind.
+class LeftOut {
+ public:
+  void add(std::string_view one, std::string_view many, std::string_view advice, const std::string& file) {
+    Kind& kind = kinds_[std::string(one)];
+    kind.many = many;
+    kind.advice = advice;
+    kind.files.push_back(printable(fs::path(file).filename().string(), kMaxName));
+  }
+
+  /// "2 HEIF files (a.heic, b.heic): convert them ...; an empty file (c.jpg): ...".
+  std::string text() const {
+    constexpr std::size_t kMaxNames = 3;
+    std::string all;
+    for (const auto& [one, kind] : kinds_) {
+      std::vector<std::string> names = kind.files;
+      std::ranges::sort(names);
+      std::string listed;
+      for (std::size_t k = 0; k < std::min(names.size(), kMaxNames); ++k) listed += (k > 0 ? ", " : "") + names[k];
+      if (names.size() > kMaxNames) listed += fmt::format(" and {} more", names.size() - kMaxNames);
+      all += fmt::format("{}{} ({}){}{}", all.empty() ? "" : "; ",
+                         names.size() == 1 ? one : fmt::format("{} {}", names.size(), kind.many), listed,
+                         kind.advice.empty() ? "" : ": ", kind.advice);
+    }
+    return all;
+  }
+
+ private:
+  static constexpr std::size_t kMaxName = 100;  // bytes
+  struct Kind {
+    std::string many, advice;
+    std::vector<std::string> files;
+  };
+  std::map<std::string, Kind> kinds_;
+};
+
+/// What the first bytes of a file say.
+struct Looked {
+  const FileKind* kind = nullptr;
+  bool tiff = false;
+};
+
+Looked look_at(const fs::path& file) {
+  const Result<FilePtr> in = open_to_read(file);
+  if (!in) return {};
+  std::vector<std::uint8_t> head(kFileKindBytes);
+  head.resize(std::fread(head.data(), 1, head.size(), in->get()));
+  return {file_kind(head, file.string()), begins_like_tiff(head)};
+}
+
+}  // namespace
+
+Result<PictureFolder> pictures_in(const fs::path& folder, const HeaderReader& header, bool tiff) {
+  PictureFolder pictures;
+  LeftOut left_out;
+  std::error_code error;
+  fs::directory_iterator entries(folder, error);
+  for (; !error && entries != fs::directory_iterator(); entries.increment(error)) {
+    const std::string file = entries->path().string();
+    if (entries->path().filename().string().starts_with('.')) continue;
+    std::error_code unknown;
+    if (entries->is_directory(unknown)) {
+      left_out.add("a folder", "folders", "give it by its own name", file);
+    } else if (!entries->is_regular_file(unknown)) {
+      left_out.add("no regular file", "that are no regular files", "", file);
+    } else if (header(file)) {
+      pictures.files.push_back(file);
+    } else {
+      if (named_like_a_picture(file)) pictures.broken.push_back(file);
+      const Looked looked = look_at(file);
+      if (looked.kind != nullptr) {
+        left_out.add(looked.kind->one, looked.kind->many, looked.kind->advice, file);
+      } else if (looked.tiff && !tiff) {
+        left_out.add("a TIFF", "TIFFs", "convert it to PNG (convert FILE.tif FILE.png)", file);
+      } else {
+        left_out.add("a broken picture", "broken pictures", "copy it from the camera again", file);
+      }
+    }
+  }
+  if (error) return fail(Errc::kIo, folder.string() + ": the folder cannot be read: " + error.message());
+  if (pictures.files.empty()) {
+    const std::string others = left_out.text();
+    return fail(Errc::kNotFound,
+                folder.string() + ": there is no picture in this folder" +
+                    (others.empty() ? ""
+                                    : " that is read (" + std::string(tiff ? "JPEG, PNG, TIFF" : "JPEG, PNG") +
+                                          "); it holds " + others));
+  }
+  std::ranges::sort(pictures.files);
+  std::ranges::sort(pictures.broken);
+  if (const std::string others = left_out.text(); !others.empty()) {
+    pictures.left_out =
+        fmt::format("{}: {} pictures are read; left out: {}", folder.string(), pictures.files.size(), others);
+  }
+  return pictures;
+}
+
+Result<PictureFolder> jpegs_and_pngs_in(const fs::path& folder) {
+  return pictures_in(folder, read_image_header, false);
+}
+
+bool named_like_a_picture(std::string_view file) {
+  constexpr std::array<std::string_view, 5> kEndings{".jpg", ".jpeg", ".png", ".tif", ".tiff"};
+  return std::ranges::any_of(kEndings, [&](std::string_view ending) { return has_ending(file, ending); });
+}
+
+const FileKind* kind_of_file(const fs::path& file) { return look_at(file).kind; }
+
+}  // namespace nodal::media
