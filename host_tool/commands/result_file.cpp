@@ -42,6 +42,7 @@ Result<std::vector<std::uint8_t>> encode_result(const DecodedImage& picture, con
   const int channels = component_count(written->format);
   if (file.format == RaymapFormat::kTiff) {
     media::TiffNotes notes{media::linear_comment(meaning), xmp};
+    notes.exif = file.kept.exif;
     if (meaning.is_linear()) notes.icc = media::linear_profile(channels == 1);
     return media::tiff_file(written->view(), notes);
   }

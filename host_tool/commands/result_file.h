@@ -21,7 +21,7 @@ struct ResultFile {
 };
 
 /// Numbers that are proportional to light are in sRGB in a JPEG, which has 8 bits; a PNG says that they are linear by gAMA, a
-/// TIFF by a profile, and both by a comment. A TIFF has the Exif only as XMP.
+/// TIFF by a profile, and both by a comment.
 /// Errors: kUnsupported, kTooLarge, kInternal of the writers.
 Result<std::vector<std::uint8_t>> encode_result(const DecodedImage& picture, const ResultFile& file);
 

@@ -16,6 +16,7 @@
 #include "stitch/geometry/lens/lens.h"
 #include "stitch/media/exif/exif.h"
 #include "stitch/media/image_file.h"
+#include "stitch/media/picture_folder.h"
 
 namespace nodal::host {
 namespace {
@@ -137,7 +138,7 @@ double FoundLens::may_be_wrong_percent() const { return std::ceil(100 * unsure);
 
 bool is_picture(const std::string& path) {
   // A folder is never a calibration, and a file that only claims to be a picture is refused as one.
-  return is_folder(path) || named_like_a_picture(path) || read_picture_header(path).has_value() ||
+  return is_folder(path) || media::named_like_a_picture(path) || read_picture_header(path).has_value() ||
          is_foreign_picture(path);
 }
 

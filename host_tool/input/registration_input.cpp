@@ -15,6 +15,7 @@
 #include "stitch/autocalibration/image_circle.h"
 #include "stitch/calibration/lens/region.h"
 #include "stitch/geometry/rotation.h"
+#include "stitch/media/picture_folder.h"
 
 namespace nodal::host {
 namespace {
@@ -64,7 +65,7 @@ Result<std::string> picture_of(const fs::path& folder, const std::string& head) 
   std::vector<std::string> found;
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-    if (named_like_a_picture(entry.path().string()) && entry.path().stem() == head) {
+    if (media::named_like_a_picture(entry.path().string()) && entry.path().stem() == head) {
       found.push_back(entry.path().string());
     }
   }

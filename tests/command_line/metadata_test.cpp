@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "colour_chart.h"
 #include "rig_process.h"
 #include "tests/support/pictures.h"
 
@@ -31,87 +32,124 @@ class MetadataCommand : public RigTest {
     ASSERT_EQ(done.code, 0) << done.err;
   }
 
-  /// A TIFF of the same picture and metadata, as exiftool writes it: Exif in directories of its own.
-  void write_tiff_sphere(const std::string& name) const {
-    write_sphere("before.png");
-    ASSERT_EQ(nodal({"convert", path("before.png"), "-o", path(name)}).code, 0);
-    tag(name, {"-xmp-exif:all=", "-tagsfromfile", path("before.png"), "-exif:all"});
-  }
-
-  /// A sphere as a camera with a compass, level sensor and GPS writes it.
-  void write_sphere(const std::string& name) const {
-    const auto rgb = test::smooth_rgb(kSphereWide, kSphereHigh);
-    test::write_bytes(path(name), name.ends_with(".jpg")
-                                      ? test::jpeg_of(rgb, kSphereWide, kSphereHigh, test::Sampling::k420)
-                                      : test::png_of(rgb, kSphereWide, kSphereHigh, 3));
+  /// A picture as a camera with a compass, level sensor and GPS writes it; a sphere by its metadata.
+  void write_picture(const std::string& name, int width, int height) const {
+    const auto rgb = test::smooth_rgb(width, height);
+    if (name.ends_with(".tif")) {
+      write_tiff(path(name), rgb, {.width = width, .height = height});
+    } else {
+      test::write_bytes(path(name), name.ends_with(".jpg") ? test::jpeg_of(rgb, width, height, test::Sampling::k420)
+                                                           : test::png_of(rgb, width, height, 3));
+    }
     tag(name,
         {"-XMP-GPano:ProjectionType=equirectangular", "-XMP-GPano:PoseHeadingDegrees=225",
          "-XMP-GPano:PosePitchDegrees=-24.5", "-XMP-GPano:PoseRollDegrees=9", "-XMP-GPano:InitialViewHeadingDegrees=30",
-         "-EXIF:DateTimeOriginal=2024:05:06 07:08:09", "-EXIF:OffsetTimeOriginal=+02:00", "-EXIF:Model=Sphere 1",
-         "-EXIF:GPSLatitude=52.5083", "-EXIF:GPSLatitudeRef=S", "-EXIF:GPSLongitude=13.25", "-EXIF:GPSLongitudeRef=E",
-         "-EXIF:GPSAltitude=34.5", "-EXIF:GPSAltitudeRef=0", "-EXIF:GPSImgDirection=225",
-         "-EXIF:GPSImgDirectionRef=T"});
+         "-EXIF:DateTimeOriginal=2024:05:06 07:08:09", "-EXIF:OffsetTimeOriginal=+02:00", "-EXIF:Make=Maker",
+         "-EXIF:Model=Sphere 1", "-EXIF:FNumber=2.8", "-EXIF:GPSLatitude=52.5083", "-EXIF:GPSLatitudeRef=S",
+         "-EXIF:GPSLongitude=13.25", "-EXIF:GPSLongitudeRef=E", "-EXIF:GPSAltitude=34.5", "-EXIF:GPSAltitudeRef=0",
+         "-EXIF:GPSImgDirection=225", "-EXIF:GPSImgDirectionRef=T"});
   }
-
-  void expect_place_and_time(const Json& said, const std::string& what) const {
-    EXPECT_NEAR(said.value("GPSLatitude", 0.0), -52.5083, 1e-5) << what << said;
-    EXPECT_NEAR(said.value("GPSLongitude", 0.0), 13.25, 1e-5) << what;
-    EXPECT_NEAR(said.value("GPSAltitude", 0.0), 34.5, 1e-3) << what;
-    EXPECT_EQ(said.value("DateTimeOriginal", "").substr(0, 19), "2024:05:06 07:08:09") << what << said;
-  }
+  void write_sphere(const std::string& name) const { write_picture(name, kSphereWide, kSphereHigh); }
 };
 
-TEST_F(MetadataCommand, AConvertedSphere_KeepsPosePlaceAndTime) {
-  for (const std::string from : {"in.jpg", "in.png", "in.tif"}) {
-    from == "in.tif" ? write_tiff_sphere(from) : write_sphere(from);
-    for (const std::string to : {"o.jpg", "o.png", "o.tif"}) {
-      const Finished done = nodal({"convert", path(from), "-o", path(to)});
-      ASSERT_EQ(done.code, 0) << done.err;
-      const Json said = tags(to);
-      const std::string what = from + " to " + to + " ";
-      EXPECT_EQ(said.value("PoseHeadingDegrees", 0.0), 225) << what << said;
-      EXPECT_EQ(said.value("PosePitchDegrees", 0.0), -24.5) << what;
-      EXPECT_EQ(said.value("PoseRollDegrees", 0.0), 9) << what;
-      EXPECT_EQ(said.value("InitialViewHeadingDegrees", 0.0), 30) << what;
-      EXPECT_EQ(said.value("FullPanoWidthPixels", 0), kSphereWide) << what;
-      expect_place_and_time(said, what);
-      EXPECT_EQ(said.value("Model", ""), to == "o.tif" ? "" : "Sphere 1") << what;
-      EXPECT_EQ(said.value("Warning", ""), "") << what;
+/// A field by exiftool's name, its value before, and the commands whose results keep it.
+struct Field {
+  const char* name;
+  Json before;
+  bool convert, view, stitch;
+};
+const std::vector<Field>& fields() {
+  static const std::vector<Field> all{{"ProjectionType", "equirectangular", true, false, true},
+                                      {"PoseHeadingDegrees", 225, true, false, false},
+                                      {"PosePitchDegrees", -24.5, true, false, false},
+                                      {"PoseRollDegrees", 9, true, false, false},
+                                      {"InitialViewHeadingDegrees", 30, true, false, false},
+                                      {"GPSImgDirection", 225, true, false, false},
+                                      {"GPSLatitude", -52.5083, true, true, true},
+                                      {"GPSLongitude", 13.25, true, true, true},
+                                      {"GPSAltitude", 34.5, true, true, true},
+                                      {"DateTimeOriginal", "2024:05:06 07:08:09", true, true, true},
+                                      {"OffsetTimeOriginal", "+02:00", true, true, true},
+                                      {"Make", "Maker", true, true, true},
+                                      {"Model", "Sphere 1", true, true, true},
+                                      {"FNumber", 2.8, false, false, false}};
+  return all;
+}
+
+bool is_same(const Json& before, const Json& after) {
+  if (before.is_number()) return after.is_number() && std::abs(before.get<double>() - after.get<double>()) < 1e-5;
+  return after.is_string() && after.get<std::string>().starts_with(before.get<std::string>());
+}
+
+TEST_F(MetadataCommand, EveryCommandFromEveryFormatToEveryFormat_KeepsWhatIsTrueOfTheResult) {
+  std::printf("%-8s %-4s %-4s", "command", "from", "to");
+  for (const Field& field : fields()) std::printf(" %s", field.name);
+  std::printf("\n");
+  for (const std::string from : {"jpg", "png", "tif"}) {
+    write_picture("sphere." + from, kSphereWide, kSphereHigh);
+    write_picture("head." + from, 96, 96);
+    tag("head." + from, {"-n", "-EXIF:Orientation=6"});
+    for (const Field& field : fields())
+      ASSERT_TRUE(is_same(field.before, tags("sphere." + from)[field.name])) << from << " " << field.name;
+    for (const std::string to : {"jpg", "png", "tif"}) {
+      Words stitched{"stitch", path("six.json")};
+      for (int h = 0; h < 6; ++h) stitched.push_back(path("head." + from));
+      stitched.insert(stitched.end(), {"--width", "64"});
+      const std::vector<std::pair<Words, bool Field::*>> commands{
+          {{"convert", path("sphere." + from)}, &Field::convert},
+          {{"view", path("sphere." + from), "--size", "64x48"}, &Field::view},
+          {stitched, &Field::stitch}};
+      for (auto [words, kept] : commands) {
+        words.insert(words.end(), {"-o", path("o." + to)});
+        const Finished done = nodal(words);
+        ASSERT_EQ(done.code, 0) << done.err;
+        const Json said = tags("o." + to);
+        std::printf("%-8s %-4s %-4s", words[0].c_str(), from.c_str(), to.c_str());
+        for (const Field& field : fields()) {
+          const std::string what = words[0] + " " + from + " to " + to + " " + field.name;
+          const bool there = said.contains(field.name);
+          EXPECT_EQ(there, field.*kept) << what << said;
+          EXPECT_TRUE(!there || is_same(field.before, said[field.name])) << what << said;
+          std::printf(" %s", there ? "kept" : "-");
+        }
+        std::printf("\n");
+        EXPECT_EQ(said.value("Warning", ""), "") << words[0] << from << to;
+        EXPECT_EQ(said.value("Orientation", 1), 1) << "turned heads are not a turned sphere";
+        EXPECT_TRUE(words[0] != "convert" || said.value("FullPanoWidthPixels", 0) == kSphereWide) << said;
+      }
     }
   }
-  // By way of a cube, too, which viewers do not take for a sphere.
+}
+
+TEST_F(MetadataCommand, ByWayOfACube_ASphereKeepsItsPose) {
+  write_sphere("in.jpg");
   ASSERT_EQ(nodal({"convert", path("in.jpg"), "--layout", "cube", "-o", path("cube.png")}).code, 0);
-  EXPECT_FALSE(tags("cube.png").contains("ProjectionType"));
+  EXPECT_FALSE(tags("cube.png").contains("ProjectionType")) << "viewers would take it for a sphere";
   ASSERT_EQ(nodal({"convert", path("cube.png"), "--from", "cube", "-o", path("back.jpg")}).code, 0);
   EXPECT_EQ(tags("back.jpg").value("PosePitchDegrees", 0.0), -24.5);
   EXPECT_EQ(tags("back.jpg").value("ProjectionType", ""), "equirectangular");
 }
 
-TEST_F(MetadataCommand, AView_KeepsPlaceAndTimeAlone) {
-  write_sphere("in.jpg");
-  ASSERT_EQ(nodal({"view", path("in.jpg"), "-o", path("v.jpg"), "--size", "64x48"}).code, 0);
-  const Json said = tags("v.jpg");
-  expect_place_and_time(said, "view ");
-  for (const char* key : {"PoseHeadingDegrees", "ProjectionType", "GPSImgDirection"})
-    EXPECT_FALSE(said.contains(key)) << key;
-}
-
-TEST_F(MetadataCommand, AStitchedSphere_SaysWhenAndWhereAndClaimsNoNorth) {
-  const auto rgb = test::smooth_rgb(96, 96);
-  test::write_bytes(path("head.jpg"), test::jpeg_of(rgb, 96, 96, test::Sampling::k444));
-  tag("head.jpg", {"-EXIF:DateTimeOriginal=2024:05:06 07:08:09", "-EXIF:GPSLatitude=52.5083", "-EXIF:GPSLatitudeRef=S",
-                   "-EXIF:GPSLongitude=13.25", "-EXIF:GPSLongitudeRef=E", "-EXIF:GPSAltitude=34.5",
-                   "-EXIF:GPSAltitudeRef=0", "-EXIF:GPSImgDirection=225"});
-  for (const std::string to : {"s.jpg", "s.png", "s.tif"}) {
-    Words words{"stitch", path("six.json")};
-    for (int h = 0; h < 6; ++h) words.push_back(path("head.jpg"));
-    words.insert(words.end(), {"--width", "64", "-o", path(to)});
-    const Finished done = nodal(words);
-    ASSERT_EQ(done.code, 0) << done.err;
-    const Json said = tags(to);
-    expect_place_and_time(said, to + " ");
-    EXPECT_EQ(said.value("ProjectionType", ""), "equirectangular");
-    for (const char* key : {"PoseHeadingDegrees", "GPSImgDirection"}) EXPECT_FALSE(said.contains(key)) << to << key;
+TEST_F(MetadataCommand, RaymapsOfARig_AreSpheresThatClaimNothingElse) {
+  std::string toml = read("rig.toml");
+  toml.insert(toml.find("[sim]"), "[takes]\nfolder = \"takes\"\nbuffer_mb = 16\n");
+  write("rig.toml", toml);
+  start_nodald();
+  bring_up();
+  ASSERT_EQ(nodal({"take", "start"}).code, 0);
+  for (const std::string to : {"jpg", "png", "tif"}) {
+    ASSERT_EQ(nodal({"raymap", "pull", "-o", path("live." + to)}).code, 0);
+  }
+  ASSERT_EQ(nodal({"take", "stop"}).code, 0);
+  for (const std::string to : {"jpg", "png", "tif"}) {
+    ASSERT_EQ(nodal({"render", path("takes/000001"), "-o", path("later-%d." + to)}).code, 0);
+    for (const std::string& file : {"live." + to, "later-1." + to}) {
+      const Json said = tags(file);
+      EXPECT_EQ(said.value("ProjectionType", ""), "equirectangular") << file << said;
+      EXPECT_EQ(said.value("FullPanoWidthPixels", 0), 256) << file << said;
+      for (const char* key : {"PoseHeadingDegrees", "GPSLatitude", "GPSImgDirection", "DateTimeOriginal"})
+        EXPECT_FALSE(said.contains(key)) << file << key;
+    }
   }
 }
 

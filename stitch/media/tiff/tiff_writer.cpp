@@ -2,6 +2,7 @@
 
 #include <cstring>
 
+#include "stitch/media/tiff/exif_block.h"
 #include "stitch/media/tiff/memory.h"
 
 namespace nodal::media {
@@ -57,6 +58,7 @@ Result<std::vector<std::uint8_t>> tiff_file(const ImageView& picture, const Tiff
       return fail(Errc::kInternal, "libtiff could not write the picture: " + memory.why);
     }
   }
+  add_exif(memory.bytes, notes.exif);
   return std::move(memory.bytes);
 }
 

@@ -57,6 +57,46 @@ TEST(ExifBlock, DirectoriesAnywhereInTheFile_AreTogether) {
   }
 }
 
+TEST(AddExif, OfBothByteOrders_IsReadBackFromTheTiff) {
+  for (const bool big : {false, true}) {
+    Tiff exif(big);  // dates, place: text, numbers of 16 bits, pairs of 32, single bytes
+    constexpr std::uint32_t kExif = 8 + 2 + 3 * 12 + 4, kGps = kExif + 2 + 2 * 12 + 4 + 20,
+                            kMake = kGps + 2 + 2 * 12 + 4 + 24;
+    exif.directory({{271, 2, 7, kMake}, {34665, 4, 1, kExif}, {34853, 4, 1, kGps}});
+    exif.directory({{0x9003, 2, 20, kExif + 2 + 2 * 12 + 4}, {0xA001, 3, 1, big ? 0xFFFF0000U : 0xFFFFU}});
+    exif.text(std::string("2024:05:06 07:08:09\0", 20));
+    exif.directory({{1, 2, 2, big ? 0x4e000000U : 0x4eU}, {2, 5, 3, kGps + 2 + 2 * 12 + 4}});
+    for (const std::uint32_t number : {52U, 1U, 30U, 1U, 123456U, 10000U}) exif.put(number, 4);
+    exif.text(std::string("Camera\0", 7));
+    Tiff plain(false);
+    plain.directory({{256, 4, 1, 100}, {257, 3, 1, 50}});
+    Bytes file = plain.bytes();
+    add_exif(file, exif.bytes());
+    ASSERT_TRUE(std::equal(plain.bytes().begin() + 8, plain.bytes().end(), file.begin() + 8)) << "nothing moves";
+    const Bytes block = exif_block(file);
+    EXPECT_TRUE(holds(block, "2024:05:06 07:08:09"));
+    EXPECT_TRUE(holds(block, "Camera"));
+    const std::string seconds{'\x40', '\xe2', '\x01', '\0', '\x10', '\x27', '\0', '\0'};  // 123456 / 10000
+    EXPECT_TRUE(holds(block, seconds)) << big;
+    // The entries that it had are in the new first directory, which is sorted.
+    const auto number = [&](std::size_t at, int count) {
+      std::uint32_t value = 0;
+      for (int k = count - 1; k >= 0; --k) value = value << 8 | file[at + static_cast<std::size_t>(k)];
+      return value;
+    };
+    const std::size_t first = number(4, 4);
+    ASSERT_EQ(number(first, 2), 5U);
+    const std::vector<std::uint32_t> tags{256, 257, 271, 34665, 34853};
+    for (std::size_t k = 0; k < tags.size(); ++k) EXPECT_EQ(number(first + 2 + 12 * k, 2), tags[k]);
+    EXPECT_EQ(number(first + 2 + 8, 4), 100U);
+    EXPECT_EQ(number(first + 2 + 12 + 8, 2), 50U);
+  }
+  Bytes untouched{'I', 'I', 42, 0, 8, 0, 0, 0, 0, 0, 0, 0, 0, 0};
+  const Bytes before = untouched;
+  add_exif(untouched, {});
+  EXPECT_EQ(untouched, before);
+}
+
 TEST(ExifBlock, BrokenOffsetsAndLargeValues_AreLeftOut) {
   EXPECT_TRUE(exif_block({}).empty());
   EXPECT_TRUE(exif_block(Bytes{'I', 'I', 42, 0, 0xff, 0xff, 0xff, 0xff}).empty());
