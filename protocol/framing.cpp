@@ -102,7 +102,7 @@ Status FrameDecoder::check_header() {
     return die(Errc::kProtocol, "a frame of type " + decimal(static_cast<unsigned>(header_.type)) +
                                     ", which this end does not know: use programs of the same release");
   }
-  if (const std::size_t limit = max_payload_bytes(header_.type); length_ > limit) {
+  if (const std::size_t limit = std::min(most_, max_payload_bytes(header_.type)); length_ > limit) {
     return die(Errc::kTooLarge, "a " + std::string(name) + " frame says it has " + decimal(length_) +
                                     " bytes; at most " + decimal(limit) + " are allowed");
   }

@@ -56,6 +56,7 @@ inline constexpr std::size_t kMaxMessageBytes = 8U << 10;
 inline constexpr std::size_t kMaxTakeRecordBytes = 64U << 10;
 /// The limit of a bulk frame's payload, including its piece header.
 inline constexpr std::size_t kMaxBulkBytes = 64U << 10;
+static_assert(kMaxBulkBytes <= kMaxRequestBytes, "a rig takes frames of up to kMaxRequestBytes");
 
 struct FrameHeader {
   FrameType type = FrameType::kRequest;
@@ -90,6 +91,10 @@ struct WireFrame {
 ///   final: every later call returns it again.
 class FrameDecoder {
  public:
+  /// `most`: the longest payload of any type that this end takes. A rig takes no replies, so its hosts cannot make it keep
+  /// kMaxReplyBytes of one.
+  explicit FrameDecoder(std::size_t most = kMaxReplyBytes) : most_(most) {}
+
   /// Consumes bytes from the front of `bytes` until one frame is complete or no bytes are left. Call it until it
   /// returns nothing.
   Result<std::optional<WireFrame>> next(std::span<const std::uint8_t>& bytes);
@@ -105,6 +110,7 @@ class FrameDecoder {
   Status check_header();
   tl::unexpected<Error> die(Errc code, std::string message);
 
+  std::size_t most_;
   std::array<std::uint8_t, kFrameHeaderBytes> raw_{};  // of the incomplete frame
   std::size_t have_ = 0;                               // received bytes of header and payload
   FrameHeader header_;

@@ -58,6 +58,7 @@ wire::Hello make_hello(std::string software) {
 Session::Session(Role role, const wire::Hello& mine)
     : role_(role),
       mine_(mine),
+      decoder_(role == Role::kHost ? kMaxReplyBytes : kMaxRequestBytes),
       receiver_(role == Role::kHost ? 2 : 1, role == Role::kHost ? kHostLosslessWindowBytes : kStreamWindowBytes),
       sender_(role == Role::kHost ? 1 : 2) {
   silence_protobuf();
@@ -89,7 +90,7 @@ void Session::ping() { ping_due_ = version_ >= kProtocolPing; }
 
 bool Session::wants_input() const {
   const std::size_t most = role_ == Role::kRig ? kMaxRigEventQueueBytes : kMaxEventQueueBytes;
-  return !dead_ && event_bytes_ < most && control_bytes_ < kMaxControlQueueBytes;
+  return !dead_ && event_bytes_ < most && control_bytes_ < most_control_bytes();
 }
 
 Status Session::receive(std::span<const std::uint8_t> bytes) {
@@ -157,6 +158,11 @@ Status Session::handle_hello(const WireFrame& frame) {
   if (hello->protocol_min() == 0 || hello->protocol_min() > hello->protocol_max()) {
     return fail(Errc::kProtocol, "a hello that speaks protocol " + std::to_string(hello->protocol_min()) + " to " +
                                      std::to_string(hello->protocol_max()) + ", which is no range");
+  }
+  if (hello->features_size() > kMaxFeatures) {
+    wire::Hello kept = *hello;
+    kept.mutable_features()->DeleteSubrange(kMaxFeatures, kept.features_size() - kMaxFeatures);
+    *hello = wire::Hello(kept);  // a copy, because what was deleted is kept for reuse
   }
   peer_hello_ = std::move(*hello);
   const bool mine_is_old = mine_.protocol_max() < peer_hello_->protocol_min();
@@ -324,7 +330,7 @@ Status Session::send_message(FrameType type, const google::protobuf::MessageLite
     return fail(Errc::kTooLarge, "a " + std::string(frame_type_name(type)) + " of " + std::to_string(bytes) +
                                      " bytes; at most " + std::to_string(limit) + " can be sent");
   }
-  if (control_bytes_ + bytes > kMaxControlQueueBytes) {
+  if (control_bytes_ + bytes > most_control_bytes()) {
     return fail(Errc::kOverload,
                 peer_name() + " does not read: " + std::to_string(control_bytes_) + " bytes of messages wait for it");
   }

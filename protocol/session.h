@@ -24,9 +24,11 @@ namespace nodal {
 /// The limit of control frames waiting to be written, and of events waiting to be taken, before kOverload.
 inline constexpr std::size_t kMaxControlQueueBytes = 8U << 20;
 inline constexpr std::size_t kMaxEventQueueBytes = 8U << 20;
-/// The same for a rig, which has many hosts and less memory: requests and pieces of uploads. A request in memory can be
-/// several times larger than on the wire.
-inline constexpr std::size_t kMaxRigEventQueueBytes = 1U << 20;
+/// The same for a rig, which has 18 hosts and less memory: requests and pieces of uploads. A request in memory can be
+/// four times larger than on the wire.
+inline constexpr std::size_t kMaxRigEventQueueBytes = 256U << 10;
+/// Replies that wait for one host: two calibrations, and lists.
+inline constexpr std::size_t kMaxRigControlQueueBytes = 3U << 20;
 
 enum class Role : std::uint8_t { kHost, kRig };
 
@@ -35,6 +37,9 @@ inline constexpr std::uint32_t kProtocolMin = 1;
 inline constexpr std::uint32_t kProtocolMax = 2;
 /// Since this version an end answers pings.
 inline constexpr std::uint32_t kProtocolPing = 2;
+
+/// Of a peer's hello, which names what its end can do; more are dropped. An empty name needs 20 times its bytes in memory.
+inline constexpr int kMaxFeatures = 64;
 
 /// A Hello with this program's versions; the caller adds other fields.
 wire::Hello make_hello(std::string software);
@@ -132,6 +137,9 @@ class Session {
   const Error* error() const { return dead_ ? &*dead_ : nullptr; }
 
  private:
+  std::size_t most_control_bytes() const {
+    return role_ == Role::kRig ? kMaxRigControlQueueBytes : kMaxControlQueueBytes;
+  }
   struct QueuedFrame {
     FrameType type;
     StreamId stream;

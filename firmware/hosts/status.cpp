@@ -285,10 +285,10 @@ void fill_takes(const TakeAnswer::Listed& listed, wire::Takes& into) {
     take.set_not_captured(entry.gaps.capture);
     take.set_gaps(entry.gaps.count);
     take.set_longest_gap_ns(ns_of(entry.gaps.longest));
-    if (!entry.rates.empty()) {
-      take.set_rate_numerator(entry.rates.front().rate.numerator);
-      take.set_rate_denominator(entry.rates.front().rate.denominator);
-      take.set_rates(static_cast<std::uint32_t>(entry.rates.size()));
+    if (entry.rate) {
+      take.set_rate_numerator(entry.rate->numerator);
+      take.set_rate_denominator(entry.rate->denominator);
+      take.set_rates(static_cast<std::uint32_t>(entry.rates));
     }
     const bool missing = std::ranges::any_of(entry.heads, [](const take::HeadGaps& head) { return head.sum() != 0; });
     for (const take::HeadGaps& head : missing ? entry.heads : std::vector<take::HeadGaps>())
@@ -296,8 +296,9 @@ void fill_takes(const TakeAnswer::Listed& listed, wire::Takes& into) {
     take.set_bytes(entry.bytes);
     take.set_length_ns(static_cast<std::uint64_t>(entry.length.ns()));
     take.set_is_protected(entry.is_protected);
-    take.set_ended(printable(entry.ended, 256));
-    take.set_problem(printable(entry.problem, 160));  // TakeShelf::kMaxTakes of them fit one reply
+    // Together TakeShelf::kMaxTakes of them fit one reply: a take that is complete has no problem.
+    take.set_ended(printable(entry.ended, 96));
+    take.set_problem(printable(entry.problem, 160));
     take.set_width(static_cast<std::uint32_t>(entry.raymap_width));
     take.set_height(static_cast<std::uint32_t>(entry.raymap_height));
   }

@@ -1,7 +1,9 @@
 // A take as the list of takes shows it.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -32,8 +34,10 @@ struct TakeEntry {
   std::uint64_t lost_sets = 0;
   std::uint64_t deleted_sets = 0;  ///< to make room for newer ones
   take::Gaps gaps{};
-  std::vector<take::HeadGaps> heads{};    ///< by index
-  std::vector<take::RateChange> rates{};  ///< empty: unknown
+  std::vector<take::HeadGaps> heads{};  ///< by index
+  /// Of its first sets; nothing: unknown. And how many rates there were: a manifest may list kMaxRates, so the list keeps one.
+  std::optional<FrameRate> rate{};
+  std::size_t rates = 0;
   std::uint64_t bytes = 0;
   Duration length;
   bool is_protected = false;

@@ -8,6 +8,7 @@
 #include "firmware/record/stored_documents.h"
 #include "firmware/record/take_shelf.h"
 #include "hal/folder_listing.h"
+#include "protocol/base/text.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
 
@@ -49,7 +50,10 @@ void TakeEntry::complete(const take::Manifest& manifest) {
   deleted_sets = manifest.deleted_sets;
   gaps = manifest.gaps;
   heads = manifest.heads;
-  if (!manifest.rates.empty()) rates = manifest.rates;  // else that of take.json
+  if (!manifest.rates.empty()) {  // else that of take.json
+    rate = manifest.rates.front().rate;
+    rates = manifest.rates.size();
+  }
   bytes = manifest.bytes();
   length = manifest.length;
   ended = manifest.ended;
@@ -93,7 +97,7 @@ void TakeShelf::follow(const std::vector<hal::FolderEntry>& entries, bool fresh)
 
 void TakeShelf::set_damaged(TakeEntry& entry, const Error& why) {
   entry.state = TakeState::kDamaged;
-  entry.problem = why.message;
+  entry.problem = printable(why.message, kMaxProblemBytes);
 }
 
 /// Bytes that load() reads, at most.
@@ -130,7 +134,8 @@ void TakeShelf::load(std::uint64_t number, const hal::FolderEntry& folder, bool 
     entry.started_utc_ns = about->started_utc_ns;
     entry.raymap_width = about->raymap_width;
     entry.raymap_height = about->raymap_height;
-    entry.rates = {{0, about->rate}};
+    entry.rate = about->rate;
+    entry.rates = 1;
   }
   const bool half_deleted = being_deleted(number);
   const auto manifest = stored_manifest(disk_, folder.name);
@@ -194,7 +199,7 @@ bool TakeShelf::recover_some(Instant now, bool begin) {
 bool TakeShelf::note(const TakeRecovery::Done& done) {
   TakeEntry& entry = takes_.at(done.take);
   entry.state = TakeState::kDamaged;
-  entry.problem = done.problem;
+  entry.problem = printable(done.problem, kMaxProblemBytes);
   switch (done.outcome) {
     case TakeRecovery::Outcome::kFailed: break;
     case TakeRecovery::Outcome::kNothing:
@@ -209,7 +214,7 @@ bool TakeShelf::note(const TakeRecovery::Done& done) {
     case TakeRecovery::Outcome::kRecovered: {
       const auto manifest = stored_manifest(disk_, take::take_folder(done.take));
       if (manifest) entry.complete(*manifest);
-      else entry.problem = manifest.error().message;
+      else set_damaged(entry, manifest.error());
       return manifest.has_value();
     }
   }

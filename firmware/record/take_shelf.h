@@ -103,6 +103,7 @@ class TakeShelf {
   std::uint64_t deleted_segments() const { return deleted_segments_; }
 
   static constexpr std::size_t kMaxTakes = 1000;
+  static constexpr std::size_t kMaxProblemBytes = 512;  ///< of TakeEntry::problem, which may quote what the card has
   /// Of documents that one refresh() reads; further takes wait for the next one. At least one take is read.
   static constexpr std::uint64_t kMaxBytesAStep = std::uint64_t{32} << 20;
   static constexpr std::uint64_t kMaxTakeNumber = std::uint64_t{1} << 40;

@@ -8,11 +8,10 @@
 
 #include <cstdint>
 #include <cstdio>
-#include <cstdlib>
-#include <fstream>
 #include <functional>
 #include <new>
-#include <string>
+
+#include "tests/support/limits_page.h"
 
 namespace nodal::test {
 
@@ -21,20 +20,6 @@ inline constexpr bool kLimitsAddresses = false;  // a sanitizer reserves terabyt
 #else
 inline constexpr bool kLimitsAddresses = true;
 #endif
-
-/// MiB that protocol/LIMITS.md gives a reader, by the first cell of its row in "Memory at the limit"; 0 if there is no such row.
-inline std::uint64_t memory_on_page(const std::string& checkout, const std::string& what) {
-  std::ifstream page(checkout + "/protocol/LIMITS.md");
-  bool found = false;
-  for (std::string line; std::getline(page, line);) {
-    found |= line == "## Memory at the limit";
-    if (!found || !line.starts_with("| " + what + " |")) continue;
-    std::size_t cell = 0;
-    for (int k = 0; k < 3; ++k) cell = line.find('|', cell) + 1;
-    return std::strtoull(line.c_str() + cell, nullptr, 10);
-  }
-  return 0;
-}
 
 /// Whether `work` returns true within `mib` MiB.
 inline testing::AssertionResult within_memory(std::uint64_t mib, const std::function<bool()>& work) {

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <map>
 #include <regex>
 #include <set>
 #include <string>
@@ -19,18 +20,23 @@ const std::set<std::string> kNoLimits{"kMaxPieceBytes",     // of kMaxBulkBytes,
                                       "kMaxPinholeAngle"};  // an angle
 
 struct Row {
-  std::string limit, test;
+  std::string what, limit, memory, test;
 };
+
+std::string trimmed(const std::string& cell) {
+  const std::size_t begin = cell.find_first_not_of(' '), end = cell.find_last_not_of(' ');
+  return begin == std::string::npos ? "" : cell.substr(begin, end - begin + 1);
+}
 
 std::vector<Row> rows() {
   std::vector<Row> all;
   for (const TextFile& file : project_files()) {
     if (file.path != kPage) continue;
     for (const std::string& line : file.lines) {
-      static const std::regex row(R"(^\|([^|]*)\|([^|]*)\|([^|]*)\|([^|]*)\|$)");
+      static const std::regex row(R"(^\|([^|]*)\|([^|]*)\|([^|]*)\|[^|]*\|([^|]*)\|$)");
       std::smatch cells;
       if (!std::regex_match(line, cells, row) || cells[1] == "---" || cells[1] == " what ") continue;
-      all.push_back({cells[2], cells[4]});
+      all.push_back({trimmed(cells[1]), cells[2], trimmed(cells[3]), cells[4]});
     }
   }
   return all;
@@ -116,6 +122,44 @@ TEST(Limits, EveryMaximumOfAHeader_IsOnThePage) {
       EXPECT_TRUE(listed.contains(name)) << file.path << ": " << name << " is not in " << kPage;
     }
   }
+}
+
+/// All test sources of a folder in one text.
+std::string tests_below(const std::string& folder) {
+  std::string text;
+  for (const TextFile& file : project_files()) {
+    if (file.path.starts_with(folder) && file.path.ends_with(".cpp")) text += whole(file);
+  }
+  return text;
+}
+
+TEST(Limits, EveryRow_SaysWhatMemoryItCostsAndATestHoldsItsFigure) {
+  static const std::regex figure(R"(\d+ (?:bytes|KiB|MiB|raymaps|sets)\b[^()]*\((heap|sizes|addresses)\))");
+  static const std::regex part("part of \"(.+)\"");
+  const std::set<std::string> others{"none", "what is free", "`[takes] buffer_mb` of rig.toml"};
+  const std::string limits = tests_below("tests/limits/"), all_tests = tests_below("tests/");
+  std::map<std::string, std::string> memory;
+  for (const Row& row : rows()) {
+    EXPECT_TRUE(memory.emplace(row.what, row.memory).second) << kPage << " has two rows '" << row.what << "'";
+  }
+  std::size_t figures = 0;
+  for (const auto& [what, cell] : memory) {
+    std::smatch found;
+    if (std::regex_match(cell, found, figure)) {
+      ++figures;
+      // A test that reads the figure names the row as the page does.
+      const std::string& tests = found[1] == "addresses" ? all_tests : limits;
+      EXPECT_NE(tests.find("\"" + what + "\""), std::string::npos) << "no test holds the memory of '" << what << "'";
+    } else if (std::regex_match(cell, found, part)) {
+      const auto whole_row = memory.find(found[1]);
+      ASSERT_NE(whole_row, memory.end()) << kPage << ": '" << what << "' is part of a row that is not there";
+      EXPECT_TRUE(std::regex_match(whole_row->second, figure))
+          << kPage << ": '" << what << "' is part of what has no figure";
+    } else {
+      EXPECT_TRUE(others.contains(cell)) << kPage << ": '" << what << "' does not say what memory it costs: " << cell;
+    }
+  }
+  EXPECT_GE(figures, 40u);
 }
 
 }  // namespace

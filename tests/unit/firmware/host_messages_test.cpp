@@ -5,6 +5,9 @@
 
 #include "firmware/hosts/status.h"
 #include "firmware/hosts/wire_commands.h"
+#include "firmware/record/take_shelf.h"
+#include "protocol/framing.h"
+#include "protocol/take/limits.h"
 
 namespace nodal::firmware {
 namespace {
@@ -41,6 +44,39 @@ TEST(HostMessages, OfTheExposure_GiveSharesOfTheSphereInMillionths) {
   fill_exposure(report, 2, told);
   EXPECT_EQ(told.sphere_ppm(), 500'000U);
   EXPECT_EQ(told.settings().target_below(), 1000U);
+}
+
+/// The longest texts and numbers that a card can have: a take that is not complete has no manifest.
+TakeEntry longest_entry(TakeState state) {
+  TakeEntry entry;
+  entry.number = take::kMaxTakeNumber - 1;
+  entry.state = state;
+  entry.started_utc_ns = take::kMaxUtcNs;
+  entry.rate = FrameRate{UINT32_MAX, UINT32_MAX};
+  entry.rates = take::kMaxRates;
+  entry.is_protected = true;
+  entry.raymap_width = entry.raymap_height = INT32_MAX;
+  if (state != TakeState::kComplete) {
+    entry.problem = std::string(TakeShelf::kMaxProblemBytes, 'x');
+    return entry;
+  }
+  entry.ended = std::string(take::kMaxTakeTextBytes, 'x');
+  entry.sets = entry.lost_sets = entry.deleted_sets = take::kMaxSets;
+  entry.gaps = {take::kMaxSets, take::kMaxSets, take::kMaxSets, take::kMaxSets, Duration::nanoseconds(take::kMaxTimeNs)};
+  entry.heads.assign(kMaxHeads, {take::kMaxSets, take::kMaxSets, take::kMaxSets});
+  entry.bytes = UINT64_MAX;
+  entry.length = Duration::nanoseconds(take::kMaxTimeNs);
+  return entry;
+}
+
+// Otherwise a card could keep hosts from seeing any take.
+TEST(HostMessages, OfAsManyTakesAsThereMayBeWithTheLongestTexts_FitAReply) {
+  for (const TakeState state : {TakeState::kComplete, TakeState::kSetAside}) {
+    wire::Reply reply;
+    fill_takes({std::vector<TakeEntry>(TakeShelf::kMaxTakes, longest_entry(state))}, *reply.mutable_takes());
+    ASSERT_EQ(reply.takes().takes_size(), static_cast<int>(TakeShelf::kMaxTakes));
+    EXPECT_LE(reply.ByteSizeLong(), kMaxListReplyBytes) << take_state_name(state);
+  }
 }
 
 TEST(HostMessages, OfATake_GiveItsLengthAndHowLongAgoAllOfItWasDurable) {

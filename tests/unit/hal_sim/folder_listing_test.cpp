@@ -8,7 +8,7 @@
 namespace nodal::hal {
 namespace {
 
-const std::uint64_t kFolderMiB = test::memory_on_page(NODAL_SOURCE_DIR, "the names of a folder");
+const std::uint64_t kFolderMiB = test::memory_on_page(NODAL_SOURCE_DIR, "files and folders in a folder of a disk");
 
 std::string name_of(std::size_t k, std::size_t length) {
   const std::string number = std::to_string(k);

@@ -78,6 +78,16 @@ TEST(Session, VersionRangesOverlap_HighestInCommonIsSpoken) {
   EXPECT_EQ(rig.version(), 3u);
 }
 
+TEST(Session, AHelloOfMoreFeaturesThanAreKept_KeepsTheFirst) {
+  wire::Hello hello = make_hello("a host");
+  for (int k = 0; k <= kMaxFeatures; ++k) hello.add_features(std::to_string(k));
+  Session host(Role::kHost, hello), rig(Role::kRig, make_hello("rig"));
+  ASSERT_TRUE(rig.receive(take_output(host)));
+  ASSERT_EQ(rig.peer_hello()->features_size(), kMaxFeatures);
+  EXPECT_EQ(rig.peer_hello()->features(0), "0");
+  EXPECT_EQ(rig.peer_hello()->features(kMaxFeatures - 1), std::to_string(kMaxFeatures - 1));
+}
+
 TEST(Session, NoVersionInCommon_BothEndsDieAndSayWhichIsTooOld) {
   for (const bool host_is_old : {true, false}) {
     Session host(Role::kHost, host_is_old ? hello_of("nodal 0.1", 1, 1) : hello_of("nodal 9", 4, 6));
@@ -172,7 +182,7 @@ TEST(Session, PeerThatDoesNotRead_RepliesEndInOverloadAndRequestsAreLeftInTheLin
   std::size_t taken = 0;
   while (talk.rig->send(reply)) ASSERT_LT(++taken, 20u) << "nothing bounds the queue";
   EXPECT_EQ(talk.rig->send(reply).error().code, Errc::kOverload);
-  EXPECT_EQ(taken, kMaxControlQueueBytes / (1U << 20) - 1);
+  EXPECT_EQ(taken, kMaxRigControlQueueBytes / (1U << 20) - 1);
   EXPECT_EQ(talk.rig->error(), nullptr);
 }
 

@@ -13,7 +13,7 @@
 namespace nodal {
 namespace {
 
-const std::uint64_t kMiB = test::memory_on_page(NODAL_SOURCE_DIR, "a calibration");
+const std::uint64_t kMiB = test::memory_on_page(NODAL_SOURCE_DIR, "a document");
 
 std::string filled(const std::string& head, const std::string& part, const std::string& tail) {
   std::string text = head;

@@ -161,7 +161,8 @@ wire::Record clusters(std::uint64_t sets, int files) {
   return record;
 }
 
-const std::uint64_t kEvidenceMiB = test::memory_on_page(NODAL_SOURCE_DIR, "the evidence of a segment");
+const std::uint64_t kEvidenceMiB =
+    test::memory_on_page(NODAL_SOURCE_DIR, "the evidence of a segment, and a record of it");
 
 TEST(TakeMemory, EvidenceOfAsManySetsAsThereMayBe_IsReadWithinItsBudgetAndOneMoreIsRefused) {
   EXPECT_TRUE(within_memory(kEvidenceMiB, [] {
