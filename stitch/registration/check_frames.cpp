@@ -24,6 +24,11 @@ std::string displaced(double size_px) {
          number(size_px < 1 ? "%.2f" : "%.1f", size_px) + " px (rms), and no rotation removes that";
 }
 
+std::string what_is_estimated(Free estimated) {
+  return estimated == Free::kFocals ? "of the lenses only the focal lengths are estimated"
+                                    : "the lenses are the calibration's, and only rotations are estimated";
+}
+
 }  // namespace
 
 Status check_frames(const Calibration& prior, const std::vector<FrameSet>& frame_sets) {
@@ -134,14 +139,23 @@ std::string near_things(double nearness, double size_px, const Calibration& prio
 }
 
 std::string fewer_lens_parameters(Free asked, Free estimated, const std::string& error, double size_px) {
-  const std::string did = estimated == Free::kFocals
-                              ? "of the lenses only the focal lengths are estimated"
-                              : "the lenses are the calibration's, and only rotations are estimated";
+  const std::string did = what_is_estimated(estimated);
   const std::string could_not =
       error.empty() ? "near things may bend the lenses: with whole lenses estimated, " + displaced(size_px)
                     : std::string("there is no result with ") +
                           (asked == Free::kLens ? "whole lenses" : "focal lengths") + " estimated (" + error + ")";
   return did + ", because " + could_not + "; to estimate them, film a scene with detail all around and far away";
+}
+
+std::string thin_overlaps(Free estimated, double from_deg, double to_deg) {
+  std::array<char, 200> text{};
+  std::snprintf(
+      text.data(), text.size(),
+      ", because heads show the same things only %.0f to %.0f degrees from their lenses' axes; elsewhere the lenses "
+      "may be wrong",
+      from_deg, to_deg);
+  return what_is_estimated(estimated) + text.data() +
+         ". Heads that overlap more determine them, or `nodal calibrate lens`";
 }
 
 std::string held_light(const std::string& head) {

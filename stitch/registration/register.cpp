@@ -8,6 +8,7 @@
 #include "stitch/registration/check_frames.h"
 #include "stitch/registration/diagnosis.h"
 #include "stitch/registration/run.h"
+#include "stitch/registration/seen_radii.h"
 
 namespace nodal::registration {
 namespace {
@@ -91,10 +92,23 @@ Result<Registered> register_with(const Calibration& prior, const LitFrames& fram
   }
 }
 
-/// Registers with fewer parameters of lenses if those asked for cannot be trusted: if there is no result with them, or if
-/// near things would bend whole lenses.
+/// Where overlaps show the lenses if whole lenses are asked for and that is too little of them: the rest would be extrapolated,
+/// by tens of percent wrong, and heads agree nevertheless. Nothing if it is enough, or if heads do not overlap at all.
+Result<std::optional<SeenRadii>> too_thin(const Calibration& prior, const Options& options) {
+  if (options.free != Free::kLens || !options.geometry) return std::optional<SeenRadii>();
+  const Result<SeenRadii> seen = seen_radii(prior);
+  if (!seen) return fail(seen.error());
+  const bool enough = seen->span == 0 || seen->determine_lenses();
+  return enough ? std::nullopt : std::optional(*seen);
+}
+
+/// Registers with fewer parameters of lenses if those asked for cannot be trusted: if overlaps show too little of the lenses, if
+/// there is no result with them, or if near things would bend whole lenses.
 Result<Report> register_what_is_sure(const Calibration& prior, const LitFrames& frames, const Options& options) {
-  Result<Registered> asked = register_with(prior, frames, options);
+  const Result<std::optional<SeenRadii>> thin = too_thin(prior, options);
+  if (!thin) return fail(thin.error());
+  Result<Registered> asked = fail(Errc::kNotDetermined, "not tried");
+  if (!*thin) asked = register_with(prior, frames, options);
   if (options.free == Free::kRotations || !options.geometry) {
     if (!asked) return fail(asked.error());
     return std::move(asked->report);
@@ -103,17 +117,21 @@ Result<Report> register_what_is_sure(const Calibration& prior, const LitFrames& 
   if (asked && !bent) return std::move(asked->report);
   Options fewer = options;
   fewer.lens_far_off = false;
+  Error last = asked ? Error{} : asked.error();
   while (fewer.free != Free::kRotations) {
     fewer.free = fewer.free == Free::kLens ? Free::kFocals : Free::kRotations;
     Result<Registered> found = register_with(prior, frames, fewer);
     const bool worse = found && bent && found->report.objective_after > kLensesExplain * asked->report.objective_after;
     if (bent && (!found || worse)) return std::move(asked->report);
+    if (!found && *thin) last = found.error();
     if (!found) continue;
-    found->report.warnings.push_back(fewer_lens_parameters(
-        options.free, fewer.free, bent ? std::string() : asked.error().message, bent ? asked->displaced_px : 0));
+    found->report.warnings.push_back(*thin ? thin_overlaps(fewer.free, (*thin)->from_deg, (*thin)->to_deg)
+                                           : fewer_lens_parameters(options.free, fewer.free,
+                                                                   bent ? std::string() : asked.error().message,
+                                                                   bent ? asked->displaced_px : 0));
     return std::move(found->report);
   }
-  return fail(asked.error());
+  return fail(last);
 }
 
 }  // namespace

@@ -41,6 +41,7 @@ void print_nominal(const PairVerdict& verdict, const char* what) {
   } else {
     std::printf("%s\n", verdict.refused.c_str());
   }
+  for (const std::string& warning : verdict.notes) std::printf("      warning: %s\n", warning.c_str());
 }
 
 void pairs(Range range, const fs::path& folder, bool nominal) {
@@ -100,7 +101,7 @@ void print_hand(const char* who, const Placed& placed, const Placed& other, cons
 }
 
 /// Each program: pictures placed; of those that both placed, rotations rms and at most, and kept points, degrees.
-void hands(Range range, const fs::path& folder) {
+void hands(Range range, const fs::path& folder, bool beside_hugin) {
   std::printf("  n moved near own of | truth: kept | points: placed rms max kept | pictures | Hugin | cpu s\n");
   for (int n = range.from; n < range.to; ++n) {
     const HandHeldSet set = hand_held_set(n);
@@ -121,7 +122,8 @@ void hands(Range range, const fs::path& folder) {
     const double seconds = static_cast<double>(std::clock() - begun) / CLOCKS_PER_SEC;
     const Placed by_points = in_order(first->calibration, first->heads, files.size());
     const Placed by_pictures = in_order(report ? report->calibration : first->calibration, first->heads, files.size());
-    const Result<Placed> hugin = placed_by_hugin(files, kHandViewDeg, folder);
+    const Result<Placed> hugin =
+        beside_hugin ? placed_by_hugin(files, kHandViewDeg, folder) : Result<Placed>(by_points);
     const Placed& other = hugin ? *hugin : by_points;
     std::vector<bool> all;
     Placed is;
@@ -149,15 +151,16 @@ void hands(Range range, const fs::path& folder) {
 int main(int argc, char** argv) {
   CLI::App app{"Lens, rotations and up from pictures alone, against the truth of rendered rigs"};
   int pairs = 0, hands = 0, first = 0;
-  bool nominal = false;
+  bool nominal = false, alone = false;
   std::string folder = (std::filesystem::temp_directory_path() / "nodal-from-pictures").string();
   app.add_option("--pairs", pairs, "pairs of fisheyes back to back (40 for all)");
   app.add_flag("--nominal", nominal, "the same pairs by their field of view, too, whole lenses estimated or not");
   app.add_option("--hands", hands, "sets of pictures taken from the hand (20 for all), beside Hugin");
+  app.add_flag("--alone", alone, "without Hugin");
   app.add_option("--first", first, "the number of the first pair or set");
   app.add_option("--folder", folder, "where the rendered pictures go; what is there is removed");
   CLI11_PARSE(app, argc, argv);
   if (pairs > 0) nodal::bench::pairs({first, first + pairs}, folder, nominal);
-  if (hands > 0) nodal::bench::hands({first, first + hands}, folder);
+  if (hands > 0) nodal::bench::hands({first, first + hands}, folder, !alone);
   return 0;
 }

@@ -22,7 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 using Eigen::Vector3d;
 
-constexpr int kWidth = 768, kHeight = 512;  // px
+constexpr int kWidth = 576, kHeight = 384;  // px
 constexpr double kViewDeg = 66;
 constexpr double kHidden = 0.02;  // m; a point farther behind what a head sees is hidden
 constexpr int kPointsOfHead = 120;

@@ -52,6 +52,21 @@ TEST(InCommon, HeadsThatLookOneWayAndMatchAllOver_AreTrustedByTheNumberOfMatches
   EXPECT_EQ(common.agreeing(0, 1, Eigen::Matrix3d::Identity(), pair.lens), 400);
 }
 
+TEST(InCommon, MatchesThatTheRotationContradicts_DoNotCount) {
+  Pair pair;
+  std::vector<Match> matches;
+  for (std::size_t n = 0; n < 400; ++n) {  // by a tenth of the radius, five times what counts as agreeing
+    const geometry::Pixel at = pair.features[0][5 * n].pixel;
+    matches.push_back({0, 1, at, {at.x + 0.1 * kRadius, at.y}});
+  }
+  for (std::size_t n = 0; n < 200; ++n) {
+    const geometry::Pixel at = pair.features[0][5 * n + 1].pixel;
+    matches.push_back({0, 1, at, at});
+  }
+  const InCommon common(pair.shapes, pair.features, matches);
+  EXPECT_EQ(common.agreeing(0, 1, Eigen::Matrix3d::Identity(), pair.lens), 200);
+}
+
 TEST(InCommon, HeadsBackToBack_NeedNoMoreThanTheirRims) {
   Pair pair;
   std::vector<Match> matches;

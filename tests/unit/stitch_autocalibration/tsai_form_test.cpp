@@ -42,5 +42,14 @@ TEST(TsaiForm, FisheyesAndOtherModels_HaveNone) {
   EXPECT_FALSE(with_tsai_lenses(rig));
 }
 
+// 2 % off in the middle of the picture, and right near its edge: Tsai's two coefficients do not bend so.
+TEST(TsaiForm, LensThatItDoesNotFit_HasNone) {
+  const KannalaBrandtLens lens{400, {0.9, -1.6, 0.85, 0}};
+  const auto made = geometry::Lens::make(lens);
+  ASSERT_TRUE(made) << made.error().text();
+  ASSERT_LT(made->angle(std::hypot(360, 240)).value_or(9), 60 * kRadiansPerDegree);
+  EXPECT_FALSE(with_tsai_lenses(rig_of(lens)));
+}
+
 }  // namespace
 }  // namespace nodal::autocalibration

@@ -1,0 +1,78 @@
+#include "stitch/registration/seen_radii.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "protocol/base/angles.h"
+#include "stitch/geometry/head.h"
+
+namespace nodal::registration {
+namespace {
+
+constexpr double kLeastSpan = 0.4;
+constexpr int kSamples = 96;        // of a picture, each way
+constexpr std::size_t kRings = 50;  // that the radius is divided into
+constexpr double kSeen = 0.03;      // of a ring's samples that other heads show, too
+
+struct Ring {
+  double samples = 0, shared = 0;
+  bool seen() const { return shared > kSeen * samples; }
+};
+
+/// The largest distance of a used point from the lens's centre, px.
+double edge_of(const geometry::Head& head) {
+  double edge = 0;
+  for (int y = 0; y < kSamples; ++y) {
+    for (int x = 0; x < kSamples; ++x) {
+      const geometry::Pixel at{(x + 0.5) / kSamples * head.width(), (y + 0.5) / kSamples * head.height()};
+      const HeadCalibration& is = head.calibration();
+      if (head.contains(at)) edge = std::max(edge, std::hypot(at.x - is.center_x, (at.y - is.center_y) / is.aspect));
+    }
+  }
+  return edge;
+}
+
+}  // namespace
+
+bool SeenRadii::determine_lenses() const { return span >= kLeastSpan; }
+
+Result<SeenRadii> seen_radii(const Calibration& calibration) {
+  const Result<std::vector<geometry::Head>> heads = geometry::make_heads(calibration);
+  if (!heads) return fail(heads.error());
+  std::array<Ring, kRings> rings;
+  SeenRadii seen{0, 180, 0};
+  for (const geometry::Head& head : *heads) {
+    const HeadCalibration& is = head.calibration();
+    const double edge = edge_of(head);
+    std::array<Ring, kRings> own;
+    for (int n = 0; n < kSamples * kSamples; ++n) {
+      const geometry::Pixel at{(n % kSamples + 0.5) / kSamples * head.width(),
+                               (n / kSamples + 0.5) / kSamples * head.height()};
+      const auto ray = head.contains(at) ? head.unproject(at) : std::nullopt;
+      if (!ray) continue;
+      const double radius = std::hypot(at.x - is.center_x, (at.y - is.center_y) / is.aspect);
+      Ring& ring = own[std::min(kRings - 1, static_cast<std::size_t>(radius / edge * kRings))];
+      ++ring.samples;
+      ring.shared += std::ranges::any_of(*heads, [&](const geometry::Head& other) {
+        const auto there = &other == &head ? std::nullopt : other.project(*ray);
+        return there && other.contains(*there);
+      });
+    }
+    for (std::size_t r = 0; r < kRings; ++r) {
+      rings[r].samples += own[r].samples;
+      rings[r].shared += own[r].shared;
+      if (!own[r].seen()) continue;
+      const auto degrees = [&](double part) {
+        return head.lens().angle(std::min(part * edge, head.lens().max_radius())).value_or(0) * kDegreesPerRadian;
+      };
+      seen.from_deg = std::min(seen.from_deg, degrees(static_cast<double>(r) / kRings));
+      seen.to_deg = std::max(seen.to_deg, degrees(static_cast<double>(r + 1) / kRings));
+    }
+  }
+  seen.span = static_cast<double>(std::ranges::count_if(rings, &Ring::seen)) / kRings;
+  return seen;
+}
+
+}  // namespace nodal::registration
