@@ -90,6 +90,7 @@ std::vector<std::string> picture_warnings(const interchange::ImportResult& impor
   for (std::size_t i = 0; i < imported.images.size(); ++i) {
     const HeadCalibration& head = imported.calibration.heads[i];
     const std::string& image = imported.images[i];
+    if (image.empty()) continue;  // files of cameras name none
     const Result<ProjectPicture> picture = project_picture(args.files.front(), image, args.places());
     if (!picture) {
       warnings.push_back(picture.error().message);
@@ -97,7 +98,7 @@ std::vector<std::string> picture_warnings(const interchange::ImportResult& impor
     }
     const std::string& file = picture->file;
     std::error_code error;
-    const bool there = !image.empty() && fs::is_regular_file(file, error);
+    const bool there = fs::is_regular_file(file, error);
     if (!there && !all) continue;
     const Result<ImageHeader> header = media::read_image_header(file);
     if (!there) {

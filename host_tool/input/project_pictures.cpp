@@ -19,11 +19,13 @@ constexpr std::size_t kLongestName = 200;  // bytes of a picture's name, in a me
 /// With all links followed, as far as the file exists.
 bool is_beneath(const fs::path& folder, const fs::path& file) {
   std::error_code error;
-  const fs::path inside = fs::weakly_canonical(fs::absolute(folder), error);
+  const fs::path from = fs::current_path(error);
   if (error) return false;
-  const fs::path whole = fs::weakly_canonical(fs::absolute(file), error);
+  const fs::path inside = fs::weakly_canonical(from / folder, error);
   if (error) return false;
-  const auto [rest, from] = std::mismatch(inside.begin(), inside.end(), whole.begin(), whole.end());
+  const fs::path whole = fs::weakly_canonical(from / file, error);
+  if (error) return false;
+  const auto [rest, end] = std::mismatch(inside.begin(), inside.end(), whole.begin(), whole.end());
   return rest == inside.end();
 }
 

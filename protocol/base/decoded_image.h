@@ -19,6 +19,7 @@ struct SampleMeaning {
   /// CIE x, y of white, red, green and blue; nothing: those of sRGB.
   std::optional<std::array<double, 8>> primaries{};
   std::vector<std::uint8_t> icc{};  ///< an ICC profile, which alone counts; empty: none
+  std::string unread{};             ///< what the file says of its colours and no program here applies: "PQ (HDR)"
   bool alpha = false;               ///< the file has an alpha channel, which is left out
   /// Of linear raymaps: at 0 dB, the shutter by which the light of 65535 fills a sample. Nothing: not said.
   std::optional<std::uint64_t> full_exposure_ns{};

@@ -26,11 +26,12 @@ struct Claim {
   std::string_view by, removal;
 };
 constexpr Claim kProfile{"its colour profile", "exiftool -icc_profile= FILE"};
-constexpr Claim kChunks{"its gAMA or cHRM chunk", "convert FILE -define png:exclude-chunks=gAMA,cHRM FILE.png"};
+constexpr Claim kChunks{"its cICP, gAMA or cHRM chunk", "convert FILE -define png:exclude-chunks=gAMA,cHRM FILE.png"};
 constexpr Claim kExif{"its Exif (Adobe RGB)", "exiftool -interopindex= -exif:colorspace= FILE"};
 
 const Claim* claim_of(const ImageHeader& header) {
   const SampleMeaning& meaning = header.meaning;
+  if (!meaning.unread.empty()) return &kChunks;
   if (!meaning.icc.empty()) return is_srgb_profile(meaning.icc) ? nullptr : &kProfile;
   if (meaning.curve == SampleMeaning::Curve::kGamma || meaning.primaries) return &kChunks;
   return meaning.curve == SampleMeaning::Curve::kUnsaid && is_adobe_rgb(header.metadata) ? &kExif : nullptr;

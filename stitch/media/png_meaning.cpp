@@ -5,18 +5,19 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <span>
 #include <string_view>
 
+#include "stitch/media/code_points.h"
+#include "stitch/media/known_curve.h"
 #include "stitch/media/linear_words.h"
 
 namespace nodal::media {
 namespace {
 
-constexpr png_byte kIccpName[5] = {'i', 'C', 'C', 'P', '\0'};
-constexpr std::array<double, 8> kSrgbPrimaries{0.3127, 0.3290, 0.64, 0.33, 0.30, 0.60, 0.15, 0.06};
-constexpr double kSamePrimaries = 0.002;
+/// Chunks that libpng leaves to us: the second it does not know.
+constexpr png_byte kChunkNames[] = {'i', 'C', 'C', 'P', '\0', 'c', 'I', 'C', 'P', '\0'};
+constexpr std::string_view kIccpName = "iCCP", kCicpName = "cICP";
 constexpr int kSrgbGamma = 45455, kLinearGamma = 100000;  ///< of gAMA
 constexpr int kSameGamma = 500;
 
@@ -47,9 +48,7 @@ void read_curve(png_structp png, png_infop info, SampleMeaning& meaning) {
   }
   std::array<double, 8> xy{};
   if (png_get_cHRM(png, info, &xy[0], &xy[1], &xy[2], &xy[3], &xy[4], &xy[5], &xy[6], &xy[7]) == 0) return;
-  double off = 0;
-  for (std::size_t k = 0; k < xy.size(); ++k) off = std::max(off, std::abs(xy[k] - kSrgbPrimaries[k]));
-  if (off > kSamePrimaries) meaning.primaries = xy;
+  if (!is_srgb_primaries(xy)) meaning.primaries = xy;
 }
 
 }  // namespace
@@ -57,18 +56,22 @@ void read_curve(png_structp png, png_infop info, SampleMeaning& meaning) {
 void limit_chunks(png_structp png) {
   png_set_chunk_malloc_max(png, kMaxPngChunkBytes);
   png_set_chunk_cache_max(png, kMaxPngTexts);
-  png_set_keep_unknown_chunks(png, PNG_HANDLE_CHUNK_ALWAYS, kIccpName, 1);
+  png_set_keep_unknown_chunks(png, PNG_HANDLE_CHUNK_ALWAYS, kChunkNames, 2);
 }
 
 void read_meaning(png_structp png, png_infop info, SampleMeaning& meaning, FileMetadata& metadata) {
   read_curve(png, info, meaning);
   png_unknown_chunkp chunks = nullptr;
   const int unknown = png_get_unknown_chunks(png, info, &chunks);
+  std::span<const std::uint8_t> cicp;
   for (int k = 0; k < unknown; ++k) {
-    if (std::memcmp(chunks[k].name, kIccpName, 4) != 0) continue;
-    meaning.icc = profile_of({chunks[k].data, chunks[k].size});
-    break;
+    const std::string_view name(reinterpret_cast<const char*>(chunks[k].name), 4);
+    const std::span<const std::uint8_t> data(chunks[k].data, chunks[k].size);
+    if (name == kIccpName && meaning.icc.empty()) meaning.icc = profile_of(data);
+    if (name == kCicpName && cicp.empty()) cicp = data;
   }
+  // It counts before iCCP, sRGB, gAMA and cHRM (PNG, third edition, 4.3).
+  if (cicp.size() == 4) set_code_points(cicp.first<4>(), meaning);
   png_textp texts = nullptr;
   int count = 0;
   png_get_text(png, info, &texts, &count);

@@ -152,6 +152,17 @@ TEST_F(ColourCommand, AdobeRgbByExifAlone_IsConvertedToo) {
   EXPECT_LT(largest_error(samples("o.png"), converted(chart(), kAdobeRgb, kSrgbSpace)), 3.5 / 255);
 }
 
+TEST_F(ColourCommand, CodePointsOfAPng_AreAppliedOrRefused) {
+  const Bytes plain = test::png_of(chart(), kWide, kHigh, 3);
+  test::write_bytes(path("p3.png"), with_chunk(plain, "cICP", {12, 13, 0, 1}));  // Display P3 by H.273
+  run({"convert", path("p3.png"), "--from", "equirectangular", "-o", path("o.png")});
+  EXPECT_LT(largest_error(samples("o.png"), converted(chart(), kDisplayP3, kSrgbSpace)), 1.5 / 255);
+  test::write_bytes(path("hdr.png"), with_chunk(plain, "cICP", {9, 16, 0, 1}));
+  const Finished done = nodal({"convert", path("hdr.png"), "--from", "equirectangular", "-o", path("o.png")});
+  EXPECT_NE(done.code, 0);
+  EXPECT_NE(done.err.find("hdr.png': its colours are given by PQ (HDR)"), std::string::npos) << done.err;
+}
+
 TEST_F(ColourCommand, HeadsWhoseResponseIsLinear_TakeLinearFilesAsTheyAre) {
   // 16 bits, gAMA 1, a quarter of the light.
   Bytes quarter;

@@ -88,13 +88,19 @@ double to_srgb(double light) { return light <= 0.0031308 ? light * 12.92 : 1.055
 }  // namespace
 
 bool needs_conversion(const SampleMeaning& meaning) {
-  return !meaning.icc.empty() || meaning.primaries || meaning.curve == SampleMeaning::Curve::kGamma;
+  return !meaning.unread.empty() || !meaning.icc.empty() || meaning.primaries ||
+         meaning.curve == SampleMeaning::Curve::kGamma;
 }
 
 Status in_srgb(DecodedImage& picture, const std::string& name) {
   SampleMeaning& meaning = picture.meaning;
   const bool deep = is_linear16(picture.format);
-  if (!needs_conversion(meaning) || (deep && meaning.is_linear() && !meaning.primaries)) return {};
+  if (!needs_conversion(meaning)) return {};
+  if (!meaning.unread.empty()) {
+    return fail(Errc::kUnsupported, "picture '" + name + "': its colours are given by " + meaning.unread +
+                                        ", which is not converted; save it as sRGB");
+  }
+  if (deep && meaning.is_linear() && !meaning.primaries) return {};
   const bool grey = in_8_bits(picture.format) == PixelFormat::kGrey8;
   const Profile from = profile_of(meaning, grey);
   if (!from) return fail(unfit(name, "is broken"));

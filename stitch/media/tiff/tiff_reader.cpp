@@ -18,6 +18,7 @@
 #include "protocol/files/open_file.h"
 #include "stitch/media/file_kind.h"
 #include "stitch/media/linear_words.h"
+#include "stitch/media/tiff/colorimetry.h"
 #include "stitch/media/tiff/exif_block.h"
 #include "stitch/media/tiff/memory.h"
 
@@ -153,13 +154,15 @@ bool is_plain(const Reader& reader) {
           alpha_of(reader) != Alpha::kNone);
 }
 
-/// Its colour profile, XMP, Exif and comment.
+/// Its colours, XMP, Exif and comment.
 void read_notes(const Reader& reader, DecodedImage& picture) {
   TIFF* tiff = reader.tiff.get();
   std::uint32_t length = 0;
   const std::uint8_t* bytes = nullptr;
   if (TIFFGetField(tiff, TIFFTAG_ICCPROFILE, &length, &bytes) == 1 && bytes != nullptr) {
     picture.meaning.icc.assign(bytes, bytes + length);
+  } else {
+    read_colorimetry(tiff, picture.meaning);
   }
   const char* text = nullptr;
   if (TIFFGetField(tiff, TIFFTAG_XMLPACKET, &length, &text) == 1 && text != nullptr) {

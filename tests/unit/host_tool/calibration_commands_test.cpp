@@ -80,6 +80,21 @@ TEST_F(CalibrationCommands, FormatOfOneCameraAFile_WritesOneForEveryHead) {
   }
 }
 
+TEST_F(CalibrationCommands, CamerasInTheFolderInWhichNodalRuns_AreImported) {
+  // They name no pictures, and their path has no folder.
+  const std::string rig = write_rig("rig.json", test::six_fisheyes(400, 110));
+  ASSERT_EQ(Outcome({"export", rig, "--format", "opencv", "-o", path("cam.yaml")}).code, ExitCode::kOk);
+  ASSERT_EQ(Outcome({"export", rig, "--format", "kalibr", "-o", path("chain.yaml")}).code, ExitCode::kOk);
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(std::filesystem::path(rig).parent_path());
+  for (const std::string file : {"cam-cam0.yaml", "chain.yaml"}) {
+    const Outcome imported({"import", file, "-o", "here.json"});
+    EXPECT_EQ(imported.code, ExitCode::kOk) << file << imported.err;
+    EXPECT_EQ(imported.err.find("is outside"), std::string::npos) << imported.err;
+  }
+  std::filesystem::current_path(before);
+}
+
 TEST_F(CalibrationCommands, WhatCannotBe_IsRefusedWithItsExitCode) {
   const std::string rig = write_rig("rig.json", test::six_fisheyes(100, 110));
   EXPECT_EQ(Outcome({"export", rig, "--format", "bmp"}).code, ExitCode::kUsage);

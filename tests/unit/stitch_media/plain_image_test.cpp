@@ -135,9 +135,11 @@ TEST(CheckPlain, EachWordForOtherColours_IsNamedWithItsRemoval) {
   EXPECT_NE(refusal(header).find("'p.jpg': is not in sRGB, as its colour profile says"), std::string::npos);
   EXPECT_NE(refusal(header).find("exiftool -icc_profile= FILE"), std::string::npos);
   header.meaning = SampleMeaning::linear();
-  EXPECT_NE(refusal(header).find("its gAMA or cHRM chunk"), std::string::npos);
+  EXPECT_NE(refusal(header).find("its cICP, gAMA or cHRM chunk"), std::string::npos);
+  header.meaning = {.unread = "PQ (HDR)"};
+  EXPECT_NE(refusal(header).find("its cICP, gAMA or cHRM chunk"), std::string::npos);
   header.meaning = {.curve = SampleMeaning::Curve::kSrgb, .primaries = kP3};
-  EXPECT_NE(refusal(header).find("its gAMA or cHRM chunk"), std::string::npos);
+  EXPECT_NE(refusal(header).find("its cICP, gAMA or cHRM chunk"), std::string::npos);
 }
 
 TEST(CheckPlain, AdobeRgbByExif_IsRefusedInBothByteOrders) {

@@ -60,6 +60,29 @@ TEST(PngMeaning, ChunksOfColour_SayWhatNumbersStandFor) {
   EXPECT_FALSE(meaning_of({{"gAMA", gamma_chunk(100000)}, {"sRGB", {0}}}).is_linear()) << "sRGB counts first";
 }
 
+TEST(PngMeaning, CodePoints_CountBeforeEverythingElse) {
+  const auto coded = [](std::uint8_t primaries, std::uint8_t transfer, std::uint8_t matrix = 0, std::uint8_t full = 1) {
+    return meaning_of({{"gAMA", gamma_chunk(55556)},
+                       {"iCCP", profile_chunk(Bytes(300, 7))},
+                       {"cICP", {primaries, transfer, matrix, full}}});
+  };
+  const SampleMeaning p3 = coded(12, 13);
+  EXPECT_TRUE(p3.icc.empty());
+  EXPECT_EQ(p3.curve, SampleMeaning::Curve::kSrgb);
+  EXPECT_EQ(p3.primaries, (std::array{0.3127, 0.3290, 0.680, 0.320, 0.265, 0.690, 0.150, 0.060}));  // Display P3
+  EXPECT_EQ(coded(1, 13).primaries, std::nullopt);
+  EXPECT_TRUE(coded(1, 8).is_linear());
+  EXPECT_EQ(coded(1, 4).gamma, 2.2);
+  EXPECT_EQ(coded(1, 1).curve, SampleMeaning::Curve::kUnsaid) << "a picture of a film, by FFmpeg";
+  EXPECT_EQ(coded(9, 16).unread, "PQ (HDR)");
+  EXPECT_EQ(coded(9, 18).unread, "HLG (HDR)");
+  EXPECT_EQ(coded(99, 13).unread, "the colour primaries 99 of H.273");
+  EXPECT_EQ(coded(1, 99).unread, "the transfer characteristics 99 of H.273");
+  EXPECT_EQ(coded(1, 13, 1).unread, "the matrix 1 of H.273");
+  EXPECT_EQ(coded(1, 13, 0, 0).unread, "video's narrow range");
+  EXPECT_TRUE(meaning_of({{"cICP", {1, 8, 0}}}).unread.empty()) << "a chunk of another length is none";
+}
+
 TEST(PngMeaning, AProfile_IsKeptWhateverLibpngThinksOfIt) {
   // libpng drops a profile for colours of a grey picture, and one that is broken, with a warning only.
   const Bytes profile(300, 7);

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 #include <tiffio.h>
 
+#include <array>
+#include <cmath>
 #include <cstring>
 #include <fstream>
 
@@ -292,6 +294,54 @@ TEST_F(TiffReader, WhatIsNoPicture_IsRefusedWithItsReason) {
   EXPECT_EQ(read_tiff(path("text.tif")).error().code, Errc::kBadFormat);
   EXPECT_EQ(read_tiff_header(path("text.tif")).error().code, Errc::kBadFormat);
   EXPECT_FALSE(is_tiff(folder_.path().string()));
+}
+
+/// The meaning of an RGB picture of a pixel whose TransferFunction is table(sample of 0 to 1), light of 0 to 1.
+template <class Table>
+SampleMeaning with_curve(const std::string& file, int bits, const Table& table,
+                         const std::vector<float>& primaries = {}) {
+  TIFF* tiff = TIFFOpen(file.c_str(), "w");
+  TIFFSetField(tiff, TIFFTAG_IMAGEWIDTH, 1);
+  TIFFSetField(tiff, TIFFTAG_IMAGELENGTH, 1);
+  TIFFSetField(tiff, TIFFTAG_SAMPLESPERPIXEL, 3);
+  TIFFSetField(tiff, TIFFTAG_BITSPERSAMPLE, bits);
+  TIFFSetField(tiff, TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG);
+  TIFFSetField(tiff, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_RGB);
+  std::vector<std::uint16_t> light;
+  const int last = (1 << bits) - 1;
+  for (int k = 0; k <= last; ++k) {
+    light.push_back(static_cast<std::uint16_t>(std::lround(65535 * table(static_cast<double>(k) / last))));
+  }
+  TIFFSetField(tiff, TIFFTAG_TRANSFERFUNCTION, light.data(), light.data(), light.data());
+  if (!primaries.empty()) TIFFSetField(tiff, TIFFTAG_PRIMARYCHROMATICITIES, primaries.data());
+  std::array<std::uint16_t, 3> pixel{};
+  TIFFWriteScanline(tiff, pixel.data(), 0, 0);
+  TIFFClose(tiff);
+  return read_tiff(file).value().meaning;
+}
+
+TEST_F(TiffReader, TransferFunctionAndPrimaries_SayWhatNumbersStandFor) {
+  using Curve = SampleMeaning::Curve;
+  const auto srgb = [](double s) { return s <= 0.04045 ? s / 12.92 : std::pow((s + 0.055) / 1.055, 2.4); };
+  const std::string file = path("c.tif");
+  for (const int bits : {8, 16}) {
+    EXPECT_EQ(with_curve(file, bits, srgb).curve, Curve::kSrgb) << bits;
+    EXPECT_TRUE(with_curve(file, bits, [](double s) { return s; }).is_linear()) << bits;
+    for (const double gamma : {1.8, 2.2}) {
+      const SampleMeaning meaning = with_curve(file, bits, [gamma](double s) { return std::pow(s, gamma); });
+      EXPECT_EQ(meaning.curve, Curve::kGamma) << bits;
+      EXPECT_NEAR(meaning.gamma, gamma, 0.002) << bits;
+      EXPECT_TRUE(meaning.unread.empty());
+    }
+    EXPECT_EQ(with_curve(file, bits, [](double s) { return 1 - s; }).unread, "its TransferFunction");
+    EXPECT_EQ(with_curve(file, bits, [](double s) { return s * s * (3 - 2 * s); }).unread, "its TransferFunction");
+  }
+  const std::vector<float> p3{0.680F, 0.320F, 0.265F, 0.690F, 0.150F, 0.060F};
+  const SampleMeaning wide = with_curve(file, 8, srgb, p3);
+  ASSERT_TRUE(wide.primaries);
+  EXPECT_NEAR((*wide.primaries)[0], 0.3127, 1e-6) << "D65 where the file does not say white";
+  EXPECT_NEAR((*wide.primaries)[2], 0.680, 1e-6);
+  EXPECT_FALSE(with_curve(file, 8, srgb, {0.64F, 0.33F, 0.30F, 0.60F, 0.15F, 0.06F}).primaries);
 }
 
 }  // namespace
