@@ -7,14 +7,14 @@
 namespace nodal::autocalibration {
 namespace {
 
-constexpr int kSide = 1600;                 // px; larger pictures are reduced to this for features,
+constexpr int kFeatureSide = 1600;          // px; larger pictures are reduced to this for features,
 constexpr int kRimSide = 3200;              // and to this for those of rims
 constexpr std::size_t kFeatures = 2500;     // per picture
 constexpr std::size_t kRimFeatures = 4000;  // per picture
 constexpr double kRim = 0.8;  // of the circle's radius: overlaps that reach farther in have features enough
 
 struct Effort {
-  int side = kSide;
+  int side = kFeatureSide;
   std::size_t features = kFeatures;
   double from = 0;  // of the circle's radius
 };
