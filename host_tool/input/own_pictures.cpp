@@ -222,8 +222,8 @@ Result<FirstCalibration> first_calibration(const std::vector<std::string>& files
   }
   for (const auto& [a, b] : found->doubtful) {
     first.notes.push_back(
-        fmt::format("{} and {} overlap, but show different things there: one of them may be at a wrong "
-                    "place",
+        fmt::format("{} and {} overlap, but what they show there does not line up: one of them may be turned by some "
+                    "degrees, or they see near things from different places",
                     first.placed[a], first.placed[b]));
   }
   first.points = std::make_shared<const std::vector<autocalibration::Match>>(std::move(found->points));

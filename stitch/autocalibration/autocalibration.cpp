@@ -22,6 +22,7 @@ namespace nodal::autocalibration {
 namespace {
 
 constexpr double kLeastCorrelation = 0.3;  // of two pictures' detail where they overlap
+constexpr std::ptrdiff_t kSameThings = 16;  // points of two pictures that agree: they show the same things
 constexpr double kSamePlace = 2;           // px
 constexpr double kWithin = 0.98;           // of the lens's largest radius
 
@@ -175,6 +176,21 @@ void add_points(const Arrangement& arrangement, Found& found) {
   }
 }
 
+/// Near things, or a lens that is some percent off, displace pictures of the same things enough for their detail not to
+/// correlate. Points that agree all over the same tell that they are the same things.
+void add_doubtful(const Arrangement& arrangement, const Overlaps& overlaps, Found& found) {
+  for (std::size_t i = 0; i < found.placed.size(); ++i) {
+    for (std::size_t j = i + 1; j < found.placed.size(); ++j) {
+      const auto agreeing = std::ranges::count_if(found.points, [&](const Match& m) { return m.a == i && m.b == j; });
+      if (agreeing >= kSameThings) continue;
+      const std::size_t a = found.placed[i], b = found.placed[j];
+      const Eigen::Matrix3d R_b_a = *arrangement.R_head_rig[b] * arrangement.R_head_rig[a]->transpose();
+      if (overlaps.correlation(a, b, R_b_a, arrangement.lens_of(a), arrangement.lens_of(b)) <= kLeastCorrelation)
+        found.doubtful.emplace_back(i, j);
+    }
+  }
+}
+
 }  // namespace
 
 Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std::vector<std::string>& names,
@@ -222,19 +238,12 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
     found.placed.push_back(h);
     found.calibration.heads.push_back(head_of(shapes[h], arrangement->lens_of(h), *R, names[h]));
   }
-  for (std::size_t i = 0; i < found.placed.size(); ++i) {
-    for (std::size_t j = i + 1; j < found.placed.size(); ++j) {
-      const std::size_t a = found.placed[i], b = found.placed[j];
-      const Eigen::Matrix3d R_b_a = *arrangement->R_head_rig[b] * arrangement->R_head_rig[a]->transpose();
-      if (overlaps.correlation(a, b, R_b_a, arrangement->lens_of(a), arrangement->lens_of(b)) <= kLeastCorrelation)
-        found.doubtful.emplace_back(i, j);
-    }
-  }
   found.matches = static_cast<int>(arrangement->used.size());
   found.error_px = arrangement->error * shapes.front().unit();
   found.lens = arrangement->evidence;
   if (!found.placed.empty()) found.unit_px = shapes[found.placed.front()].unit();
   add_points(*arrangement, found);
+  add_doubtful(*arrangement, overlaps, found);
   if (const Status good = check_calibration(found.calibration); !good) return fail(good.error());
   if (const Status turned = turn_upright(small, options.up, found); !turned) return fail(turned.error());
   tell(1);

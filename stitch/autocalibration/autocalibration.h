@@ -37,7 +37,7 @@ struct Found {
   std::vector<std::size_t> placed;  ///< their pictures
   int matches = 0;                  ///< points that two heads see and that agree
   double error_px = 0;              ///< the median distance of such a point's two images, original pixels
-  /// Pictures (indices into `placed`) that overlap and do not show the same there.
+  /// Pictures (indices into `placed`) that overlap and share few points, and whose detail does not line up there.
   std::vector<std::pair<std::size_t, std::size_t>> doubtful;
   UpBasis up = UpBasis::kLight;  ///< what decided which way is up
   LensEvidence lens;             ///< where the points determine the lens

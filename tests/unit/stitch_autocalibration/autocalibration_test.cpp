@@ -7,6 +7,7 @@
 #include <variant>
 
 #include "stitch/geometry/lens/lens.h"
+#include "stitch/geometry/rotation.h"
 #include "tests/support/rendered_rig.h"
 
 namespace nodal::autocalibration {
@@ -61,6 +62,33 @@ TEST(Autocalibration, TwoFisheyesThatHardlyOverlap_AreBackToBackOrRefused) {
     }
     EXPECT_FALSE(found->lens.whole());
   }
+}
+
+/// Three fisheyes that look 40 degrees apart, to the right.
+Calibration three_to_the_right() {
+  Calibration rig = test::six_fisheyes(400);
+  rig.heads.resize(3);
+  for (std::size_t h = 0; h < 3; ++h) {
+    rig.heads[h].R_head_rig = geometry::rows_of(geometry::to_R_head_rig({40.0 * static_cast<double>(h), 0, 0}));
+  }
+  return rig;
+}
+
+TEST(Autocalibration, PicturesThatOverlapAndShowDifferentThings_AreNamed) {
+  const Calibration rig = three_to_the_right();
+  test::RenderedRig town = test::render_rig(rig, hal::sim::town_square_scene(3), {.noise_levels = 1});
+  const test::RenderedRig other = test::render_rig(rig, hal::sim::town_square_scene(8), {.noise_levels = 1});
+  // The left part of the last picture, which the first one sees, too, is of another town, which lies on its side.
+  for (int y = 0; y < 400; ++y) {
+    for (int x = 0; x < 150; ++x) {
+      town.bytes[2][static_cast<std::size_t>(y * 400 + x)] = other.bytes[2][static_cast<std::size_t>(x * 400 + y)];
+    }
+  }
+  const auto found = autocalibrate(pictures_of(town), names_of(rig), {});
+  ASSERT_TRUE(found) << found.error().text();
+  ASSERT_EQ(found->placed.size(), 3U);
+  ASSERT_EQ(found->doubtful.size(), 1U);
+  EXPECT_EQ(found->doubtful[0], (std::pair<std::size_t, std::size_t>(0, 2)));
 }
 
 TEST(Autocalibration, AFalseFocalLengthInExif_DoesNoHarm) {
