@@ -159,7 +159,7 @@ void add_audit(CLI::App& app, CommandLine& line) {
   const auto options = std::make_shared<AuditOptions>();
   audit
       ->add_option("--since", options->since,
-                   "All changes since a time ago (90min, 2h, 3d) or a date in UTC (2026-11-26)")
+                   "All changes since a time ago (90min, 1m, 2h, 3d) or a date in UTC (2026-11-26)")
       ->type_name("TIME");
   line.on(audit, [options](Context& context) { return run_audit(context, *options); });
 }

@@ -7,12 +7,15 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include "host_tool/commands/command.h"
 #include "host_tool/commands/film_file.h"
 #include "host_tool/console/interrupt.h"
+#include "host_tool/console/overwriting.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/offload/take_files.h"
 #include "protocol/base/raymap_rate.h"
@@ -36,10 +39,10 @@ struct ExportArgs {
 class Csv {
  public:
   /// end() returns why the file could not be made or written.
-  Csv(const fs::path& file, std::string_view titles) : name_(file.string()) {
-    Result<FilePtr> out = create_to_write(file);
-    if (out) out_ = std::move(*out);
-    else made_ = fail(out.error().in(name_));
+  Csv(const fs::path& file, std::string_view titles) : name_(file.string()), made_(check_free(name_)) {
+    std::error_code none;
+    if (made_) fs::remove(file, none);  // one that may be replaced
+    if (made_) make(file);
     put(titles);
     put("\r\n");
   }
@@ -58,6 +61,11 @@ class Csv {
   }
 
  private:
+  void make(const fs::path& file) {
+    Result<FilePtr> out = create_to_write(file);
+    if (out) out_ = std::move(*out);
+    else made_ = fail(out.error().in(name_));
+  }
   void put(std::string_view text) {
     good_ = made_ && std::fwrite(text.data(), 1, text.size(), out_.get()) == text.size() && good_;
   }
@@ -100,13 +108,13 @@ class Films {
       ++film.part;
       std::string name = stream.head ? fmt::format("cam{}", *stream.head) : "raymaps";
       if (film.part > 1) name += fmt::format("-part{}", film.part);
+      names_.insert(name + ".mkv");
       auto made = FilmFile::create((to_ / (name + ".mkv")).string());
       if (!made) return fail(made.error());
       film.file = std::move(*made);
       film.file->set_utc_offset(about_.utc_offset_ns());
       film.stream = stream;
       film.rate = rate_;
-      ++count_;
     }
     return film.file->add(track_of(stream), at_ns, frame);
   }
@@ -116,7 +124,7 @@ class Films {
     }
     return {};
   }
-  std::size_t count() const { return count_; }
+  const std::set<std::string>& names() const { return names_; }
 
  private:
   struct Film {
@@ -158,7 +166,7 @@ class Films {
   int raymaps_a_set_ = 1;
   const std::string calibration_;
   std::map<int, Film> films_;
-  std::size_t count_ = 0;
+  std::set<std::string> names_;
 };
 
 /// The raymaps of a segment belong to its file of raymaps, which is the one without a head.
@@ -176,6 +184,23 @@ Status add_raymaps(media::TakeSegment& segment, Films& films) {
   return {};
 }
 
+/// Films and tables that are in the folder already. Errors: kExists, unless they may be replaced (--overwrite).
+Result<std::vector<std::string>> films_and_tables(const fs::path& to) {
+  std::vector<std::string> names;
+  std::error_code error;
+  for (const fs::directory_entry& entry : fs::directory_iterator(to, error)) {
+    if (entry.path().extension() != ".mkv" && entry.path().extension() != ".csv") continue;
+    names.push_back(entry.path().filename().string());
+    if (check_free(entry.path().string())) continue;
+    return fail(Errc::kExists,
+                fmt::format("--to {}: has {} already; name another folder, or replace what is there with "
+                            "--overwrite",
+                            to.string(), names.back()));
+  }
+  if (error) return fail(Errc::kIo, fmt::format("--to {}: {}", to.string(), error.message()));
+  return names;
+}
+
 Status run_export(Context& context, const ExportArgs& args) {
   watch_interrupts();
   const Result<media::TakeFolder> folder = media::TakeFolder::open(take_files(args.folder));
@@ -187,12 +212,8 @@ Status run_export(Context& context, const ExportArgs& args) {
   if (fs::equivalent(to, args.folder, error)) {
     return fail(Errc::kBadValue, fmt::format("--to {}: is the take itself; name another folder", args.to));
   }
-  for (const fs::directory_entry& entry : fs::directory_iterator(to, error)) {
-    const std::string name = entry.path().filename().string();
-    if (entry.path().extension() != ".mkv" && entry.path().extension() != ".csv") continue;
-    return fail(Errc::kExists, fmt::format("--to {}: has {} already; name another folder", args.to, name));
-  }
-  if (error) return fail(Errc::kIo, fmt::format("--to {}: {}", args.to, error.message()));
+  const Result<std::vector<std::string>> before = films_and_tables(to);
+  if (!before) return fail(before.error());
   std::string calibration;
   if (folder->has(take::kCalibrationFile)) {
     const auto text = folder->text(take::kCalibrationFile, kMaxCalibrationBytes);
@@ -244,10 +265,14 @@ Status run_export(Context& context, const ExportArgs& args) {
   context.console().document({{"take", folder->manifest().number},
                               {"to", args.to},
                               {"sets", folder->manifest().sets},
-                              {"films", films.count()},
+                              {"films", films.names().size()},
                               {"tables", {"sets.csv", "frames.csv"}}});
-  context.console().line(fmt::format("{}: {} with {}, sets.csv and frames.csv", args.to, counted(films.count(), "film"),
-                                     counted(folder->manifest().sets, "set")));
+  context.console().line(fmt::format("{}: {} with {}, sets.csv and frames.csv", args.to,
+                                     counted(films.names().size(), "film"), counted(folder->manifest().sets, "set")));
+  for (const std::string& name : *before) {
+    if (films.names().contains(name) || name == "sets.csv" || name == "frames.csv") continue;
+    context.console().note(fmt::format("{}: {} was there before, and is not of this take", args.to, name));
+  }
   return {};
 }
 
@@ -262,7 +287,9 @@ void add_take_export(CLI::App& group, CommandLine& line) {
                   "Pictures are copied, not coded again. Frame i of every film belongs to row i of sets.csv, from the\n"
                   "set on in which the head first delivered.\n");
   command->add_option("FOLDER", args->folder, "The folder of the take")->required()->type_name("");
-  command->add_option("--to", args->to, "The folder to write to; it is made, and has no films or tables yet")
+  command
+      ->add_option("--to", args->to,
+                   "The folder to write to; it is made. Films and tables that it has are replaced with --overwrite")
       ->required()
       ->type_name("DIR");
   line.on(command, [args](Context& context) { return run_export(context, *args); });

@@ -3,26 +3,26 @@
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
-#include <array>
 #include <charconv>
 #include <chrono>
 #include <ctime>
 #include <optional>
 #include <utility>
 
+#include "host_tool/console/quantities.h"
 #include "protocol/base/text.h"
 
 namespace nodal::host {
 namespace {
 
 constexpr std::int64_t kSecond = 1'000'000'000;
-constexpr std::int64_t kLongestAgoS = std::int64_t{100} * 366 * 86400;
+constexpr Duration kLongestAgo = Duration::seconds(std::int64_t{100} * 366 * 86400);
 
-/// Takes a number of exactly `digits` digits, or of any number of digits for 0.
+/// Takes a number of exactly `digits` digits.
 std::optional<std::int64_t> take_number(std::string_view& text, std::size_t digits) {
   std::size_t length = 0;
   while (length < text.size() && text[length] >= '0' && text[length] <= '9') ++length;
-  if (length == 0 || length > 12 || (digits != 0 && length != digits)) return std::nullopt;
+  if (length != digits) return std::nullopt;
   std::int64_t number = 0;
   std::from_chars(text.data(), text.data() + length, number);
   text.remove_prefix(length);
@@ -33,16 +33,6 @@ bool take(std::string_view& text, std::string_view allowed) {
   if (text.empty() || allowed.find(text.front()) == std::string_view::npos) return false;
   text.remove_prefix(1);
   return true;
-}
-
-std::optional<std::int64_t> seconds_ago(std::string_view text) {
-  constexpr std::array<std::pair<std::string_view, std::int64_t>, 4> kUnits{
-      {{"s", 1}, {"min", 60}, {"h", 3600}, {"d", 86400}}};
-  const auto number = take_number(text, 0);
-  for (const auto& [name, seconds] : kUnits) {
-    if (number && text == name && *number <= kLongestAgoS / seconds) return *number * seconds;
-  }
-  return std::nullopt;
 }
 
 /// Seconds since 1970 of a date with or without a time.
@@ -80,14 +70,15 @@ std::string show_utc(std::int64_t ns) {
 }
 
 Result<std::int64_t> parse_point_in_time(std::string_view text, std::int64_t now_ns) {
-  if (const auto ago = seconds_ago(text)) {
-    if (now_ns > 0) return now_ns - *ago * kSecond;
+  if (const auto ago = duration_of(text, kLongestAgo)) {
+    if (now_ns > 0) return now_ns - ago->ns();
     return fail(Errc::kNotReady, "the rig's clock is not set, so no time can be counted back from now; give a date");
   }
   if (const auto date = seconds_of_date(text)) return *date * kSecond;
-  return fail(Errc::kBadValue, fmt::format("'{}' is no time; allowed are a time ago (90min, 2h, 3d) or a date in UTC "
-                                           "(2026-11-26, \"2026-11-26 12:30\")",
-                                           printable(text, 40)));
+  return fail(Errc::kBadValue,
+              fmt::format("'{}' is no time; allowed are a time ago, such as 90min or 3d (the units are {}), or a "
+                          "date in UTC (2026-11-26, \"2026-11-26 12:30\")",
+                          printable(text, 40), kDurationUnits));
 }
 
 }  // namespace nodal::host

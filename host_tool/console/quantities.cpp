@@ -39,23 +39,23 @@ std::optional<double> ns_per(std::string_view unit) {
   if (unit == "us" || unit == "µs") return 1e3;
   if (unit == "ms") return 1e6;
   if (unit == "s") return 1e9;
-  if (unit == "min") return 60e9;
+  if (unit == "min" || unit == "m") return 60e9;
+  if (unit == "h") return 3600e9;
+  if (unit == "d") return 86'400e9;
   return std::nullopt;
 }
-
-constexpr double kLongestNs = 86'400e9;  // a day: a longer time indicates a wrong unit
 
 tl::unexpected<Error> bad(std::string_view what, std::string_view text, std::string_view allowed) {
   return fail(Errc::kBadValue, fmt::format("{} '{}': write it as {}", what, text, allowed));
 }
 
-std::optional<std::int64_t> to_ns(std::string_view text) {
+std::optional<std::int64_t> to_ns(std::string_view text, Duration longest) {
   const std::optional<Quantity> quantity = split(text);
   if (!quantity) return std::nullopt;
   const std::optional<double> unit = ns_per(quantity->unit);
   if (!unit) return std::nullopt;
   const double ns = quantity->number * *unit;
-  if (ns < 0 || ns > kLongestNs) return std::nullopt;
+  if (!(ns >= 0 && ns <= static_cast<double>(longest.ns()))) return std::nullopt;
   return std::llround(ns);
 }
 
@@ -64,13 +64,24 @@ std::string short_number(double value) { return fmt::format("{:.4g}", value); }
 
 }  // namespace
 
-Result<Duration> parse_duration(std::string_view text) {
-  const std::optional<std::int64_t> ns = to_ns(text);
-  if (!ns) return bad("duration", text, "a number and its unit: 250us, 8ms, 5s, 2min; a day at most");
+std::optional<Duration> duration_of(std::string_view text, Duration longest) {
+  const std::optional<std::int64_t> ns = to_ns(text, longest);
+  if (!ns) return std::nullopt;
   return Duration::nanoseconds(*ns);
 }
 
+Result<Duration> parse_duration(std::string_view text) {
+  const auto duration = duration_of(text, kLongestDuration);
+  if (!duration) {
+    return bad(
+        "duration", text,
+        fmt::format("a number and its unit, such as 8ms or 5s; the units are {}; a day at most", kDurationUnits));
+  }
+  return *duration;
+}
+
 Result<Exposure> parse_exposure(std::string_view text) {
+  constexpr Duration kLongestExposure = kLongestDuration;
   constexpr std::string_view kAllowed = "8ms, 500us or a fraction of a second, 1/125";
   if (const std::size_t slash = text.find('/'); slash != std::string_view::npos) {
     std::string_view below = text.substr(slash + 1);
@@ -79,11 +90,13 @@ Result<Exposure> parse_exposure(std::string_view text) {
     const auto denominator = whole<std::uint32_t>(below);
     if (!numerator || !denominator || *numerator == 0 || *denominator == 0) return bad("exposure", text, kAllowed);
     const double ns = std::round(1e9 * *numerator / *denominator);
-    if (ns < 1 || ns > kLongestNs) return bad("exposure", text, kAllowed);
+    if (ns < 1 || ns > static_cast<double>(kLongestExposure.ns())) return bad("exposure", text, kAllowed);
     return Exposure::of(Duration::nanoseconds(static_cast<std::int64_t>(ns)));
   }
-  const std::optional<std::int64_t> ns = to_ns(text);
-  if (!ns || *ns == 0) return bad("exposure", text, kAllowed);
+  // "8m" is a slip for 8ms rather than eight minutes.
+  const bool minutes = text.ends_with('m');
+  const std::optional<std::int64_t> ns = to_ns(text, kLongestExposure);
+  if (!ns || *ns == 0 || minutes) return bad("exposure", text, kAllowed);
   return Exposure::of(Duration::nanoseconds(*ns));
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -11,8 +12,15 @@
 
 namespace nodal::host {
 
-/// "250us", "8ms", "0.5s", "2min". Errors: kBadValue; the message gives valid examples.
+/// The units of every duration that a user writes, for messages.
+inline constexpr std::string_view kDurationUnits = "ns, us, ms, s, m or min (minutes), h (hours) and d (days)";
+/// A longer one indicates a wrong unit.
+inline constexpr Duration kLongestDuration = Duration::seconds(86'400);
+
+/// "250us", "8ms", "0.5s", "2min" or "2m", "3h". Errors: kBadValue; the message names the units.
 Result<Duration> parse_duration(std::string_view text);
+/// The same for times that may be longer; nothing if the text is no duration or a longer one.
+std::optional<Duration> duration_of(std::string_view text, Duration longest);
 /// "8ms", "500us", or a fraction of a second as on cameras: "1/125".
 Result<Exposure> parse_exposure(std::string_view text);
 /// "6dB", "-3.5dB", "0dB".

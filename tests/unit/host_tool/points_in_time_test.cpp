@@ -20,6 +20,9 @@ TEST(PointInTime, DatesWithAndWithoutATime_AreUtc) {
 
 TEST(PointInTime, TimesAgo_AreCountedBackFromTheRigsClock) {
   EXPECT_EQ(parse_point_in_time("90min", kNow), kNow - 5400 * kSecond);
+  EXPECT_EQ(parse_point_in_time("1m", kNow), kNow - 60 * kSecond);
+  EXPECT_EQ(parse_point_in_time("500ms", kNow), kNow - kSecond / 2);
+  EXPECT_EQ(parse_point_in_time("36600d", kNow), kNow - 36'600LL * 86'400 * kSecond);
   EXPECT_EQ(parse_point_in_time("2h", kNow), kNow - 7200 * kSecond);
   EXPECT_EQ(parse_point_in_time("3d", kNow), kNow - 259'200 * kSecond);
   const auto unknown = parse_point_in_time("2h", 0);
@@ -28,13 +31,14 @@ TEST(PointInTime, TimesAgo_AreCountedBackFromTheRigsClock) {
 }
 
 TEST(PointInTime, AnythingElse_IsRefusedWithExamples) {
-  for (const char* text :
-       {"", "h", "2", "2 h", "-2h", "99999999999d", "yesterday", "2026-11", "2026-13-01", "2026-02-29", "26-11-26",
-        "2026-11-26 24:00", "2026-11-26 12:60", "2026-11-26 12", "2026-11-26T12:30:00+01:00", "2026-11-26x"}) {
+  for (const char* text : {"", "h", "2", "2M", "2months", "-2h", "36601d", "99999999999d", "1e300d", "yesterday",
+                           "2026-11", "2026-13-01", "2026-02-29", "26-11-26", "2026-11-26 24:00", "2026-11-26 12:60",
+                           "2026-11-26 12", "2026-11-26T12:30:00+01:00", "2026-11-26x"}) {
     const auto refused = parse_point_in_time(text, kNow);
     ASSERT_FALSE(refused) << text;
     EXPECT_EQ(refused.error().code, Errc::kBadValue);
     EXPECT_NE(refused.error().message.find("2026-11-26"), std::string::npos);
+    EXPECT_NE(refused.error().message.find("m or min (minutes), h (hours) and d (days)"), std::string::npos);
   }
 }
 

@@ -89,6 +89,26 @@ TEST(ParseRate, ZeroAndWhatNoRigCanDo_IsRefused) {
   EXPECT_EQ(*parse_rate("4294967295/4294967295"), (FrameRate{1, 1}));
 }
 
+TEST(ParseDuration, EveryUnit_IsTaken) {
+  using Case = std::pair<const char*, std::int64_t>;
+  for (const auto& [text, ns] : {Case{"7ns", 7}, Case{"250us", 250'000}, Case{"250µs", 250'000}, Case{"8ms", 8'000'000},
+                                 Case{"0.5s", 500'000'000}, Case{"1m", 60'000'000'000}, Case{"2min", 120'000'000'000},
+                                 Case{"1.5h", 5'400'000'000'000}, Case{"1d", 86'400'000'000'000}}) {
+    const auto duration = parse_duration(text);
+    ASSERT_TRUE(duration) << text;
+    EXPECT_EQ(duration->ns(), ns) << text;
+  }
+  const auto refused = parse_duration("1y");
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("ns, us, ms, s, m or min (minutes), h (hours) and d (days)"),
+            std::string::npos);
+}
+
+TEST(ParseExposure, MinutesByOneLetter_AreRefusedAsASlipForMilliseconds) {
+  EXPECT_FALSE(parse_exposure("8m"));
+  EXPECT_EQ(parse_exposure("8ms")->duration().ns(), 8'000'000);
+}
+
 TEST(ParseDuration, MoreThanADay_IsRefused) {
   EXPECT_EQ(parse_duration("1440min")->ns(), 86'400'000'000'000);
   EXPECT_FALSE(parse_duration("1441min"));
