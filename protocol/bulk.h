@@ -109,10 +109,10 @@ struct BulkPiece {
 /// At any time: offered = delivered + dropped + pending.
 struct StreamCounts {
   std::uint64_t offered = 0;
-  std::uint64_t delivered = 0;  ///< output() has returned every byte of the item
+  std::uint64_t delivered = 0;  ///< the link has taken every byte of the item
   std::uint64_t dropped = 0;
-  std::uint64_t pending = 0;  ///< waiting, or partly sent
-  std::uint64_t bytes = 0;    ///< of items, returned by output()
+  std::uint64_t pending = 0;  ///< waiting, or partly taken by the link
+  std::uint64_t bytes = 0;    ///< of items, that the link has taken
 };
 
 }  // namespace nodal

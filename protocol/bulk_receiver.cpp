@@ -73,6 +73,7 @@ Result<std::optional<BulkPiece>> BulkReceiver::piece(StreamId id, std::span<cons
   const bool first = header.offset == 0;
   const bool last = header.offset + bytes.size() == header.total;
   stream.received += bytes.size();
+  received_bytes_ += bytes.size();
   stream.item = header.item;
   stream.total = header.total;
   stream.meta = header.meta;
@@ -135,6 +136,11 @@ std::optional<BulkReceiver::Credit> BulkReceiver::next_credit() {
     return Credit{id, allowed};
   }
   return std::nullopt;
+}
+
+std::uint64_t BulkReceiver::received_bytes(StreamId id) const {
+  const auto found = streams_.find(id);
+  return found == streams_.end() ? 0 : found->second.received;
 }
 
 bool BulkReceiver::inside_item() const {

@@ -40,6 +40,10 @@ class BulkReceiver {
   };
   std::optional<Credit> next_credit();
 
+  /// Bytes of items in complete frames, on all streams.
+  std::uint64_t received_bytes() const { return received_bytes_; }
+  /// The same for one stream, while it is open; 0 afterwards.
+  std::uint64_t received_bytes(StreamId stream) const;
   /// Whether an item is incomplete on a stream that is still open.
   bool inside_item() const;
 
@@ -69,6 +73,7 @@ class BulkReceiver {
   std::map<StreamId, Stream> streams_;
   StreamId next_id_;
   std::uint64_t lossless_window_;
+  std::uint64_t received_bytes_ = 0;
 };
 
 }  // namespace nodal

@@ -74,6 +74,10 @@ void BulkSender::close(StreamId id, std::optional<Error> error) {
   Stream& stream = found->second;
   stream.closing = true;
   if (!error) return;
+  if (!stream.queue.empty() && stream.queue.front().all_sent()) {  // its last piece is on the link, and arrives
+    stream.queue.pop_front();
+    ++stream.counts.delivered;
+  }
   stream.counts.dropped += stream.queue.size();
   stream.queue.clear();
   stream.error = std::move(error);
@@ -84,7 +88,6 @@ std::optional<StreamCounts> BulkSender::counts(StreamId id) const {
   if (found == streams_.end()) return std::nullopt;
   StreamCounts counts = found->second.counts;
   counts.pending = found->second.queue.size();
-  counts.bytes = found->second.sent;
   return counts;
 }
 
@@ -137,14 +140,28 @@ Result<BulkSender::Piece> BulkSender::cut(StreamId id, Stream& stream) {
   pending.begun = true;
   pending.sent += n;
   stream.sent += n;
-  if (pending.sent == total) {
-    stream.queue.pop_front();
-    ++stream.counts.delivered;
-  }
+  on_link_ = OnLink{id};
   return piece;
 }
 
+void BulkSender::taken(std::uint64_t bytes, bool whole) {
+  NODAL_ASSERT(on_link_ && bytes >= on_link_->taken);
+  const std::uint64_t more = bytes - std::exchange(on_link_->taken, bytes);
+  taken_bytes_ += more;
+  const auto found = streams_.find(on_link_->stream);
+  if (found != streams_.end()) {
+    Stream& stream = found->second;
+    stream.counts.bytes += more;
+    if (whole && !stream.queue.empty() && stream.queue.front().all_sent()) {
+      stream.queue.pop_front();
+      ++stream.counts.delivered;
+    }
+  }
+  if (whole) on_link_.reset();
+}
+
 std::optional<BulkSender::Piece> BulkSender::next_piece() {
+  NODAL_ASSERT(!on_link_);
   const auto may_go = [](const Stream& stream) {
     if (stream.queue.empty()) return false;
     const Pending& pending = stream.queue.front();

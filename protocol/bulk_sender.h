@@ -40,8 +40,12 @@ class BulkSender {
     SharedBytes slice;
   };
   /// The next piece for which there is credit, streams in round robin; nothing if there is none. If a body cannot be
-  /// read, its stream is closed with the error, which next_closed() returns.
+  /// read, its stream is closed with the error, which next_closed() returns. The link must have taken the piece before.
   std::optional<Piece> next_piece();
+  /// The link has taken so many bytes of the newest piece's meta and body, in total; `whole`: all of its frame.
+  void taken(std::uint64_t bytes, bool whole);
+  /// Bytes of items on all streams that the link has taken.
+  std::uint64_t taken_bytes() const { return taken_bytes_; }
 
   /// A stream whose items are all sent; its close message is due.
   struct Closed {
@@ -55,24 +59,32 @@ class BulkSender {
   struct Pending {
     std::uint64_t number = 0;
     BulkItem item;
-    std::uint64_t sent = 0;  // bytes of meta and body
+    std::uint64_t sent = 0;  // bytes of meta and body, in pieces
     bool begun = false;      // a piece of it has been sent, so it can no longer be replaced
     std::uint64_t total() const;
+    bool all_sent() const { return begun && sent == total(); }
   };
   struct Stream {
     StreamPolicy policy = StreamPolicy::kLossless;
     std::deque<Pending> queue;  // sending of the front item may have begun
     StreamCounts counts;
-    std::uint64_t sent = 0;
+    std::uint64_t sent = 0;  // in pieces
     std::uint64_t allowed = 0;
     bool closing = false;
     std::optional<Error> error;
+  };
+  // The piece that the link takes now.
+  struct OnLink {
+    StreamId stream = 0;
+    std::uint64_t taken = 0;
   };
   Result<Piece> cut(StreamId id, Stream& stream);
 
   std::map<StreamId, Stream> streams_;
   StreamId next_id_;
   StreamId last_served_ = 0;
+  std::optional<OnLink> on_link_;
+  std::uint64_t taken_bytes_ = 0;
 };
 
 }  // namespace nodal

@@ -103,6 +103,8 @@ class FrameDecoder {
   bool at_border() const { return !failed_ && have_ == 0; }
   /// Received bytes of the incomplete frame, including its header.
   std::size_t under_way() const { return have_; }
+  /// The header of the incomplete frame; null while it is incomplete itself.
+  const FrameHeader* header_under_way() const { return have_ >= kFrameHeaderBytes ? &header_ : nullptr; }
   /// Number of complete frames.
   std::uint32_t frames() const { return sequence_; }
 

@@ -77,6 +77,7 @@ tl::unexpected<Error> Session::die(Error error, bool tell_peer) {
   if (tell_peer) push_control(FrameType::kBye, 0, to_wire(error).SerializeAsString());
   dead_ = std::move(error);
   sender_ = BulkSender(0);  // releases all bodies
+  front_item_.reset();      // of a stream that it had
   return fail(*dead_);
 }
 
@@ -245,6 +246,12 @@ std::optional<Event> Session::next_event() {
   return event;
 }
 
+std::uint64_t Session::under_way_of(std::optional<StreamId> stream) const {
+  const FrameHeader* const header = decoder_.header_under_way();
+  if (!header || header->type != FrameType::kBulk || header->stream != stream.value_or(header->stream)) return 0;
+  return decoder_.under_way() - std::min(decoder_.under_way(), kFrameHeaderBytes + kPieceHeaderBytes);
+}
+
 Status Session::end_of_input() const {
   if (dead_) return fail(*dead_);
   if (!decoder_.at_border()) {
@@ -269,6 +276,7 @@ void Session::next_front() {
   front_.clear();
   front_slice_ = {};
   front_sent_ = 0;
+  front_item_.reset();
   while (!control_.empty() && front_.size() < kFrontBytes) {
     const QueuedFrame& frame = control_.front();
     append_control(frame.type, frame.stream, frame.payload);
@@ -292,6 +300,7 @@ void Session::next_front() {
     front_.insert(front_.end(), header.begin(), header.end());
     front_.insert(front_.end(), piece->head.begin(), piece->head.end());
     front_slice_ = std::move(piece->slice);
+    front_item_ = kFrameHeaderBytes + kPieceHeaderBytes;
   } else {
     append_closes();  // for streams whose bodies could not be read
   }
@@ -316,6 +325,9 @@ std::span<const std::uint8_t> Session::output() {
 void Session::sent(std::size_t bytes) {
   NODAL_ASSERT(bytes <= front_.size() + front_slice_.size() - front_sent_);
   front_sent_ += bytes;
+  if (!front_item_) return;
+  const bool whole = front_sent_ == front_.size() + front_slice_.size();
+  sender_.taken(front_sent_ - std::min(front_sent_, *front_item_), whole);
 }
 
 void Session::push_control(FrameType type, StreamId stream, std::string payload) {

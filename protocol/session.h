@@ -124,6 +124,12 @@ class Session {
   void stop_stream(StreamId stream, const Error& why);
   /// For a stream that this end opened, while it is open.
   std::optional<StreamCounts> counts(StreamId stream) const;
+  /// Bytes of items on all streams that this end opened, that the link has taken.
+  std::uint64_t bulk_taken() const { return sender_.taken_bytes(); }
+  /// Bytes of items on all streams that the peer opened, those of an incomplete frame included.
+  std::uint64_t bulk_received() const { return receiver_.received_bytes() + under_way_of(std::nullopt); }
+  /// The same for one stream, while it is open; 0 afterwards.
+  std::uint64_t bulk_received(StreamId stream) const { return receiver_.received_bytes(stream) + under_way_of(stream); }
 
   // --- what is known
   /// Null until the peer's Hello has arrived.
@@ -161,6 +167,8 @@ class Session {
   void push_event(Event event, std::size_t bytes);
   template <class Kind>
   std::optional<Kind> take();
+  /// Bytes of an item in the incomplete frame, if it is one of this stream; nothing: of any.
+  std::uint64_t under_way_of(std::optional<StreamId> stream) const;
 
   Status send_message(FrameType type, const google::protobuf::MessageLite& message);
   void push_control(FrameType type, StreamId stream, std::string payload);
@@ -192,6 +200,7 @@ class Session {
   std::vector<std::uint8_t> front_;
   SharedBytes front_slice_;
   std::size_t front_sent_ = 0;
+  std::optional<std::size_t> front_item_;  // where an item's bytes begin, if they are a bulk frame
 };
 
 template <class Kind>

@@ -129,12 +129,15 @@ bool CalibrationKeeper::take_requests() {
   const bool changing = installing_ || !to_try_.empty();
   if (!waiting_ || changing || answers_.full()) return busy;
   const KeeperRequest request = *std::exchange(waiting_, std::nullopt);
-  if (Status begun = start(request); !begun) answer(request.ticket, fail(begun.error()));
+  if (request.host.gone()) answer(request.ticket, fail(Presence::error()));
+  else if (Status begun = start(request); !begun) answer(request.ticket, fail(begun.error()));
   return true;
 }
 
 bool CalibrationKeeper::answer_at_once(const KeeperRequest& request) {
-  if (!store_) {
+  if (request.host.gone()) {
+    answer(request.ticket, fail(Presence::error()));
+  } else if (!store_) {
     answer(request.ticket, fail(store_status_.error()));
   } else if (std::holds_alternative<KeeperRequest::List>(request.what)) {
     answer(request.ticket, list());

@@ -13,6 +13,7 @@
 #include "firmware/calibration/trial.h"
 #include "firmware/config/config.h"
 #include "firmware/frame/frame_set.h"
+#include "firmware/frame/presence.h"
 #include "firmware/frame/snapshot.h"
 #include "hal/confined.h"
 #include "hal/disk.h"
@@ -49,6 +50,7 @@ struct KeeperRequest {
   std::uint64_t ticket = 0;
   What what;
   HeadShapes heads;
+  Presence host{};
 };
 using CalibrationCommand = KeeperRequest::What;
 

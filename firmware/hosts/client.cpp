@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <utility>
 
 namespace nodal::firmware {
 namespace {
@@ -25,7 +26,7 @@ Client::Client(std::uint64_t number, std::unique_ptr<hal::LinkPort> link, Access
       since_(now),
       used_(now),
       heard_(now),
-      written_(now),
+      moved_(now),
       pinged_(now),
       frame_since_(now) {}
 
@@ -63,8 +64,7 @@ bool Client::active(Instant now) const {
   bool pending = (frame_set && waits_for_link(*frame_set)) || (take_file && waits_for_link(*take_file));
   for (const auto& [stream, pull] : pulls) pending |= pull.ended || waits_for_link(stream);
   const bool takes = !pulls.empty() || frame_set || take_file;
-  if (takes && (!pending || now - written_ < kStalledAfter)) return true;
-  return !uploads.empty() && now - heard_ < kStalledAfter;
+  return (takes && !pending) || (works() && now - moved_ < kStalledAfter);
 }
 
 std::optional<Error> Client::overdue(Instant now) const {
@@ -78,7 +78,7 @@ std::optional<Error> Client::overdue(Instant now) const {
   if (under_way > 0 && session_.wants_input() && now - frame_since_ > kFrameWithin + more) {
     return Error{Errc::kTimeout, "a frame that began " + seconds(now - frame_since_) + " ago is still incomplete"};
   }
-  if (session_.version() >= kProtocolPing && now - heard_ > kSilentFor) {
+  if (session_.version() >= kProtocolPing && now - std::max(heard_, moved_) > kSilentFor) {
     return Error{Errc::kTimeout, "the host sent nothing for " + seconds(kSilentFor) + ", not even answers to pings"};
   }
   return std::nullopt;
@@ -98,7 +98,6 @@ bool Client::pump_in(Instant now) {
     any = true;
     bytes_in_ += *read;
     heard_ = now;
-    if (!uploads.empty()) used_ = now;
     const bool fresh = session_.bytes_under_way() == 0;
     if (!session_.receive(std::span(bytes).first(*read))) {
       ending_since_ = now;
@@ -106,6 +105,7 @@ bool Client::pump_in(Instant now) {
     }
     if (fresh || session_.frames_received() != frames_) frame_since_ = now;
     frames_ = session_.frames_received();
+    note_moves(now);
   }
   if (const auto late = overdue(now)) {
     end(*late, now);
@@ -117,6 +117,11 @@ bool Client::pump_in(Instant now) {
     pinged_ = now;
   }
   return any;
+}
+
+void Client::note_moves(Instant now) {
+  const std::uint64_t bytes = session_.bulk_taken() + session_.bulk_received();
+  if (std::exchange(bulk_, bytes) != bytes) moved_ = used_ = now;
 }
 
 bool Client::pump_out(Instant now) {
@@ -136,8 +141,7 @@ bool Client::pump_out(Instant now) {
     if (*wrote == 0) break;
     session_.sent(*wrote);
     bytes_out_ += *wrote;
-    written_ = now;
-    if (!pulls.empty() || frame_set || take_file) used_ = now;
+    note_moves(now);
     any = true;
   }
   if (session_.error() && ending_since_ && now - *ending_since_ > kFarewellWithin) finish(*session_.error());

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "firmware/frame/presence.h"
 #include "firmware/hosts/access.h"
 #include "hal/link.h"
 #include "protocol/base/units.h"
@@ -51,6 +52,12 @@ class Client {
     has_requested_ = true;
   }
 
+  /// Call when it opens a stream for an upload.
+  void on_upload(StreamId stream, Instant now) {
+    uploads[stream];
+    moved_ = now;
+  }
+
   Session& session() { return session_; }
   const Session& session() const { return session_; }
   bool finished() const { return gone_; }
@@ -61,9 +68,7 @@ class Client {
   bool works() const { return !pulls.empty() || !uploads.empty() || frame_set || take_file; }
   /// It waits for an answer, or its bytes move: it is not closed for another host.
   bool active(Instant now) const;
-  /// When its link last accepted bytes.
-  Instant written() const { return written_; }
-  /// When it last sent a request, or bytes of its pulls and uploads last moved.
+  /// When it last sent a request, or bytes of its streams and uploads last moved.
   Instant idle_since() const { return used_; }
   Instant since() const { return since_; }
   /// How long nothing was received from it.
@@ -78,6 +83,8 @@ class Client {
   Access access() const { return access_; }
   /// "user 1000, process 4711, host 3 at unix:...", for the audit log.
   std::string who() const;
+  /// For the stages that carry out its requests.
+  const Presence& presence() const { return presence_; }
   /// "user 1000 at the control socket".
   std::string party() const;
   std::uint64_t bytes_in() const { return bytes_in_; }
@@ -96,12 +103,13 @@ class Client {
 
   static constexpr Duration kHelloWithin = Duration::seconds(2);  ///< from the connection to the hello
   /// The deadline of a protocol frame, from its first byte to its last: this, and one second more for each kSlowestBytes
-  /// of it (a bulk frame has 64 KiB). It allows a slow link, and not one that has stopped.
-  static constexpr Duration kFrameWithin = Duration::seconds(2);
-  static constexpr std::size_t kSlowestBytes = 8U << 10;
-  /// A pull or upload is stalled when its bytes do not move for this time.
+  /// of it that have arrived (a bulk frame has 64 KiB). It allows a slow link, and not one that has stopped.
+  static constexpr Duration kFrameWithin = Duration::seconds(10);
+  static constexpr std::size_t kSlowestBytes = 512;
+  /// A host whose streams' own bytes do not move for this time is closed when another needs its place.
   static constexpr Duration kStalledAfter = Duration::seconds(10);
-  /// A silent host is pinged, and closed when it does not answer. Long, because `nodal` may compute between requests.
+  /// A silent host is pinged, and closed when it does not answer. Long, because `nodal` may compute between requests. A host
+  /// whose streams move is not silent: its pong comes after it has read all that its link holds.
   static constexpr Duration kPingEvery = Duration::seconds(30);
   static constexpr Duration kSilentFor = Duration::seconds(300);
   /// Of a host with temporary settings: the longest silence, before which it is pinged.
@@ -110,6 +118,8 @@ class Client {
 
  private:
   void finish(const Error& why);
+  /// Notes whether bytes of its streams have moved.
+  void note_moves(Instant now);
   /// The deadline that has passed, if any.
   std::optional<Error> overdue(Instant now) const;
 
@@ -117,12 +127,14 @@ class Client {
   std::unique_ptr<hal::LinkPort> link_;
   const Access access_;
   std::string name_;
+  const Presence presence_ = Presence::of_host();
   Session session_;
   const Instant since_;
   Instant used_;
   bool has_requested_ = false;
-  Instant heard_;    ///< when bytes were last received
-  Instant written_;  ///< when the link last accepted bytes
+  Instant heard_;               ///< when bytes were last received
+  Instant moved_;               ///< when bytes of its streams and uploads last moved
+  std::uint64_t bulk_ = 0;      ///< so many bytes of them had moved then
   Instant pinged_;
   Instant frame_since_;       ///< when the first byte of the current protocol frame arrived
   std::uint32_t frames_ = 0;  ///< frames_received() when frame_since_ was set

@@ -14,6 +14,7 @@ constexpr Duration kLoggedAfter = Duration::seconds(10);
 
 // All links may wait in a queue.
 static_assert(Admission::in_all(Admission::kMaxLinks) <= FairQueue::kMaxWaiting);
+static_assert(Admission::places(Admission::kMaxLinks, Access::kControl) <= kMaxWaitingTickets);
 
 Control::Control(const RigConfig& config, std::string software, const Stages& stages, Outlet<SetLoan>& frame_sets,
                  std::vector<Listener> listeners, hal::WatchdogPort* watchdog, const PanelPins& panel, DeviceScan* scan,
@@ -101,6 +102,9 @@ void Control::watch_leases(Instant now) {
 }
 
 void Control::drop_finished() {
+  for (const auto& client : clients_) {
+    if (client->ending()) client->presence().end();
+  }
   std::erase_if(clients_, [&](const std::unique_ptr<Client>& client) {
     if (!client->finished()) return false;
     uploads_.leave(client->number());
@@ -108,6 +112,7 @@ void Control::drop_finished() {
       turns->order.leave(client->number());
       turns->requests.erase(client->number());
     }
+    std::erase_if(scanning_, [&](const Waiting& waiting) { return waiting.client == client->number(); });
     const bool left = client->why().code == Errc::kLinkClosed;
     if (!left) say(NewsKind::kHosts, client->name() + " was dropped: " + client->why().text());
     else if (!client->said_hello()) say(NewsKind::kHosts, client->name() + " left without saying hello");
@@ -167,7 +172,7 @@ void Control::handle(Client& client, Event& event, Instant now) {
       client.session().stop_stream(opened->stream, may.error());
       return;
     }
-    client.uploads[opened->stream];  // a host opens streams only for uploads
+    client.on_upload(opened->stream, now);  // a host opens streams only for uploads
   } else if (const auto* piece = std::get_if<BulkPiece>(&event)) {
     const auto upload = client.uploads.find(piece->stream);
     if (upload == client.uploads.end()) return;

@@ -23,7 +23,7 @@ Result<StreamId> FrameSender::start(Client& client, const HeadShapes& heads, Dur
   sets_.drop_waiting();  // older than the request
   sets_.set_open(true);
   copy->transfer =
-      Transfer{client.number(), client.access(), *stream, now, kPatience.at(period), std::move(set), false, false};
+      Transfer{client.number(), client.access(), *stream, now, kPatience.at(period), std::move(set), false};
   client.frame_set = *stream;
   return stream;
 }
@@ -68,17 +68,15 @@ bool FrameSender::step(Copy& copy, const Clients& clients, Instant now) {
     return true;
   }
   if (transfer.sent) {
-    if (keeps_pace(*client, copy, now)) return false;
-    client->end(Error{Errc::kTimeout, "this host receives the frame set too slowly: at this rate it needs more than " +
-                                          std::to_string(kSlowest.ms() / 1000) + " s"},
-                now);
+    if (!transfer.sent->stalled(*client->session().counts(transfer.stream), now)) return false;
+    client->end(StreamProgress::error("the frame set"), now);
     end(copy, clients);
     return true;
   }
   // The calibration in force for the set is known when the blend has begun this set or a later one.
   if (transfer.copied && blender_.sets_begun() > transfer.set.set) {
     follow_adoptions();
-    transfer.sent = true;
+    transfer.sent.emplace(now);
     transfer.since = now;
     send(*client, transfer.set, transfer.stream);
     return true;
@@ -119,17 +117,6 @@ void FrameSender::end(Copy& copy, const Clients& clients) {
     if (client->number() == copy.transfer->client) client->frame_set.reset();
   }
   copy.transfer.reset();
-}
-
-bool FrameSender::keeps_pace(const Client& client, const Copy& copy, Instant now) const {
-  const Transfer& transfer = *copy.transfer;
-  const Duration taken = now - transfer.since;
-  if (taken <= kGrace) return true;
-  const auto counts = client.session().counts(transfer.stream);
-  if (!counts || taken > kSlowest || now - client.written() > kGrace) return false;
-  const auto due = copy.memory->size() * static_cast<std::uint64_t>((taken - kGrace).ms()) /
-                   static_cast<std::uint64_t>(kSlowest.ms());
-  return counts->bytes >= due;
 }
 
 void FrameSender::follow_adoptions() {

@@ -12,6 +12,7 @@
 #include "firmware/hosts/client.h"
 #include "firmware/hosts/publisher.h"
 #include "firmware/hosts/set_copy.h"
+#include "firmware/hosts/stream_progress.h"
 #include "firmware/picture/blender.h"
 #include "protocol/base/frame_time.h"
 #include "protocol/base/result.h"
@@ -21,10 +22,10 @@ namespace nodal::firmware {
 /// Sends up to kMaxCopies sets at once, each to another host, so that memory is bounded however often hosts ask; further
 /// requests wait for their turn (FairQueue). The hosts that ask at the same time get copies of one set.
 ///
-/// A host that reads fast enough keeps its copy until it has all of it: within kSlowest, and its link may pause for kGrace at
-/// most. While another host waits and no copy is free, the longest transfer ends that has had its share, kShare; one of a
-/// control host ends for a view-only host after kShareBeforeView. A host that is too slow is disconnected, because its session
-/// holds the copy until then. The request fails if no set can be copied within kPatience.
+/// A host keeps its copy until it has all of it, however slowly it reads; one that reads nothing loses it (StreamProgress).
+/// While another host waits and no copy is free, the longest transfer ends that has had its share, kShare; one of a
+/// control host ends for a view-only host after kShareBeforeView. A host that loses its copy is disconnected, because its
+/// session holds the copy until then. The request fails if no set can be copied within kPatience.
 ///
 /// Threading: thread-bound to control.
 /// Ownership: owns the memory of kMaxCopies sets; the outlet and the blend outlive it.
@@ -44,8 +45,6 @@ class FrameSender {
 
   static constexpr OutletSpec kSets{"frame-sets", OutletPolicy::kLatest, 1, 1};
   static constexpr FrameTime kPatience{Duration::seconds(3), 6};
-  static constexpr Duration kSlowest = Duration::seconds(120);  ///< ten heads of 2048x1024: 30 MB, at 250 KB/s
-  static constexpr Duration kGrace = Duration::seconds(5);      ///< longest pause of a link
   static constexpr std::size_t kMaxCopies = 3;
   static constexpr Duration kShare = Duration::seconds(2);
   static constexpr Duration kShareBeforeView = Duration::seconds(5);
@@ -59,7 +58,7 @@ class FrameSender {
     Duration patience;
     SetCopy set;
     bool copied = false;
-    bool sent = false;
+    std::optional<StreamProgress> sent{};  ///< once it is being sent
   };
   using Memory = std::shared_ptr<std::vector<std::uint8_t>>;
   /// Memory for the copy of a set. A session may hold it for longer than the transfer.
@@ -76,7 +75,6 @@ class FrameSender {
   bool end_longest(const Clients& clients, std::optional<Access> waiting, Instant now);
   void send(Client& client, const SetCopy& set, StreamId stream);
   void end(Copy& copy, const Clients& clients);
-  bool keeps_pace(const Client& client, const Copy& copy, Instant now) const;
 
   const RigConfig config_;
   Outlet<SetLoan>& sets_;  ///< open while a set is requested and not copied yet

@@ -10,13 +10,14 @@ namespace nodal::firmware {
 namespace {
 
 Requester requester_of(const Client& client) {
-  return {Requester::Kind::kHost, client.number(), client.who(), client.party()};
+  return {Requester::Kind::kHost, client.number(), client.who(), client.party(), client.presence()};
 }
 
 }  // namespace
 
 /// False while the request, and all later ones of this host, must wait: the stage that carries it out has the most commands
-/// of this host, the host already has, or waits for, what the request is for, or the audit log takes no such change now.
+/// of this host, or of all hosts; the host already has, or waits for, what the request is for; or the audit log takes no such
+/// change now.
 bool Control::has_room(const Client& client, const wire::Request& request) const {
   const std::uint64_t host = client.number();
   const RequestKind& kind = kind_of(request);
@@ -31,8 +32,10 @@ bool Control::has_room(const Client& client, const wire::Request& request) const
     case Turn::kNone:
     case Turn::kDiskTest: break;
   }
-  if (kind.slow_stage) return operation_.open(host, *kind.slow_stage) < kSlowRequests;
-  return !changes_rig(request) || operation_.open(host, CommandStage::kCapture) < kCaptureRequests;
+  if (!kind.slow_stage && !changes_rig(request)) return true;
+  const CommandStage stage = kind.slow_stage.value_or(CommandStage::kCapture);
+  const std::size_t most = kind.slow_stage ? kSlowRequests : kCaptureRequests;
+  return operation_.has_room(stage) && operation_.open(host, stage) < most;
 }
 
 void Control::handle(Client& client, const wire::Request& request, Instant now) {

@@ -336,6 +336,7 @@ void fill_recording(const TakeReport& takes, Instant now, wire::Recording& into)
   const std::string& no_disk = takes.no_disk.empty() ? takes.refused : takes.no_disk;
   into.set_problem(shown(takes.problem.empty() ? no_disk : takes.problem));
   into.set_loop(takes.loop);
+  into.set_ejected(takes.ejected);
   if (takes.test_percent) into.set_disk_test_percent(*takes.test_percent);
   into.set_deleted_segments(takes.deleted_segments);
 }

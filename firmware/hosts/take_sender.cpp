@@ -33,14 +33,12 @@ Result<StreamId> TakeSender::start(Client& client, const wire::TakeRead& request
   }
   auto stream = client.session().open_stream(StreamPolicy::kLossless);
   if (!stream) return stream;
-  Transfer begun;
-  begun.number = ++begun_;
-  begun.stream = *stream;
-  begun.take = request.take();
-  begun.file = request.file();
-  begun.next = request.offset();
-  begun.moved = now;
-  transfers_[client.number()] = std::move(begun);
+  transfers_.insert_or_assign(client.number(), Transfer{.number = ++begun_,
+                                                        .stream = *stream,
+                                                        .take = request.take(),
+                                                        .file = request.file(),
+                                                        .next = request.offset(),
+                                                        .progress = StreamProgress(now)});
   client.take_file = *stream;
   note_reading(client.number(), request.take(), now);
   return stream;
@@ -105,14 +103,9 @@ bool TakeSender::step(const Clients& clients, Instant now) {
 bool TakeSender::step(Client& client, Transfer& transfer, Instant now) {
   const auto counts = client.session().counts(transfer.stream);
   const std::size_t pending = counts->pending;
-  // The stream's own bytes: a host may read everything else, and give no credit for this stream.
-  if (pending == 0 || counts->bytes > transfer.sent_bytes) transfer.moved = now;
-  note_reading(client.number(), transfer.take, transfer.moved);
-  transfer.sent_bytes = counts->bytes;
-  if (pending > 0 && now - transfer.moved > kGrace) {
-    client.session().close_stream(
-        transfer.stream,
-        Error{Errc::kTimeout, "this host has read nothing for " + std::to_string(kGrace.ms() / 1000) + " s"});
+  note_reading(client.number(), transfer.take, now);
+  if (transfer.progress.stalled(*counts, now)) {
+    client.session().close_stream(transfer.stream, StreamProgress::error("the file"));
     return false;
   }
   const std::size_t most = transfers_.size() == 1 ? kAhead : 1;

@@ -8,6 +8,7 @@
 
 #include "firmware/hosts/client.h"
 #include "firmware/hosts/fair_queue.h"
+#include "firmware/hosts/stream_progress.h"
 #include "firmware/record/take_reader.h"
 #include "protocol/base/result.h"
 #include "protocol/nodal.pb.h"
@@ -16,11 +17,11 @@ namespace nodal::firmware {
 
 /// Sends one file to each host that asks. Hosts share the disk in turns of one piece (FairQueue), so a host gets its share
 /// however many others read, and however slowly they do. Each piece is one item of a lossless stream. The takes' reader reads the
-/// pieces. A host has at most kAhead pieces in memory, and one while others read too. Its link may pause for kGrace at most;
-/// then the stream ends.
+/// pieces. A host has at most kAhead pieces in memory, and one while others read too. A host that reads slowly keeps its
+/// stream, because nobody waits for its memory; the stream of one that reads nothing ends (StreamProgress).
 ///
 /// It notes which takes hosts read, so that nobody deletes them meanwhile: a host copies a take file by file, so a take is read until
-/// kReadFor after its newest byte, or until the host disconnects.
+/// kReadFor after the end of its newest stream, or until the host disconnects.
 ///
 /// Threading: thread-bound to control.
 /// Ownership: the reader outlives it; sessions hold the pieces that they send.
@@ -39,7 +40,6 @@ class TakeSender {
 
   /// Pieces of a host that are ordered or not sent completely.
   static constexpr std::size_t kAhead = TakeReader::kOrders;
-  static constexpr Duration kGrace = Duration::seconds(10);
   /// A host may check what it has before it asks for more.
   static constexpr Duration kReadFor = Duration::seconds(30);
 
@@ -47,7 +47,7 @@ class TakeSender {
   struct Reading {
     std::uint64_t client = 0;  ///< 0: none
     std::uint64_t take = 0;
-    Instant newest;  ///< byte, or request
+    Instant newest;  ///< when a file of it was last being sent
   };
   void note_reading(std::uint64_t client, std::uint64_t take, Instant now);
   bool forget_readers(const Clients& clients, Instant now);
@@ -59,8 +59,7 @@ class TakeSender {
     std::uint64_t next = 0;    ///< offset of the next piece to order
     std::size_t ordered = 0;   ///< unanswered orders
     bool all_ordered = false;  ///< the end of the file has been read
-    std::uint64_t sent_bytes = 0;
-    Instant moved;  ///< when sent_bytes last grew, or nothing was to be sent
+    StreamProgress progress;
   };
   using Transfers = std::map<std::uint64_t, Transfer>;
 

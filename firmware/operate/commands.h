@@ -40,6 +40,7 @@ struct Requester {
   std::uint64_t host = 0;  ///< the host's number, for kHost
   std::string name;        ///< for the audit log
   std::string party{};     ///< whose quota of the audit log it uses: a user at a socket; empty: `name`
+  Presence presence{};     ///< the stage drops its command if it has gone before its turn
 };
 /// Identifies a command until its answer.
 using Ticket = std::uint64_t;

@@ -78,7 +78,7 @@ Result<Ticket> Operation::ask(const Requester& requester, Command command, Insta
             changes_rig(command) ? values_before(command, *capture_, *keeper_) : ""};
   const Ticket ticket = next_ticket_++;
   Status asked = check(command, config_);
-  if (asked) asked = hand_over(ticket, std::move(command));
+  if (asked) asked = hand_over(ticket, std::move(command), requester.presence);
   if (!asked) {
     // restore_settings() and end_leases() retry when the queue is full, so that is not audited as a failure.
     const bool retried =
@@ -92,7 +92,7 @@ Result<Ticket> Operation::ask(const Requester& requester, Command command, Insta
   return ticket;
 }
 
-Status Operation::hand_over(Ticket ticket, Command command) {
+Status Operation::hand_over(Ticket ticket, Command command, const Presence& host) {
   if (auto* change = std::get_if<CaptureChange>(&command)) {
     if (stages_.capture.commands().push(CaptureCommand{ticket, std::move(*change)})) return {};
     return fail(Errc::kBusy, "the rig's command queue is full; try again");
@@ -108,12 +108,21 @@ Status Operation::hand_over(Ticket ticket, Command command) {
       test->heads = head_shapes();
       test->rate = capture_->rate;
     }
-    if (stages_.takes && stages_.takes->requests().push({ticket, std::move(*take)})) return {};
+    if (stages_.takes && stages_.takes->requests().push({ticket, std::move(*take), host})) return {};
     return fail(Errc::kBusy, "the rig's queue of requests about takes is full; try again");
   }
-  KeeperRequest request{ticket, std::move(std::get<CalibrationCommand>(command)), head_shapes()};
+  KeeperRequest request{ticket, std::move(std::get<CalibrationCommand>(command)), head_shapes(), host};
   if (stages_.keeper.requests().push(std::move(request))) return {};
   return fail(Errc::kBusy, "the rig's queue of requests about calibrations is full; try again");
+}
+
+bool Operation::has_room(CommandStage stage) const {
+  switch (stage) {
+    case CommandStage::kCapture: return !stages_.capture.commands().full();
+    case CommandStage::kKeeper: return !stages_.keeper.requests().full();
+    case CommandStage::kTakes: return !stages_.takes || !stages_.takes->requests().full();
+  }
+  return false;
 }
 
 std::size_t Operation::open(std::uint64_t host, CommandStage stage) const {

@@ -81,6 +81,8 @@ class Operation {
   void note_refused(const Requester& requester, std::string_view what, const Error& why, Instant now);
   /// Number of unanswered commands of a host at a stage.
   std::size_t open(std::uint64_t host, CommandStage stage) const;
+  /// Whether the stage's queue takes another command now; otherwise it must wait.
+  bool has_room(CommandStage stage) const;
   /// Number of all commands whose answers take_answers() has not returned yet.
   std::size_t unanswered() const { return open_.size() + unstored_.size() + unrecorded_.size(); }
 
@@ -131,7 +133,7 @@ class Operation {
     std::string before;  ///< values_before() of a change; empty for a query
   };
 
-  Status hand_over(Ticket ticket, Command command);
+  Status hand_over(Ticket ticket, Command command, const Presence& host);
   Open close(Ticket ticket);
   void take_capture_answers(std::vector<Answer>& answers, Instant now);
   void take_keeper_answers(std::vector<Answer>& answers, Instant now);

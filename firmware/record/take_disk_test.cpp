@@ -5,7 +5,6 @@
 #include "firmware/record/head_coder.h"
 #include "firmware/record/take_keeper.h"
 #include "firmware/record/take_writer.h"
-#include "firmware/record/waiting_tickets.h"
 
 namespace nodal::firmware {
 
@@ -27,10 +26,10 @@ std::uint64_t TakeKeeper::set_bytes(const HeadShapes& heads, std::optional<TakeM
   return sum;
 }
 
-Status TakeKeeper::begin_test(std::uint64_t ticket, const TakeRequest::TestDisk& what, Instant now) {
+Status TakeKeeper::begin_test(const TakeRequest& request, const TakeRequest::TestDisk& what, Instant now) {
   if (writing_) return fail(Errc::kBusy, "a take is being recorded; test the disk when none is");
   if (test_) {  // one test answers all who wait, and lasts no longer than they asked for
-    if (const auto oldest = let_wait(test_->tickets, ticket)) answer(*oldest, fail(too_many_wait()));
+    let_wait(test_->tickets, request);
     test_->test->end_after(std::max(what.length, TakeRequest::TestDisk::kShared));
     return {};
   }
@@ -44,12 +43,17 @@ Status TakeKeeper::begin_test(std::uint64_t ticket, const TakeRequest::TestDisk&
   auto test = DiskTest::begin(disk_, what.length, now);
   if (!test) return fail(test.error());
   rate_ = what.rate.value_or(config_.rate);
-  test_.emplace(Test{{ticket}, std::move(*held), what.heads, std::move(*test)});
+  test_.emplace(Test{{}, std::move(*held), what.heads, std::move(*test)});
+  let_wait(test_->tickets, request);
   return {};
 }
 
 bool TakeKeeper::step_test(Instant now) {
   if (!test_) return false;
+  if (drop_gone(test_->tickets) && test_->tickets.empty()) {  // nobody waits for the result any more
+    test_.reset();
+    return true;
+  }
   const auto speed = test_->test->step(now);
   if (!speed) end_test(fail(speed.error()));
   if (!speed || !*speed) return true;
@@ -69,11 +73,11 @@ bool TakeKeeper::step_test(Instant now) {
 
 /// The file is removed before the answer goes.
 void TakeKeeper::end_test(Result<TakeAnswer::DiskTested> result) {
-  const std::vector<std::uint64_t> tickets = std::move(test_->tickets);
+  WaitingTickets tickets = std::move(test_->tickets);
   test_.reset();
-  for (const std::uint64_t ticket : tickets) {
-    if (result) answer(ticket, *result);
-    else answer(ticket, fail(result.error()));
+  while (const auto ticket = tickets.next()) {
+    if (result) answer(*ticket, *result);
+    else answer(*ticket, fail(result.error()));
   }
 }
 

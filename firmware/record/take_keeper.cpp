@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "firmware/record/take_writer.h"
-#include "firmware/record/waiting_tickets.h"
 #include "protocol/base/text.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/limits.h"
@@ -311,7 +310,7 @@ void TakeKeeper::end(Instant now) {
   report_.recording.reset();
   shelf_.finish(number, manifest);
   if (!manifest && cause_.empty()) cause_ = manifest.error().message;
-  report_.interrupted = !cause_.empty() || !ejecting_.empty();
+  report_.interrupted = !cause_.empty() || ejecting_;
   report_.has_room = !report_.interrupted;  // until the next look
   if (!cause_.empty()) {
     const bool waits = !manifest && shelf_.takes().contains(number);
@@ -336,6 +335,7 @@ void TakeKeeper::publish(Instant now) {
   const Recorder::Counts& counts = recorder_.counts();
   report_.ready = shelf_.ready();
   report_.no_disk = shelf_.problem();
+  report_.ejected = shelf_.ejected();
   report_.disks = shelf_.disks();
   report_.deleted_segments = shelf_.deleted_segments();
   report_.test_percent.reset();

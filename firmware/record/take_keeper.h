@@ -11,11 +11,13 @@
 #include <vector>
 
 #include "firmware/config/config.h"
+#include "firmware/frame/presence.h"
 #include "firmware/frame/snapshot.h"
 #include "firmware/picture/blender.h"
 #include "firmware/record/disk_test.h"
 #include "firmware/record/recorder.h"
 #include "firmware/record/take_shelf.h"
+#include "firmware/record/waiting_tickets.h"
 #include "hal/confined.h"
 #include "hal/disk.h"
 #include "protocol/base/gaps.h"
@@ -67,6 +69,7 @@ struct TakeRequest {
 
   std::uint64_t ticket = 0;
   What what;
+  Presence host{};
 };
 using TakeCommand = TakeRequest::What;
 
@@ -90,6 +93,7 @@ struct TakeReport {
   /// The takes on the disk have been read, and those that were not ended are finished, or are being finished beside the stage.
   bool ready = false;
   std::string no_disk;      ///< why nothing can be recorded on the disk now; empty: it is there
+  bool ejected = false;     ///< a host ejected the disk, which is left alone until it or another one comes
   std::uint64_t disks = 0;  ///< that were noticed: counts up when a disk comes
   /// The newest take ended, or the newest start was refused, for a reason that may pass: a fault of the disk, no room, an eject.
   bool interrupted = false;
@@ -170,9 +174,12 @@ class TakeKeeper {
 
   bool watch_disk(Instant now);
   bool take_request(Instant now);
+  std::optional<TakeRequest> next_request();
+  void let_wait(WaitingTickets& tickets, const TakeRequest& request);
+  bool drop_gone(WaitingTickets& tickets);
   Result<std::optional<Answered>> run(const TakeRequest& request, Instant now);
   Result<std::uint64_t> start(const TakeRequest::Start& start, Instant now);
-  Status begin_test(std::uint64_t ticket, const TakeRequest::TestDisk& what, Instant now);
+  Status begin_test(const TakeRequest& request, const TakeRequest::TestDisk& what, Instant now);
   bool step_test(Instant now);
   void end_test(Result<TakeAnswer::DiskTested> result);
   std::uint64_t set_bytes(const HeadShapes& heads, std::optional<TakeMode> mode = std::nullopt) const;
@@ -216,7 +223,7 @@ class TakeKeeper {
   Instant next_look_;
 
   struct Test {
-    std::vector<std::uint64_t> tickets;  ///< of all who wait for its result
+    WaitingTickets tickets;  ///< of all who wait for its result
     TakeShelf::Hold held;
     HeadShapes heads;
     std::unique_ptr<DiskTest> test;
@@ -231,7 +238,8 @@ class TakeKeeper {
   bool closing_ = false;  ///< the blend does not go on
   std::vector<std::uint64_t>
       stopping_;  ///< tickets that are answered when the take has ended: of Stop, and of a still's Start
-  std::vector<std::uint64_t> ejecting_;  ///< tickets of Eject that wait for the same, and for the end of a read
+  bool ejecting_ = false;                ///< waits for the end of the take, and of a read
+  WaitingTickets ejects_;                ///< tickets of Eject; their hosts may go, and the disk is ejected all the same
   std::uint64_t ejected_take_ = 0;       ///< the take that ended for them
   bool still_ = false;                   ///< the take is a still
   Duration period_;                      ///< of the frame rate when the take began

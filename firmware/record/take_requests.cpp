@@ -3,19 +3,40 @@
 
 #include "firmware/record/take_keeper.h"
 #include "firmware/record/take_writer.h"
-#include "firmware/record/waiting_tickets.h"
 #include "protocol/take/documents.h"
 
 namespace nodal::firmware {
 
 bool TakeKeeper::take_request(Instant now) {
-  if (answers_.full()) return false;
-  const auto request = requests_.pop();
+  const auto request = next_request();
   if (!request) return false;
   auto done = run(*request, now);
   if (!done) answer(request->ticket, fail(done.error()));
   else if (*done) answer(request->ticket, std::move(**done));
   return true;
+}
+
+/// The oldest request of a host that is still there, and of the rig itself. Those before it are dropped.
+std::optional<TakeRequest> TakeKeeper::next_request() {
+  while (!answers_.full()) {
+    auto request = requests_.pop();
+    if (!request || !request->host.gone()) return request;
+    answer(request->ticket, fail(Presence::error()));
+  }
+  return std::nullopt;
+}
+
+void TakeKeeper::let_wait(WaitingTickets& tickets, const TakeRequest& request) {
+  drop_gone(tickets);
+  if (const auto oldest = tickets.add(request.ticket, request.host)) answer(*oldest, fail(WaitingTickets::too_many()));
+}
+
+/// True when there was one.
+bool TakeKeeper::drop_gone(WaitingTickets& tickets) {
+  bool any = false;
+  for (auto gone = tickets.next_gone(); gone; gone = tickets.next_gone(), any = true)
+    answer(*gone, fail(Presence::error()));
+  return any;
 }
 
 /// Nothing: the answer comes later.
@@ -47,12 +68,13 @@ Result<std::optional<TakeKeeper::Answered>> TakeKeeper::run(const TakeRequest& r
   if (std::holds_alternative<TakeRequest::Eject>(request.what)) {
     if (test_) end_test(fail(Errc::kCancelled, "the disk was ejected"));
     ejected_take_ = 0;
-    if (const auto oldest = let_wait(ejecting_, request.ticket)) answer(*oldest, fail(too_many_wait()));
+    ejecting_ = true;
+    let_wait(ejects_, request);
     if (writing_) tell_to_end("ejected");
     return std::optional<Answered>();
   }
   if (const auto* what = std::get_if<TakeRequest::TestDisk>(&request.what)) {
-    if (const Status begun = begin_test(request.ticket, *what, now); !begun) return fail(begun.error());
+    if (const Status begun = begin_test(request, *what, now); !begun) return fail(begun.error());
     return std::optional<Answered>();
   }
   if (!writing_ || ending_) return fail(Errc::kWrongState, "no take is being recorded; start one: nodal take start");
@@ -71,20 +93,24 @@ void TakeKeeper::answer_end(std::uint64_t take, const Result<take::Manifest>& ma
     else if (manifest) answer(ticket, TakeAnswer::Done{take});
     else answer(ticket, fail(manifest.error()));
   }
-  if (manifest) ejected_take_ = take;
-  else
-    for (const std::uint64_t ticket : std::exchange(ejecting_, {})) answer(ticket, fail(manifest.error()));
+  if (manifest) {
+    ejected_take_ = take;
+    return;
+  }
+  ejecting_ = false;
+  while (const auto ticket = ejects_.next()) answer(*ticket, fail(manifest.error()));
 }
 
 /// Answers requests to eject when no take is recorded any more. While a file is being read, the next step tries again.
 bool TakeKeeper::step_eject() {
-  if (ejecting_.empty() || writing_) return false;
+  if (!ejecting_ || writing_) return false;
   const Status done = shelf_.ejected() ? Status() : shelf_.eject();
   if (!done && done.error().code == Errc::kBusy) return false;
   const std::uint64_t take = std::exchange(ejected_take_, 0);
-  for (const std::uint64_t ticket : std::exchange(ejecting_, {})) {
-    if (done) answer(ticket, TakeAnswer::Done{take});
-    else answer(ticket, fail(done.error()));
+  ejecting_ = false;
+  while (const auto ticket = ejects_.next()) {
+    if (done) answer(*ticket, TakeAnswer::Done{take});
+    else answer(*ticket, fail(done.error()));
   }
   return true;
 }

@@ -58,8 +58,11 @@ bool TakeShelf::watch() {
   if (holds_ > 0) return false;
   const bool first = !std::exchange(looked_, true);
   const auto now = disk_.identity();
-  if (ejected_ && now && *now == *ejected_) return first;
-  if (ejected_) use_again();
+  if (ejected_) {
+    if (!now) ejected_disk_.reset();  // it was removed: when it comes again, it is a new disk
+    if (!now || *now == ejected_disk_) return first;
+    use_again();
+  }
   if (!now) {
     const bool was_here = here();
     lose(now.error());
@@ -83,13 +86,15 @@ Status TakeShelf::eject() {
   }
   forget();
   identity_.reset();
-  ejected_ = *now;
+  ejected_ = true;
+  ejected_disk_ = *now;
   problem_.clear();
   return {};
 }
 
 void TakeShelf::use_again() {
-  ejected_.reset();
+  ejected_ = false;
+  ejected_disk_.reset();
   in_use_.set_ejected(false);
 }
 

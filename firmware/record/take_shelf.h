@@ -64,7 +64,7 @@ class TakeShelf {
   /// no other one is read from then on, so a later call succeeds.
   Status eject();
   void use_again();
-  bool ejected() const { return ejected_.has_value(); }
+  bool ejected() const { return ejected_; }
   TakesInUse& in_use() { return in_use_; }
 
   // --- The list.
@@ -136,7 +136,8 @@ class TakeShelf {
   std::size_t holds_ = 0;
   bool looked_ = false;                    ///< at the disk
   std::optional<std::uint64_t> identity_;  ///< of the disk that the list is of; empty: none is there
-  std::optional<std::uint64_t> ejected_;   ///< of the disk that was ejected and is left alone; empty: none was
+  bool ejected_ = false;                   ///< the disk is left alone until another comes, or the same one again
+  std::optional<std::uint64_t> ejected_disk_;  ///< its identity, until it is removed
   std::uint64_t disks_ = 0;
   std::string problem_;
   std::string contested_;  ///< takes wait for their recovery, and another nodald has claimed the disk

@@ -187,11 +187,13 @@ class Pull {
       const Result<std::optional<Event>> event = rig_.next_event_of(stream_, remind_after);
       if (interrupted()) break;
       if (!event) return fail(event.error());
+      const bool moves = floor_.moved_to(rig_.received(stream_), rig_.now());
       if (begun_ && floor_.stalled(rig_.now())) {
         return fail(Errc::kTimeout, fmt::format("{}: the rig began a raymap and sent less than {} of it in {}",
                                                 rig_.address(), show_bytes(kMinBytesAWindow),
                                                 show_duration(static_cast<std::uint64_t>(floor_.window().ns()))));
       }
+      if (!*event && moves) continue;
       if (!*event) {
         console_.note(fmt::format("no raymap for {}; `nodal status` says why (no calibration? genlock stopped?)",
                                   show_duration(static_cast<std::uint64_t>(remind_after.ns()))));
@@ -243,7 +245,6 @@ class Pull {
     if (piece == nullptr) return true;
     tally_.dropped = piece->dropped;
     if (piece->first) floor_.restart(rig_.now());
-    floor_.moved(piece->data.size(), rig_.now());
     begun_ = !piece->last;
     const Result<std::optional<ReceivedRaymap>> raymap = assembly_.add(*piece);
     if (!raymap) return fail(raymap.error());

@@ -109,7 +109,10 @@ void show(Console& console, const wire::RigStatus& status, const std::string& na
   }
   if (status.has_recording()) {
     const wire::Recording& takes = status.recording();
-    row("take", takes.has_take() ? recording_text(takes) : "none is being recorded");
+    row("take", takes.has_take()  ? recording_text(takes)
+                : takes.ejected() ? "none is being recorded: the disk was ejected; mount it, or another one, or use it "
+                                    "again with `nodal take start`"
+                                  : "none is being recorded");
     const std::uint64_t slow = takes.lost_sets() - std::min(takes.lost_sets(), takes.lost_by_errors());
     if (slow + takes.lost_raymaps() != 0) {
       row("", console.paint(Colour::kBad, fmt::format("{} and {} lost: the disk is too slow", counted(slow, "set"),

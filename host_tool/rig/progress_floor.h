@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "protocol/base/units.h"
 
@@ -13,19 +14,27 @@ namespace nodal::host {
 /// 1.6 kB/s, less than any link that a rig is reached by.
 inline constexpr std::uint64_t kMinBytesAWindow = 16 * 1024;
 
-/// Divides a wait into half windows. Each must move half of kMinBytesAWindow; the wait has stalled after two in a row that
-/// did not. One alone may be a pause of this program itself, such as Ctrl-Z.
+/// Divides a wait into half windows. Each must move half of `bytes`; the wait has stalled after two in a row that
+/// did not. One alone may be a pause of this program itself, such as Ctrl-Z. What moves must be counted byte by byte: at the
+/// floor, a frame of the protocol takes longer than a window.
 ///
 /// Threading: thread-bound.
 /// Ownership: none; the caller passes the time, of any one clock.
 /// Errors: none.
 class ProgressFloor {
  public:
-  ProgressFloor(Duration window, Duration now) : window_(window), begun_(now) {}
+  ProgressFloor(Duration window, Duration now, std::uint64_t bytes = kMinBytesAWindow)
+      : window_(window), least_(bytes), begun_(now) {}
 
   void moved(std::uint64_t bytes, Duration now) {
     bytes_ += bytes;
-    if (bytes_ >= kMinBytesAWindow / 2) restart(now);
+    if (bytes_ >= least_ / 2) restart(now);
+  }
+  /// The same by a count that only rises, such as RigConnection::received(). True when it has risen.
+  bool moved_to(std::uint64_t total, Duration now) {
+    if (total <= total_) return false;
+    moved(total - std::exchange(total_, total), now);
+    return true;
   }
   /// Begins a new window, because something complete arrived.
   void restart(Duration now) {
@@ -47,8 +56,10 @@ class ProgressFloor {
 
  private:
   Duration window_;
+  std::uint64_t least_;
   Duration begun_;
   std::uint64_t bytes_ = 0;
+  std::uint64_t total_ = 0;
   int missed_ = 0;
 };
 

@@ -83,9 +83,8 @@ RigConnection::RigConnection(std::unique_ptr<hal::LinkPort> link, std::string ad
       clock_(std::move(clock)),
       session_(Role::kHost, make_hello(std::string(kSoftware))),
       heard_(now()),
-      quiet_(patience / 4, heard_),
-      probed_(patience - patience / 4, heard_),
-      sending_(patience, heard_) {}
+      quiet_(patience / 4, heard_, kMinBytesAWindow / 4),
+      probed_(patience - patience / 4, heard_, kMinBytesAWindow - kMinBytesAWindow / 4) {}
 
 Status RigConnection::say_hello() {
   const Status said = step_until([this] { return session_.peer_hello() != nullptr; }, "the rig's hello", patience_);
@@ -224,15 +223,16 @@ Status RigConnection::send_item(BulkItem item) {
   if (!stream) return fail(stream.error());
   if (const Status offered = session_.offer(*stream, std::move(item)); !offered) return offered;
   std::optional<Error> refused;
+  ProgressFloor floor(patience_, now());
   const auto taken = [&] {
     while (const std::optional<StreamStopped> stopped = session_.take_stopped()) {
       if (stopped->stream == *stream) refused = stopped->why;
     }
     const std::optional<StreamCounts> counts = session_.counts(*stream);
+    if (counts) floor.moved_to(counts->bytes, now());
     return refused || !counts || counts->delivered == counts->offered;
   };
-  sending_.restart(now());
-  const Status sent = step_until(taken, "the rig to take more of what is sent", patience_, &sending_);
+  const Status sent = step_until(taken, "the rig to take more of what is sent", patience_, &floor);
   if (!sent) return sent;
   if (refused) return fail(*refused);
   session_.close_stream(*stream);
@@ -274,7 +274,6 @@ Status RigConnection::step(Duration at_most) {
     if (!taken) break;  // the read below returns the reason, after the rig's last messages
     if (*taken == 0) break;
     session_.sent(*taken);
-    sending_.moved(*taken, now());
     moved = true;
   }
 

@@ -67,6 +67,8 @@ class RigConnection {
   Result<std::optional<Event>> next_event(Duration at_most);
   /// The same for one stream; events of other streams are dropped.
   Result<std::optional<Event>> next_event_of(StreamId stream, Duration at_most);
+  /// Bytes of a stream's items that have arrived, those of an incomplete piece included; 0 once the stream is closed.
+  std::uint64_t received(StreamId stream) const { return session_.bulk_received(stream); }
   /// Waits for `how_long`; returns an error if the rig hangs or the link is lost. Events of streams are dropped.
   Status rest(Duration how_long);
 
@@ -110,7 +112,6 @@ class RigConnection {
   ProgressFloor quiet_;                                            // when it stalls, the rig is asked for its status
   std::optional<std::uint64_t> probe_;                             // that request, while it is unanswered
   ProgressFloor probed_;                                           // of the wait for its answer
-  ProgressFloor sending_;                                          // of an item that is being sent
   std::optional<Error> dead_;
 };
 

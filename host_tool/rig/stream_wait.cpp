@@ -15,9 +15,8 @@ Result<Event> StreamWait::next() {
   while (!floor_.stalled(rig_.now())) {
     Result<std::optional<Event>> event = rig_.next_event_of(stream_, std::max(Duration(), floor_.left(rig_.now())));
     if (!event) return fail(event.error());
-    if (!*event) continue;
-    if (const auto* piece = std::get_if<BulkPiece>(&**event)) floor_.moved(piece->data.size(), rig_.now());
-    return std::move(**event);
+    floor_.moved_to(rig_.received(stream_), rig_.now());
+    if (*event) return std::move(**event);
   }
   return fail(Errc::kTimeout, fmt::format("{}: the rig sent less than {} of {} in {} (--timeout waits longer)",
                                           rig_.address(), show_bytes(kMinBytesAWindow), what_,

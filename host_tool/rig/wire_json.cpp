@@ -95,6 +95,7 @@ Json to_json(const wire::RigStatus& status, const std::string& rig_name, const s
                  {"bytes_a_second", takes.bytes_a_second()},
                  {"loop", takes.loop()},
                  {"deleted_segments", takes.deleted_segments()},
+                 {"ejected", takes.ejected()},
                  {"problem", takes.problem()}};
   }
   Json seams;  // null: they are fixed

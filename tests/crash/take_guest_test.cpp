@@ -111,6 +111,15 @@ TEST(GuestDisk, Ejected_TheTakeIsFinishedAndNothingIsOpenThere) {
   EXPECT_NE(ejected.out.find("it can be removed"), std::string::npos) << ejected.out;
   EXPECT_EQ(open_in(daemon.pid(), rig.path / "takes"), 0);
   EXPECT_TRUE(fs::exists(rig.path / "takes/000001" / take::kManifestFile));
+  const auto status = [&](std::vector<std::string> words) {
+    words.insert(words.begin(), {NODAL_BIN_DIR "/nodal", "--rig", "unix:" + rig.socket()});
+    return test::Process(words).wait().out;
+  };
+  test::wait_until([&] { return status({"status"}).find("the disk was ejected") != std::string::npos; });
+  const std::string text = status({"status"});
+  EXPECT_NE(text.find("none is being recorded: the disk was ejected"), std::string::npos) << text;
+  EXPECT_EQ(text.find("degraded"), std::string::npos) << text;
+  EXPECT_NE(status({"status", "--json"}).find("\"ejected\":true"), std::string::npos);
 }
 
 TEST(GuestDisk, NoCardIsMounted_TheRigRunsAndATakeIsRefusedUntilThereIsOne) {

@@ -119,8 +119,8 @@ TEST(LimitsOfMemory, OfARigByItsHosts_AreThoseOnThePage) {
       {"raymaps that wait for lossless pulls", Means::kSizes, [] { return std::uint64_t{Publisher::kLosslessBytes}; }},
       {"frame sets in transit", Means::kSizes, [] { return std::uint64_t{FrameSender::kMaxCopies}; }},
       {"tests of the disk", Means::kSizes, [] { return std::uint64_t{DiskTest::kPiece}; }},
-      {"requests that wait for the end of a test of the disk, of a take, or of a read before an eject", Means::kSizes,
-       [] { return 3 * kMaxWaitingTickets * sizeof(std::uint64_t); }},
+      {"requests that wait for the end of a test of the disk, or of a read before an eject", Means::kSizes,
+       [] { return 2 * kMaxWaitingTickets * (sizeof(std::uint64_t) + sizeof(Presence)); }},
       {"settings, in memory and their file", Means::kSizes, [] { return 2 * kMaxSettingsBytes; }},
       {"bytes of log", Means::kHeap, of_the_log},
   });

@@ -165,9 +165,9 @@ TEST(Hosts, AFrameThatIsNotWholeInTime_EndsItsHost) {
   TestHost* const half = &host;
   const std::unique_ptr<TestHost> apart = std::move(stand.hosts.front());  // it writes nothing more
   stand.hosts.clear();
-  stand.run(Duration::milliseconds(1500));
+  stand.run(firmware::Client::kFrameWithin * 3 / 4);
   EXPECT_EQ(stand.rig->control().clients(), 1u);
-  stand.run(Duration::seconds(1));
+  stand.run(firmware::Client::kFrameWithin / 2);
   EXPECT_EQ(stand.rig->control().clients(), 0u);
   half->reading = true;
   half->pump();

@@ -5,6 +5,7 @@
 #include <set>
 
 #include "firmware/hosts/frame_sender.h"
+#include "firmware/hosts/stream_progress.h"
 #include "protocol/upload.h"
 #include "tests/scenario/stand.h"
 
@@ -133,8 +134,30 @@ TEST(FrameSets, AHostThatDoesNotRead_HoldsUpNoRaymapAndNobodyForLong) {
   ASSERT_TRUE(stand.run_until([&] { return other.closed.contains(beside.pull().stream()); }));
   EXPECT_EQ(received(other, beside.pull().stream()).header.heads_size(), kHeads);
   EXPECT_EQ(stand.rig->control().clients(), 2u);
-  stand.run(firmware::FrameSender::kGrace + Duration::seconds(2));
+  stand.run(firmware::StreamProgress::kLongestPause + Duration::seconds(2));
   EXPECT_EQ(stand.rig->control().clients(), 1u) << "its session would keep the copy";
+}
+
+TEST(FrameSets, AHostReadsAKilobyteASecond_GetsTheWholeSetWhileNobodyWaits) {
+  Stand stand;
+  TestHost& slow = stand.bring_up();
+  constexpr Duration kSecond = Duration::seconds(1);
+  slow.link().in().capacity = 1000;
+  wire::Request request;
+  request.mutable_frame_set();
+  const std::uint64_t asked = slow.post(request);
+  slow.pump();
+  Duration taken;
+  for (; slow.closed.empty() && !slow.dead() && taken < Duration::seconds(300); taken = taken + kSecond) {
+    slow.reading = false;
+    stand.run(kSecond);
+    slow.reading = true;
+    slow.pump();
+  }
+  ASSERT_FALSE(slow.dead()) << slow.farewell()->message;
+  EXPECT_GT(taken, firmware::StreamProgress::kLongestPause) << "the link was not slow";
+  ASSERT_TRUE(slow.reply(asked) && slow.reply(asked)->has_pull());
+  EXPECT_EQ(received(slow, slow.reply(asked)->pull().stream()).header.heads_size(), kHeads);
 }
 
 }  // namespace

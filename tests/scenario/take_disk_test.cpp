@@ -205,6 +205,29 @@ TEST(TakeDisk, StartAtBootAndEjected_NothingIsRecordedOnTheDiskUntilItComesAgain
   EXPECT_EQ(takes_of(host).takes(0).ended(), "ejected");
 }
 
+TEST(TakeDisk, EjectedAndRemoved_TheRigIsNotDegradedAndSaysThatItWasEjectedUntilADiskComes) {
+  Stand stand(rig_with_disk());
+  TestHost& host = stand.bring_up();
+  wire::Request eject;
+  eject.mutable_disk_eject();
+  ASSERT_TRUE(host.ask(eject).has_take());
+  stand.run(Duration::seconds(3));
+  for (const bool removed : {false, true}) {
+    stand.takes->unplug(removed);
+    stand.run(Duration::seconds(3));
+    const wire::RigStatus status = host.status();
+    EXPECT_EQ(status.state(), "running") << status.problem();
+    EXPECT_EQ(status.recording().problem(), "") << removed;
+    EXPECT_TRUE(status.recording().ejected()) << removed;
+  }
+  stand.takes->unplug(false);
+  stand.run(Duration::seconds(3));
+  EXPECT_FALSE(host.status().recording().ejected()) << "the same disk is there again";
+  stand.takes->unplug();
+  stand.run(Duration::seconds(3));
+  EXPECT_EQ(host.status().state(), "degraded") << "it was not ejected";
+}
+
 TEST(TakeDisk, AHostCopiesATake_AnotherMayDeleteItOnlyWhenTheCopyIsDone) {
   Stand stand(rig_with_disk());
   TestHost& host = stand.bring_up();

@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "firmware/hosts/take_sender.h"
+#include "firmware/hosts/stream_progress.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
 #include "tests/scenario/stand.h"
@@ -13,7 +13,7 @@ namespace nodal::scenario {
 namespace {
 
 using firmware::GenlockState;
-using firmware::TakeSender;
+using firmware::StreamProgress;
 
 StandOptions recording_rig() {
   StandOptions options;
@@ -198,7 +198,7 @@ TEST_F(TakeScenario, AHostThatReadsNothing_HoldsUpNobodyAndIsCutOff) {
   const wire::Reply reply = host.ask(read(take, "cam1-0000.mkv"));
   ASSERT_TRUE(reply.has_pull()) << reply.error().message();
   ASSERT_TRUE(stand.run_until([&] { return host.closed.contains(reply.pull().stream()); }, Duration::seconds(1)));
-  stand.run(TakeSender::kGrace + Duration::seconds(1));
+  stand.run(StreamProgress::kLongestPause + Duration::seconds(1));
   stuck.reading = true;
   stand.run(Duration::milliseconds(100));
   ASSERT_EQ(stuck.closed.size(), 1u);

@@ -2,12 +2,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <functional>
 #include <optional>
 #include <ranges>
 #include <vector>
 
 #include "firmware/hosts/frame_sender.h"
-#include "firmware/hosts/take_sender.h"
+#include "firmware/hosts/stream_progress.h"
 #include "protocol/take/evidence.h"
 #include "tests/scenario/stand.h"
 
@@ -190,26 +191,36 @@ TEST_F(TakeTurns, EveryOtherPlaceIsTakenByHostsThatReadNothing_AFileIsReadAtOnce
   EXPECT_EQ(bytes, bytes_of("cam1-0000.mkv"));
 }
 
-TEST_F(TakeTurns, AHostReadsALittleEverySecond_ItsFileGoesOnAndOneThatReadsNothingIsEndedWithTheReason) {
+/// A kilobyte a second: a bulk piece of 64 KiB takes longer than kLongestPause.
+TEST_F(TakeTurns, AHostReadsAKilobyteASecond_GetsItsFileAndOneThatReadsNothingIsEndedWithTheReason) {
   record(Duration::seconds(3));
-  host.link().in().capacity = 1000;
+  TestHost& stuck = stand.connect();
+  for (TestHost* each : {&host, &stuck}) each->link().in().capacity = 1000;
   const std::uint64_t asked = host.post(read("cam0-0000.mkv"));
-  host.pump();
-  host.reading = false;
-  for (Duration read; read < firmware::TakeSender::kGrace * 2; read = read + Duration::seconds(1)) {
+  const std::uint64_t never_read = stuck.post(read("cam0-0000.mkv"));
+  for (TestHost* each : {&host, &stuck}) each->pump();
+  stuck.reading = false;
+  const std::uint64_t before = host.link().in().written;
+  for (Duration slow; slow < firmware::StreamProgress::kLongestPause * 2; slow = slow + Duration::seconds(1)) {
+    host.reading = false;
     stand.run(Duration::seconds(1));
     host.reading = true;
     host.pump();
-    host.reading = false;
   }
+  ASSERT_LT(host.link().in().written - before, 2 * kMaxPieceBytes) << "the link was not slow";
+  for (TestHost* each : {&host, &stuck}) each->link().in().capacity = 256U << 10;
+  stuck.reading = true;
   ASSERT_TRUE(host.reply(asked) && host.reply(asked)->has_pull());
   const StreamId stream = host.reply(asked)->pull().stream();
-  ASSERT_FALSE(host.closed.contains(stream));
-  stand.run(firmware::TakeSender::kGrace + Duration::seconds(1));
-  host.reading = true;
-  ASSERT_TRUE(stand.run_until([&] { return host.closed.contains(stream); }));
-  ASSERT_TRUE(host.closed[stream]);
-  EXPECT_EQ(host.closed[stream]->message, "this host has read nothing for 10 s");
+  ASSERT_TRUE(stand.run_until([&] { return host.closed.contains(stream) && !stuck.closed.empty(); }));
+  EXPECT_FALSE(host.closed[stream]) << host.closed[stream]->message;
+  std::size_t bytes = 0;
+  for (const Pulled& piece : host.pulled[stream]) bytes += piece.body.size();
+  EXPECT_EQ(bytes, bytes_of("cam0-0000.mkv"));
+  const auto& ended = stuck.closed[stuck.reply(never_read)->pull().stream()];
+  ASSERT_TRUE(ended);
+  EXPECT_EQ(ended->code, Errc::kTimeout);
+  EXPECT_EQ(ended->message, "this host has read nothing of the file for 60 s");
 }
 
 TEST_F(TakeTurns, TwoHostsReadTheSameFile_BothGetAllOfIt) {
@@ -226,32 +237,6 @@ TEST_F(TakeTurns, TwoHostsReadTheSameFile_BothGetAllOfIt) {
     for (const Pulled& piece : one->pulled[one->reply(id)->pull().stream()]) bytes += piece.body.size();
     EXPECT_EQ(bytes, bytes_of("cam0-0000.mkv"));
   }
-}
-
-/// Each time more than a piece of 64 KiB, so that the file moves, and never all that waits.
-TEST_F(TakeTurns, AHostReadsSlowlyForLongerThanItMayRest_GetsAllOfItsFile) {
-  constexpr std::size_t kAtATime = 100'000;
-  record(Duration::seconds(3));
-  ASSERT_GT(bytes_of("cam0-0000.mkv"), 8 * kAtATime);
-  host.link().in().capacity = kAtATime;
-  const std::uint64_t asked = host.post(read("cam0-0000.mkv"));
-  host.pump();
-  host.reading = false;
-  const Duration pause = firmware::TakeSender::kGrace / 4;
-  for (Duration slow; slow < firmware::TakeSender::kGrace * 3 / 2; slow = slow + pause) {
-    stand.run(pause);
-    host.reading = true;
-    host.pump();
-    host.reading = false;
-  }
-  ASSERT_TRUE(host.reply(asked) && host.reply(asked)->has_pull());
-  const StreamId stream = host.reply(asked)->pull().stream();
-  host.reading = true;
-  ASSERT_TRUE(stand.run_until([&] { return host.closed.contains(stream); }));
-  EXPECT_FALSE(host.closed[stream]) << host.closed[stream]->message;
-  std::size_t bytes = 0;
-  for (const Pulled& piece : host.pulled[stream]) bytes += piece.body.size();
-  EXPECT_EQ(bytes, bytes_of("cam0-0000.mkv"));
 }
 
 TEST_F(TakeTurns, AHostIsUnpluggedInItsCopy_TheOthersCopyGoesOn) {
@@ -291,6 +276,60 @@ TEST_F(TakeTurns, TheDiskIsBeingTestedForAMinute_AnotherHostsTestIsAnsweredByItW
   ASSERT_TRUE(host.reply(id)->has_disk_test()) << host.reply(id)->error().message();
   EXPECT_GE(host.reply(id)->disk_test().took_ns(), 10'000'000'000u) << "the first host's test is not cut below this";
   EXPECT_EQ(host.reply(id)->disk_test().bytes(), greedy.reply(minute)->disk_test().bytes());
+}
+
+wire::Request protect() {
+  wire::Request request;
+  request.mutable_take_protect()->set_take(1);
+  request.mutable_take_protect()->set_on(true);
+  return request;
+}
+
+/// Hosts that connect, ask and are gone, again and again, in the places that others leave.
+void ask_and_leave(Stand& stand, const wire::Request& request, int rounds, const std::function<void()>& step) {
+  for (int round = 0; round < rounds; ++round) {
+    std::vector<TestHost*> hosts;
+    for (std::size_t i = 1; i < kControlHosts; ++i) hosts.push_back(&stand.connect());
+    for (int k = 0; k < 4; ++k) {
+      for (TestHost* host : hosts) host->pump();
+      stand.rig->step_control();
+    }
+    for (TestHost* host : hosts) host->post(request);
+    for (TestHost* host : hosts) host->pump();
+    step();
+    for (TestHost* host : hosts) host->link().reset();
+    stand.rig->step_control();
+  }
+}
+
+TEST_F(TakeTurns, HostsAskForTestsOfTheDiskAndAreGone_TheOneThatStaysGetsTheResult) {
+  stand.takes->set_speed(&stand.world.clock(), 40'000'000);
+  const Instant asked = stand.world.clock().now();
+  const std::uint64_t id = host.post(disk_test(5));
+  host.pump();
+  stand.rig->step_control();
+  stand.rig->step_takes();
+  ask_and_leave(stand, disk_test(60), 10, [&] {
+    stand.rig->step_control();
+    stand.rig->step_takes();
+  });
+  ASSERT_TRUE(stand.run_until([&] { return host.reply(id) != nullptr; }));
+  EXPECT_TRUE(host.reply(id)->has_disk_test()) << host.reply(id)->error().message();
+  EXPECT_LE(stand.world.clock().now() - asked, kExclusiveWithin + Duration::seconds(1));
+}
+
+/// As while one operation of a slow disk lasts.
+TEST_F(TakeTurns, TheTakesStageStandsStillAndItsQueueIsFullOfRequestsOfHostsThatAreGone_ARequestWaitsAndIsAnswered) {
+  record(Duration::seconds(1));
+  ask_and_leave(stand, protect(), 10, [&] { stand.rig->step_control(); });
+  const std::uint64_t id = host.post(disk_test(1));
+  for (int k = 0; k < 10; ++k) {
+    host.pump();
+    stand.rig->step_control();
+  }
+  EXPECT_EQ(host.reply(id), nullptr) << "it is not refused: " << host.reply(id)->error().message();
+  ASSERT_TRUE(stand.run_until([&] { return host.reply(id) != nullptr; }));
+  EXPECT_TRUE(host.reply(id)->has_disk_test()) << host.reply(id)->error().message();
 }
 
 }  // namespace

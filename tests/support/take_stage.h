@@ -52,8 +52,8 @@ class TakeStage {
   }
 
   /// Not inlined: GCC 12 then warns that the variant's other alternatives are uninitialized.
-  [[gnu::noinline]] void request(const TakeCommand& what) {
-    const bool pushed = keeper_.requests().push({++ticket_, what});
+  [[gnu::noinline]] void request(const TakeCommand& what, const Presence& host = {}) {
+    const bool pushed = keeper_.requests().push({++ticket_, what, host});
     NODAL_ASSERT(pushed);
   }
   /// What the stage answers next. Sets go on coming.

@@ -2,7 +2,9 @@
 // and which of too many hosts is closed.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <utility>
+#include <vector>
 
 #include "firmware/hosts/admission.h"
 #include "firmware/hosts/client.h"
@@ -43,7 +45,7 @@ class ConnectedHost {
         client(std::make_unique<Client>(1, std::move(ends.first), Access::kControl, make_hello("a rig"), now)) {}
 };
 
-TEST(HostDeadlines, AFrameThatComesByteByByte_HasTwoSecondsFromItsFirstByte) {
+TEST(HostDeadlines, AFrameThatComesByteByByte_HasTenSecondsFromItsFirstByte) {
   ConnectedHost connected;
   connected.host_says(Instant());
   wire::Request request;
@@ -62,7 +64,7 @@ TEST(HostDeadlines, AFrameThatComesByteByByte_HasTwoSecondsFromItsFirstByte) {
   EXPECT_EQ(connected.rig().session().error()->code, Errc::kTimeout);
 }
 
-TEST(HostDeadlines, AFrameAfterOthers_HasItsOwnTwoSeconds) {
+TEST(HostDeadlines, AFrameAfterOthers_HasItsOwnTenSeconds) {
   ConnectedHost connected;
   connected.host_says(Instant());
   Instant now = after_start(Duration::seconds(5));
@@ -73,7 +75,7 @@ TEST(HostDeadlines, AFrameAfterOthers_HasItsOwnTwoSeconds) {
     ASSERT_TRUE(connected.host.send(request));
     connected.host_writes(connected.host.output().size() - 1);
     connected.rig().pump_in(now);
-    now = now + Duration::milliseconds(1500);
+    now = now + Client::kFrameWithin / 4 * 3;
     connected.host_writes(1);
     ASSERT_FALSE(connected.rig().ending()) << "frame " << k;
   }
@@ -142,6 +144,109 @@ TEST(ActiveHosts, AreThoseWhoseFrameSetOrFileMovesOrHasNothingToSend) {
     EXPECT_FALSE(connected.rig().active(stalled));
     EXPECT_TRUE(connected.rig().active(Instant::from_ns(stalled.ns() - 1)));
   }
+}
+
+/// A rig's client that sends a file of 1 MiB, over a link that takes `capacity` bytes until the host reads.
+class SlowReader {
+ public:
+  explicit SlowReader(std::size_t capacity) {
+    connected.host_says(Instant());
+    stream = *connected.rig().session().open_stream(StreamPolicy::kLossless);
+    connected.rig().take_file = stream;
+    const auto file = std::make_shared<const std::vector<std::uint8_t>>(std::size_t{1} << 20);
+    EXPECT_TRUE(connected.rig().session().offer(stream, BulkItem{"a file", file, 0}));
+    connected.host_link->in().capacity = capacity;
+  }
+  /// The host reads what its link holds, and answers; the rig goes on.
+  void host_reads(Instant now) {
+    std::array<std::uint8_t, 4096> bytes;
+    const auto read = connected.host_link->read(bytes);
+    ASSERT_TRUE(read && connected.host.receive(std::span(bytes).first(*read)));
+    while (connected.host.next_event()) continue;
+    for (auto out = connected.host.output(); !out.empty(); out = connected.host.output())
+      connected.host_writes(out.size());
+    rig_steps(now);
+  }
+  void rig_steps(Instant now) {
+    connected.rig().pump_in(now);
+    connected.rig().pump_out(now);
+  }
+
+  ConnectedHost connected;
+  StreamId stream = 0;
+};
+
+TEST(ActiveHosts, AreThoseThatReadAKilobyteASecond) {
+  SlowReader slow(1000);
+  Instant now;
+  for (int k = 0; k < 40; ++k) {  // a bulk piece takes 65 s
+    now = after_start(Duration::seconds(k));
+    slow.host_reads(now);
+    ASSERT_TRUE(slow.connected.rig().active(now)) << k;
+    ASSERT_EQ(slow.connected.rig().idle_since(), now) << k;
+  }
+  EXPECT_TRUE(slow.connected.rig().active(now + Client::kStalledAfter - kTick));
+  EXPECT_FALSE(slow.connected.rig().active(now + Client::kStalledAfter));
+}
+
+TEST(ActiveHosts, AreNotThoseThatReadOnlyAnswersAndGiveTheirFileNoCredit) {
+  SlowReader picky(1U << 20);
+  ConnectedHost& connected = picky.connected;
+  std::uint64_t taken = 0;
+  for (int k = 0; k < 20; ++k) {  // it reads all that comes, and never sends what it has to say: credits
+    const Instant now = after_start(Duration::seconds(k));
+    ASSERT_TRUE(connected.rig().session().send(wire::Reply()));
+    picky.rig_steps(now);
+    taken = connected.rig().bytes_out();
+    std::vector<std::uint8_t> bytes(1U << 20);
+    const auto read = connected.host_link->read(bytes);
+    ASSERT_TRUE(read && connected.host.receive(std::span(bytes).first(*read)));
+  }
+  const Instant now = after_start(Duration::seconds(19));
+  EXPECT_EQ(connected.rig().session().counts(picky.stream)->bytes, 0U);
+  EXPECT_GT(taken, 0U);
+  EXPECT_FALSE(connected.rig().active(now));
+}
+
+TEST(HostDeadlines, AHostWhoseFileMovesAndWhosePongWaitsBehindIt_IsNotSilent) {
+  SlowReader slow(1000);
+  const int long_ago = static_cast<int>(Client::kSilentFor.ms() / 1000);
+  slow.host_reads(Instant());
+  slow.host_reads(Instant());  // it has given credit
+  for (int k = 0; k < long_ago + 100; ++k) {
+    std::array<std::uint8_t, 1000> bytes;
+    ASSERT_TRUE(slow.connected.host_link->read(bytes));  // and it says nothing
+    slow.rig_steps(after_start(Duration::seconds(k)));
+    ASSERT_FALSE(slow.connected.rig().ending()) << k;
+  }
+  slow.rig_steps(after_start(Duration::seconds(2 * long_ago + 100)));
+  EXPECT_TRUE(slow.connected.rig().ending()) << "now it reads nothing, either";
+}
+
+TEST(HostDeadlines, AnUploadOfAKilobyteASecond_IsNotEnded) {
+  ConnectedHost connected;
+  connected.host_says(Instant());
+  const StreamId stream = *connected.host.open_stream(StreamPolicy::kLossless);
+  connected.rig().on_upload(stream, Instant());
+  const auto file = std::make_shared<const std::vector<std::uint8_t>>(200'000);
+  ASSERT_TRUE(connected.host.offer(stream, BulkItem{"", file, 0}));
+  std::size_t sent = 0;
+  for (int k = 0; k < 100; ++k) {
+    const Instant now = after_start(Duration::seconds(k));
+    const auto out = connected.host.output();
+    const std::size_t bytes = std::min<std::size_t>(out.size(), 1000);
+    connected.host_writes(bytes);
+    sent += bytes;
+    connected.rig().pump_in(now);
+    connected.rig().pump_out(now);
+    while (connected.rig().session().next_event()) continue;
+    std::array<std::uint8_t, 4096> answer;
+    const auto read = connected.host_link->read(answer);
+    ASSERT_TRUE(read && connected.host.receive(std::span(answer).first(*read)));
+    ASSERT_FALSE(connected.rig().ending()) << k << ": " << connected.rig().session().error()->message;
+    ASSERT_TRUE(connected.rig().active(now)) << k;
+  }
+  EXPECT_GT(sent, 64U << 10) << "more than a frame";
 }
 
 TEST(TooManyHosts, OneIdleForLong_IsClosedBeforeOnesThatHaveJustCome) {

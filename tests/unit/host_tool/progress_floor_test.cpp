@@ -18,23 +18,24 @@ namespace {
 constexpr Duration kPatience = Duration::seconds(10);
 constexpr Duration kAnHour = Duration::seconds(3600);
 
-/// A link that moves one byte a step of the clock in each direction, once it trickles.
+/// A link that moves so many bytes a step of the clock in each direction, once it trickles.
 class TricklingLink final : public hal::LinkPort {
  public:
-  TricklingLink(std::unique_ptr<hal::LinkPort> link, const bool& trickles, const Duration& now)
-      : link_(std::move(link)), trickles_(trickles), now_(now) {}
+  TricklingLink(std::unique_ptr<hal::LinkPort> link, const bool& trickles, const std::size_t& bytes,
+                const Duration& now)
+      : link_(std::move(link)), trickles_(trickles), bytes_(bytes), now_(now) {}
 
   Result<std::size_t> read(std::span<std::uint8_t> into) override {
     if (!trickles_) return link_->read(into);
     if (read_at_ == now_) return 0;
     read_at_ = now_;
-    return link_->read(into.first(1));
+    return link_->read(into.first(std::min(into.size(), bytes_)));
   }
   Result<std::size_t> write(std::span<const std::uint8_t> from) override {
     if (!trickles_) return link_->write(from);
     if (written_at_ == now_) return 0;
     written_at_ = now_;
-    return link_->write(from.first(1));
+    return link_->write(from.first(std::min(from.size(), bytes_)));
   }
   void add_wake_ups(hal::WakeUps& to, bool to_read, bool to_write) const override {
     link_->add_wake_ups(to, to_read, to_write);
@@ -45,6 +46,7 @@ class TricklingLink final : public hal::LinkPort {
  private:
   std::unique_ptr<hal::LinkPort> link_;
   const bool& trickles_;
+  const std::size_t& bytes_;
   const Duration& now_;
   Duration read_at_, written_at_;
 };
@@ -53,7 +55,7 @@ class TricklingLink final : public hal::LinkPort {
 class Trickles : public testing::Test {
  protected:
   void connect() {
-    auto link = std::make_unique<TricklingLink>(std::move(rig_.host_end), trickles_, now_);
+    auto link = std::make_unique<TricklingLink>(std::move(rig_.host_end), trickles_, trickle_, now_);
     auto connection = RigConnection::over(
         std::move(link), "sim:rig", kPatience,
         [this](hal::LinkPort&, bool, Duration at_most) {
@@ -76,6 +78,7 @@ class Trickles : public testing::Test {
 
   FakeRig rig_;
   bool trickles_ = false;
+  std::size_t trickle_ = 1;
   Duration now_ = Duration::seconds(1);
   Duration step_ = Duration::seconds(1);
   std::unique_ptr<RigConnection> connection_;
@@ -136,6 +139,47 @@ TEST_F(Trickles, ARigThatAnswersAndSendsAByteOfAFrameSetASecond_IsATimeoutThatNa
   EXPECT_EQ(last.error().code, Errc::kTimeout);
   EXPECT_NE(last.error().message.find("a frame set"), std::string::npos) << last.error().message;
   EXPECT_LT(now_ - begun, kPatience * 3);
+}
+
+/// At 2 kB/s a bulk piece of 64 KiB takes 32 s: more than three times the patience.
+TEST_F(Trickles, ARigThatSendsAFrameSetSlowlyAndAboveTheFloor_IsWaitedFor) {
+  connect();
+  StreamId stream = 0;
+  rig_.answer = [&](const wire::Request& request) {
+    wire::Reply reply;
+    if (request.has_status()) {
+      reply.mutable_status();
+      return reply;
+    }
+    stream = *rig_.session().open_stream(StreamPolicy::kLossless);
+    reply.mutable_pull()->set_stream(stream);
+    return reply;
+  };
+  const auto started = connection_->ask(a_pull());
+  ASSERT_TRUE(started) << started.error().text();
+  trickles_ = true;
+  trickle_ = 2000;
+  constexpr std::size_t kBytes = 150'000;
+  ASSERT_TRUE(rig_.session().offer(stream, {"m", std::make_shared<const std::vector<std::uint8_t>>(kBytes), 0}));
+  StreamWait wait(*connection_, started->pull().stream(), kPatience, "a frame set");
+  const Duration begun = now_;
+  std::size_t got = 0;
+  while (got < kBytes) {
+    const Result<Event> event = wait.next();
+    ASSERT_TRUE(event) << event.error().text() << " after " << got << " bytes";
+    if (const auto* piece = std::get_if<BulkPiece>(&*event)) got += piece->data.size();
+  }
+  EXPECT_GT(now_ - begun, Duration::seconds(70));
+}
+
+TEST_F(Trickles, ARigThatTakesAnUploadSlowlyAndAboveTheFloor_IsWaitedFor) {
+  connect();
+  trickles_ = true;
+  trickle_ = 2000;
+  const Duration begun = now_;
+  const Status sent = connection_->send_item({"meta", std::make_shared<const std::vector<std::uint8_t>>(100'000), 0});
+  ASSERT_TRUE(sent) << sent.error().text();
+  EXPECT_GE(now_ - begun, Duration::seconds(50)) << "until the link has taken all of it, not all but a piece";
 }
 
 TEST_F(Trickles, ASlowRigAboveTheFloor_IsWaitedFor) {

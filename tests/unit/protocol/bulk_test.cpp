@@ -89,6 +89,8 @@ struct BulkWorld {
     RC_ASSERT(counts.offered == counts.delivered + counts.dropped + counts.pending);
     RC_ASSERT(counts.pending <= (policy == StreamPolicy::kLatest ? 2 : kLosslessQueueItems));
     if (policy == StreamPolicy::kLossless) RC_ASSERT(counts.dropped == 0u);
+    RC_ASSERT(counts.bytes == talk.host->bulk_received(stream));  // of pieces that have arrived in part, too
+    RC_ASSERT(counts.bytes == talk.rig->bulk_taken());
     RC_ASSERT(collector.whole <= counts.delivered);
   }
 
@@ -206,6 +208,7 @@ TEST(Bulk, MoreBytesThanCredit_ProtocolAndNoMoreThanTheWindowIsHeld) {
     std::vector<std::uint8_t> payload = piece->head;
     payload.insert(payload.end(), (*piece->slice).begin(), (*piece->slice).end());
     const auto taken = receiver.piece(stream, payload);
+    sender.taken(payload.size() - kPieceHeaderBytes, true);
     if (taken) held += (*taken)->data.size();
     if (!taken) error = taken.error();
   }
