@@ -132,9 +132,9 @@ class Client {
   const Instant since_;
   Instant used_;
   bool has_requested_ = false;
-  Instant heard_;               ///< when bytes were last received
-  Instant moved_;               ///< when bytes of its streams and uploads last moved
-  std::uint64_t bulk_ = 0;      ///< so many bytes of them had moved then
+  Instant heard_;           ///< when bytes were last received
+  Instant moved_;           ///< when bytes of its streams and uploads last moved
+  std::uint64_t bulk_ = 0;  ///< so many bytes of them had moved then
   Instant pinged_;
   Instant frame_since_;       ///< when the first byte of the current protocol frame arrived
   std::uint32_t frames_ = 0;  ///< frames_received() when frame_since_ was set

@@ -99,5 +99,26 @@ TEST_F(TakeTells, OneTakeCannotBeDeleted_JsonHasItAndTheOthersToo) {
   EXPECT_EQ(told["failed"][0]["take"], 1);
 }
 
+TEST_F(TakeTells, ExportedToAFolderWithFilms_IsRefusedAndReplacesThemWithOverwrite) {
+  start_rig();
+  record(5);
+  const Words exports{"take", "export", path("takes/000001"), "--to", path("out")};
+  ASSERT_EQ(nodal(exports).code, 0);
+  const std::string film = read("out/cam0.mkv"), table = read("out/frames.csv");
+  for (const char* name : {"out/cam0.mkv", "out/frames.csv", "out/cam9.mkv"}) write(name, "of another take");
+  const Finished refused = nodal(exports);
+  EXPECT_NE(refused.code, 0);
+  EXPECT_NE(refused.err.find("--overwrite"), std::string::npos) << refused.err;
+  EXPECT_EQ(read("out/cam0.mkv"), "of another take");
+  Words replaces = exports;
+  replaces.push_back("--overwrite");
+  const Finished replaced = nodal(replaces);
+  EXPECT_EQ(replaced.code, 0) << replaced.err;
+  EXPECT_EQ(read("out/cam0.mkv").size(), film.size());
+  EXPECT_EQ(read("out/frames.csv"), table);
+  EXPECT_EQ(read("out/cam9.mkv"), "of another take");
+  EXPECT_NE(replaced.err.find("cam9.mkv was there before, and is not of this take"), std::string::npos) << replaced.err;
+}
+
 }  // namespace
 }  // namespace nodal::command_line

@@ -76,6 +76,19 @@ class Trickles : public testing::Test {
     return request;
   }
 
+  /// The rig answers questions after its status, and opens a stream for the pull that is asked for.
+  StreamId begin_a_stream() {
+    rig_.answer = [this](const wire::Request& request) {
+      wire::Reply reply;
+      if (request.has_status()) reply.mutable_status();
+      else reply.mutable_pull()->set_stream(*rig_.session().open_stream(StreamPolicy::kLossless));
+      return reply;
+    };
+    const auto started = connection_->ask(a_pull());
+    EXPECT_TRUE(started) << started.error().text();
+    return started ? started->pull().stream() : 0;
+  }
+
   FakeRig rig_;
   bool trickles_ = false;
   std::size_t trickle_ = 1;
@@ -113,20 +126,8 @@ TEST_F(Trickles, ARigThatTakesAByteASecondOfAnUpload_IsATimeout) {
 
 TEST_F(Trickles, ARigThatAnswersAndSendsAByteOfAFrameSetASecond_IsATimeoutThatNamesTheFrameSet) {
   connect();
-  StreamId stream = 0;
-  rig_.answer = [&](const wire::Request& request) {
-    wire::Reply reply;
-    if (request.has_status()) {
-      reply.mutable_status();
-      return reply;
-    }
-    stream = *rig_.session().open_stream(StreamPolicy::kLossless);
-    reply.mutable_pull()->set_stream(stream);
-    return reply;
-  };
-  const auto started = connection_->ask(a_pull());
-  ASSERT_TRUE(started) << started.error().text();
-  StreamWait wait(*connection_, started->pull().stream(), kPatience, "a frame set");
+  const StreamId stream = begin_a_stream();
+  StreamWait wait(*connection_, stream, kPatience, "a frame set");
   const Duration begun = now_;
   Status last;
   while (last) {
@@ -144,24 +145,12 @@ TEST_F(Trickles, ARigThatAnswersAndSendsAByteOfAFrameSetASecond_IsATimeoutThatNa
 /// At 2 kB/s a bulk piece of 64 KiB takes 32 s: more than three times the patience.
 TEST_F(Trickles, ARigThatSendsAFrameSetSlowlyAndAboveTheFloor_IsWaitedFor) {
   connect();
-  StreamId stream = 0;
-  rig_.answer = [&](const wire::Request& request) {
-    wire::Reply reply;
-    if (request.has_status()) {
-      reply.mutable_status();
-      return reply;
-    }
-    stream = *rig_.session().open_stream(StreamPolicy::kLossless);
-    reply.mutable_pull()->set_stream(stream);
-    return reply;
-  };
-  const auto started = connection_->ask(a_pull());
-  ASSERT_TRUE(started) << started.error().text();
+  const StreamId stream = begin_a_stream();
   trickles_ = true;
   trickle_ = 2000;
   constexpr std::size_t kBytes = 150'000;
   ASSERT_TRUE(rig_.session().offer(stream, {"m", std::make_shared<const std::vector<std::uint8_t>>(kBytes), 0}));
-  StreamWait wait(*connection_, started->pull().stream(), kPatience, "a frame set");
+  StreamWait wait(*connection_, stream, kPatience, "a frame set");
   const Duration begun = now_;
   std::size_t got = 0;
   while (got < kBytes) {
