@@ -246,12 +246,6 @@ std::optional<Event> Session::next_event() {
   return event;
 }
 
-std::uint64_t Session::under_way_of(std::optional<StreamId> stream) const {
-  const FrameHeader* const header = decoder_.header_under_way();
-  if (!header || header->type != FrameType::kBulk || header->stream != stream.value_or(header->stream)) return 0;
-  return decoder_.under_way() - std::min(decoder_.under_way(), kFrameHeaderBytes + kPieceHeaderBytes);
-}
-
 Status Session::end_of_input() const {
   if (dead_) return fail(*dead_);
   if (!decoder_.at_border()) {
@@ -369,25 +363,6 @@ Status Session::send(const wire::Reply& reply) {
   return send_message(FrameType::kReply, clean);
 }
 
-Result<StreamId> Session::open_stream(StreamPolicy policy) {
-  if (dead_) return fail(*dead_);
-  const auto stream = sender_.open(policy);
-  if (!stream) return stream;
-  wire::StreamOpen message;
-  message.set_policy(static_cast<std::uint32_t>(policy));
-  push_control(FrameType::kStreamOpen, *stream, message.SerializeAsString());
-  return stream;
-}
-
-Status Session::offer(StreamId stream, BulkItem item) {
-  if (dead_) return fail(*dead_);
-  return sender_.offer(stream, std::move(item));
-}
-
-void Session::close_stream(StreamId stream, std::optional<Error> error) {
-  if (!dead_) sender_.close(stream, std::move(error));
-}
-
 void Session::stop_stream(StreamId stream, const Error& why) {
   if (dead_ || !receiver_.stop(stream)) return;
   std::erase_if(events_, [&](const QueuedEvent& queued) {
@@ -400,7 +375,5 @@ void Session::stop_stream(StreamId stream, const Error& why) {
   *message.mutable_why() = to_wire(why);
   push_control(FrameType::kStreamStop, stream, message.SerializeAsString());
 }
-
-std::optional<StreamCounts> Session::counts(StreamId stream) const { return sender_.counts(stream); }
 
 }  // namespace nodal
