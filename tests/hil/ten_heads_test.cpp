@@ -28,12 +28,8 @@ const std::string kScratch = "/tmp/ten-heads";  // in the guest's memory: the cu
 std::string rig_toml(int heads) {
   std::ostringstream text;
   text << "[rig]\nname = \"ten-heads\"\n[raymap]\nwidth = 512\nheight = 256\n[trigger]\nsource = \"none\"\n"
-       << "[links]\nunix = \"" << kScratch << "/nodal.sock\"\n[store]\nfolder = \"" << kScratch << "/store\"\n";
-  for (int i = 0; i < heads; ++i) {
-    text << "[[heads]]\nname = \"cam" << i << "\"\nport = \"v4l2:platform:vivid-" << (i < 10 ? "00" : "0") << i
-         << "\"\nformat = \"YUYV\"\nsize = \"720x480\"\ninput = \"S-Video 0\"\nstandard = \"NTSC\"\n"
-         << "fields = \"bottom-first\"\nseparate_fields = " << (i % 2 == 0 ? "false" : "true") << "\n";
-  }
+       << "[links]\nunix = \"" << kScratch << "/nodal.sock\"\n[store]\nfolder = \"" << kScratch << "/store\"\n"
+       << ntsc_heads_toml(heads);
   return text.str();
 }
 

@@ -10,7 +10,19 @@
 
 namespace nodal::hil {
 
-std::string vivid_path(int device) { return "v4l2:platform:vivid-00" + std::to_string(device); }
+std::string vivid_path(int device) {
+  return std::string("v4l2:platform:vivid-") + (device < 10 ? "00" : "0") + std::to_string(device);
+}
+
+std::string ntsc_heads_toml(int heads) {
+  std::string text;
+  for (int i = 0; i < heads; ++i) {
+    text += "[[heads]]\nname = \"cam" + std::to_string(i) + "\"\nport = \"" + vivid_path(i) +
+            "\"\nformat = \"YUYV\"\nsize = \"720x480\"\ninput = \"S-Video 0\"\nstandard = \"NTSC\"\n" +
+            "fields = \"bottom-first\"\nseparate_fields = " + (i % 2 == 0 ? "false" : "true") + "\n";
+  }
+  return text;
+}
 
 void set_vivid(int device, std::uint32_t control, int value) {
   const std::string path = vivid_path(device);

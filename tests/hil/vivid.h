@@ -26,6 +26,9 @@ inline constexpr std::uint32_t kFatalError = 0x00f0f000 + 70;
 /// "v4l2:platform:vivid-003" is device 3; the kernel's command line sets the number and the inputs of the devices.
 std::string vivid_path(int device);
 
+/// Heads cam0, cam1, … of rig.toml: NTSC on these devices. Those with odd numbers deliver each field by itself.
+std::string ntsc_heads_toml(int heads);
+
 /// Sets a control of a device through a separate descriptor; value 1 presses a button. Throws on failure.
 void set_vivid(int device, std::uint32_t control, int value);
 
