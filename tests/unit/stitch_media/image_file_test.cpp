@@ -211,6 +211,30 @@ TEST(ReadImage, FormatsThatPeopleHavePicturesIn_AreNamedWithWhatToDo) {
   }
 }
 
+/// A JPEG with segments behind its first marker.
+std::vector<std::uint8_t> jpeg_with(const std::vector<std::pair<std::uint8_t, std::string>>& segments) {
+  std::vector<std::uint8_t> jpeg = test::jpeg_of(test::smooth_rgb(16, 16), 16, 16, test::Sampling::k444);
+  std::vector<std::uint8_t> more;
+  for (const auto& [marker, body] : segments) {
+    const std::size_t length = body.size() + 2;
+    more.insert(more.end(), {0xFF, marker, static_cast<std::uint8_t>(length >> 8), static_cast<std::uint8_t>(length)});
+    more.insert(more.end(), body.begin(), body.end());
+  }
+  jpeg.insert(jpeg.begin() + 2, more.begin(), more.end());
+  return jpeg;
+}
+
+TEST(JpegSegments, AProfileInParts_IsPutTogetherByTheirNumbers) {
+  const std::string begin("ICC_PROFILE\0", 12);
+  const auto part = [&](char number, const std::string& bytes) {
+    return std::pair<std::uint8_t, std::string>(0xE2, begin + number + '\3' + bytes);
+  };
+  // As ICC.1:2010, B.4 allows it: in any order, and other segments between them.
+  const auto jpeg = jpeg_with({part('\3', "CC"), {0xE2, "MPF other"}, part('\1', "AA"), part('\2', "BB")});
+  const std::vector<std::uint8_t> whole{'A', 'A', 'B', 'B', 'C', 'C'};
+  EXPECT_EQ(decode_image(jpeg, "p.jpg").value().meaning.icc, whole);
+}
+
 TEST(ReadImageHeader, BehindALotOfMetadata_IsFound) {
   const test::TemporaryFolder folder;
   auto jpeg = test::jpeg_of(picture(), kWidth, kHeight, Sampling::k420);
