@@ -154,7 +154,7 @@ TEST(FrameSets, AHostReadsAKilobyteASecond_GetsTheWholeSetWhileNobodyWaits) {
     slow.reading = true;
     slow.pump();
   }
-  ASSERT_FALSE(slow.dead()) << slow.farewell()->message;
+  ASSERT_FALSE(slow.dead()) << (slow.farewell() ? slow.farewell()->message : "disconnected");
   EXPECT_GT(taken, firmware::StreamProgress::kLongestPause) << "the link was not slow";
   ASSERT_TRUE(slow.reply(asked) && slow.reply(asked)->has_pull());
   EXPECT_EQ(received(slow, slow.reply(asked)->pull().stream()).header.heads_size(), kHeads);
