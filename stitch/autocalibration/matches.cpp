@@ -8,7 +8,7 @@ namespace nodal::autocalibration {
 namespace {
 
 constexpr double kRatio = 0.8;  // of the distances to the nearest and to the second nearest, as in Lowe's paper
-constexpr std::int32_t kAlike =
+constexpr std::int32_t kSameDescriptor =
     150;  // distance of descriptors, of 512: of the same thing in two pictures it is mostly less
 constexpr double kPrevails = 0.15;  // of the features
 
@@ -63,7 +63,7 @@ std::vector<Match> find_matches(std::size_t a, const std::vector<Feature>& in_a,
   }
   for (std::size_t i = 0; repetition != nullptr && i < in_a.size(); ++i) {
     ++repetition->features;
-    repetition->ambiguous += of_a[i].first < kAlike * kAlike && !of_a[i].clear() ? 1 : 0;
+    repetition->ambiguous += of_a[i].first < kSameDescriptor * kSameDescriptor && !of_a[i].clear() ? 1 : 0;
   }
   std::vector<Match> matches;
   for (std::size_t i = 0; i < in_a.size(); ++i) {

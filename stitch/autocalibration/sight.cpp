@@ -11,7 +11,7 @@ constexpr int kFeatureSide = 1600;          // px; larger pictures are reduced t
 constexpr int kRimSide = 3200;              // and to this for those of rims
 constexpr std::size_t kFeatures = 2500;     // per picture
 constexpr std::size_t kRimFeatures = 4000;  // per picture
-constexpr double kRim = 0.8;  // of the circle's radius: overlaps that reach farther in have features enough
+constexpr double kRimFrom = 0.8;  // of the circle's radius: overlaps that reach farther in have features enough
 
 struct Effort {
   int side = kFeatureSide;
@@ -69,7 +69,7 @@ Sight see(const std::vector<DecodedImage>& pictures, const std::vector<Shape>& s
 
 Sight see_rims(const std::vector<DecodedImage>& pictures, const std::vector<Shape>& shapes,
                const parallel::Workers& workers) {
-  return seen(pictures, shapes, {kRimSide, kRimFeatures, kRim}, workers);
+  return seen(pictures, shapes, {kRimSide, kRimFeatures, kRimFrom}, workers);
 }
 
 }  // namespace nodal::autocalibration

@@ -16,7 +16,7 @@ namespace nodal::registration {
 namespace {
 
 /// Two fisheyes back to back; `bend`: of the lens, per cube of the angle.
-Calibration back_to_back(int side, double view_deg, double bend) {
+Calibration fisheye_pair(int side, double view_deg, double bend) {
   Calibration rig;
   rig.name = "pair";
   const double edge = view_deg / 2 * kRadiansPerDegree, radius = 0.48 * side;
@@ -32,7 +32,7 @@ Calibration back_to_back(int side, double view_deg, double bend) {
 }
 
 TEST(SeenRadii, FisheyesBackToBack_ShowTheirRims) {
-  const auto seen = seen_radii(back_to_back(400, 220, 0));
+  const auto seen = seen_radii(fisheye_pair(400, 220, 0));
   ASSERT_TRUE(seen) << seen.error().text();
   EXPECT_NEAR(seen->span, 40.0 / 110, 0.05);
   EXPECT_NEAR(seen->from_deg, 70, 5);
@@ -57,12 +57,12 @@ TEST(SeenRadii, HeadsThatDoNotOverlap_ShowNothing) {
 
 // With whole lenses, heads agree, and the lens is tens of percent off at 10 degrees.
 TEST(Register, LensesOfADataSheetThatShareTheirRims_AreNotBentAndThatIsSaid) {
-  const test::RenderedRig rig = test::render_rig(back_to_back(320, 205, -0.025), hal::sim::town_square_scene(3),
+  const test::RenderedRig rig = test::render_rig(fisheye_pair(320, 205, -0.025), hal::sim::town_square_scene(3),
                                                  {PixelFormat::kGrey8, 1.0, 5, 2});
   Options options;
   options.free = Free::kLens;
   options.lens_far_off = true;
-  const auto report = register_heads(back_to_back(320, 205, 0), {rig.frames()}, options);
+  const auto report = register_heads(fisheye_pair(320, 205, 0), {rig.frames()}, options);
   ASSERT_TRUE(report) << report.error().text();
   for (std::size_t h = 0; h < 2; ++h) {
     const double is = geometry::Lens::make(rig.truth.heads[h].lens)->radius(10 * kRadiansPerDegree).value_or(0);
