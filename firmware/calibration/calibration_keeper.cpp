@@ -4,6 +4,7 @@
 #include <new>
 
 #include "firmware/calibration/rehearsal.h"
+#include "firmware/frame/drain.h"
 #include "stitch/sets/rig_heads.h"
 #include "stitch/sets/seam_views.h"
 #include "stitch/table/meter_compiler.h"
@@ -55,8 +56,7 @@ CalibrationKeeper::CalibrationKeeper(const RigConfig& config, hal::DiskPort& dis
 
 bool CalibrationKeeper::step(Instant now) {
   now_ = now;
-  bool busy = false;
-  while (tables_back_.pop()) busy = true;  // frees old tables here, outside the frame path
+  bool busy = drain(tables_back_, [](auto) {});  // frees old tables here, outside the frame path
   if (!started_) {
     started_ = true;
     load_at_start();
@@ -118,7 +118,7 @@ void CalibrationKeeper::start_next_good() {
 /// Answers all queries at once, whatever is being installed; a change waits until the current installation has ended.
 bool CalibrationKeeper::take_requests() {
   bool busy = false;
-  while (!answers_.full()) {
+  for (std::size_t taken = 0; taken < requests_.capacity() && !answers_.full(); ++taken) {
     std::optional<KeeperRequest> request = requests_.pop();
     if (!request) break;
     busy = true;

@@ -4,6 +4,7 @@
 #include <bit>
 
 #include "firmware/capture/capture_log.h"
+#include "firmware/frame/drain.h"
 
 namespace nodal::firmware {
 namespace {
@@ -110,7 +111,7 @@ bool Capture::take_edges() {
 
 bool Capture::run_commands(Instant now) {
   bool any = false;
-  while (!answers_.full()) {
+  for (std::size_t taken = 0; taken < commands_.capacity() && !answers_.full(); ++taken) {
     auto command = commands_.pop();
     if (!command) break;
     any = true;
@@ -134,10 +135,9 @@ bool Capture::run_commands(Instant now) {
 }
 
 bool Capture::follow_light() {
-  bool any = false;
-  while (auto seen = light_in_ ? light_in_->pop() : std::nullopt) {
-    any = true;
-    if (log_) log_->note(LightTaken{*seen});
+  if (!light_in_) return false;
+  return drain(*light_in_, [&](const blend::SphereLight& seen) {
+    if (log_) log_->note(LightTaken{seen});
     std::array<std::optional<ExposureRange>, kMaxHeads> ranges;
     const ExposureSettings& automatic = exposure_.report().settings;
     for (std::size_t i = 0; i < heads_.size(); ++i) {
@@ -150,15 +150,14 @@ bool Capture::follow_light() {
       ranges[i] = {limits.exposure_min, std::clamp(automatic.longest, limits.exposure_min, limits.exposure_max),
                    limits.gain_min, std::clamp(automatic.highest, limits.gain_min, limits.gain_max)};
     }
-    const ExposureControl::Orders orders = exposure_.step(*seen, ranges);
+    const ExposureControl::Orders orders = exposure_.step(seen, ranges);
     for (std::size_t i = 0; i < heads_.size(); ++i) {
       if ((orders.heads & head_bit(i)) == 0) continue;
       // The values are within the head's limits. A head that has just disappeared gets them when it returns.
       (void)heads_[i].change({orders.of[i].exposure, orders.of[i].gain, std::nullopt, std::nullopt});
       align_now_ = true;
     }
-  }
-  return any;
+  });
 }
 
 Status Capture::change_heads(const HeadChange& change) {

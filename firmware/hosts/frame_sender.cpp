@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "firmware/frame/drain.h"
 #include "protocol/upload.h"
 
 namespace nodal::firmware {
@@ -120,10 +121,10 @@ void FrameSender::end(Copy& copy, const Clients& clients) {
 }
 
 void FrameSender::follow_adoptions() {
-  while (auto adoption = blender_.adoptions_out().pop()) {
+  drain(blender_.adoptions_out(), [&](const Blender::Adoption& adoption) {
     before_ = in_force_;
     in_force_ = adoption;
-  }
+  });
 }
 
 void FrameSender::send(Client& client, const SetCopy& set, StreamId stream) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "firmware/frame/drain.h"
 #include "firmware/hosts/admission.h"
 #include "firmware/hosts/shared_bytes.h"
 
@@ -116,18 +117,15 @@ bool TakeSender::step(Client& client, Transfer& transfer, Instant now) {
 }
 
 bool TakeSender::take_answers(const Clients& clients) {
-  bool busy = false;
-  while (auto answer = reader_->answers().pop()) {
-    busy = true;
+  return drain(reader_->answers(), [&](const ReadAnswer& answer) {
     --ordered_;
     const auto found =
-        std::ranges::find_if(transfers_, [&](const auto& each) { return each.second.number == answer->transfer; });
-    if (found == transfers_.end()) continue;  // it has ended
+        std::ranges::find_if(transfers_, [&](const auto& each) { return each.second.number == answer.transfer; });
+    if (found == transfers_.end()) return;  // it has ended
     --found->second.ordered;
     Client* const client = find(clients, found->first);
-    if (client && !found->second.all_ordered) send(*client, found->second, *answer);
-  }
-  return busy;
+    if (client && !found->second.all_ordered) send(*client, found->second, answer);
+  });
 }
 
 void TakeSender::send(Client& client, Transfer& transfer, const ReadAnswer& answer) {

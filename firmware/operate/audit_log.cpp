@@ -4,6 +4,7 @@
 #include <iterator>
 #include <utility>
 
+#include "firmware/frame/drain.h"
 #include "protocol/base/text.h"
 
 namespace nodal::firmware {
@@ -102,16 +103,16 @@ bool AuditLog::step(Instant now) {
     if (now >= kind.window_end && !full()) end_window(kind, now);
   }
   send();
-  while (auto written = store_.answers().pop()) {
-    settled_ = written->number + 1 - first_number_;
+  drain(store_.answers(), [&](const auto& written) {
+    settled_ = written.number + 1 - first_number_;
     problem_.clear();
-    if (written->status) {
-      on_disk_ = written->number;
-      head_ = written->head;
+    if (written.status) {
+      on_disk_ = written.number;
+      head_ = written.head;
     } else {
-      problem_ = written->status.error().message;
+      problem_ = written.status.error().message;
     }
-  }
+  });
   return added_ + settled_ != before;
 }
 

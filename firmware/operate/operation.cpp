@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "firmware/frame/drain.h"
+
 namespace nodal::firmware {
 namespace {
 
@@ -142,65 +144,65 @@ Operation::Open Operation::close(Ticket ticket) {
 }
 
 void Operation::take_capture_answers(std::vector<Answer>& answers, Instant now) {
-  while (auto answer = stages_.capture.answers().pop()) {
-    Open open = close(answer->ticket);
-    audit(open, std::nullopt, answer->status, now);
-    if (!answer->status) {
-      const std::string& why = answer->status.error().message;
+  drain(stages_.capture.answers(), [&](CaptureAnswer answer) {
+    Open open = close(answer.ticket);
+    audit(open, std::nullopt, answer.status, now);
+    if (!answer.status) {
+      const std::string& why = answer.status.error().message;
       if (open.requester.kind == Requester::Kind::kButton) news_.say(NewsKind::kRig, "the button did nothing: " + why);
       if (open.requester.kind == Requester::Kind::kStoredSettings) {
         news_.say(NewsKind::kRig, "could not restore a stored setting: " + why);
       }
-      answers.push_back({answer->ticket, fail(answer->status.error())});
-      continue;
+      answers.push_back({answer.ticket, fail(answer.status.error())});
+      return;
     }
     CaptureChange& change = std::get<CaptureChange>(open.command);
-    Outcome outcome = CommandDone{answer->at};
+    Outcome outcome = CommandDone{answer.at};
     if (auto* exposure = std::get_if<ExposureChange>(&change)) {
       // The program is stored even when the command does not name it, because Settings::commands() first switches to
       // "manual" and has to switch back, also to a program that came from rig.toml.
-      exposure->program = answer->exposure.settings.program;
-      outcome = answer->exposure;
+      exposure->program = answer.exposure.settings.program;
+      outcome = answer.exposure;
     } else if (!std::holds_alternative<HeadChange>(change) && !std::holds_alternative<LeaseEnd>(change)) {
-      outcome = answer->genlock;
+      outcome = answer.genlock;
     }
     if (open.requester.kind != Requester::Kind::kStoredSettings) {
       settings_.remember(change);
       settings_writer_.changed();
     }
-    if (open.requester.kind == Requester::Kind::kHost) unstored_.push_back({answer->ticket, std::move(outcome)});
-  }
+    if (open.requester.kind == Requester::Kind::kHost) unstored_.push_back({answer.ticket, std::move(outcome)});
+  });
 }
 
 void Operation::take_keeper_answers(std::vector<Answer>& answers, Instant now) {
-  while (auto answer = stages_.keeper.answers().pop()) {
-    const Open open = close(answer->ticket);
-    const auto* done = answer->result ? std::get_if<KeeperAnswer::Done>(&*answer->result) : nullptr;
+  drain(stages_.keeper.answers(), [&](KeeperAnswer answer) {
+    const Open open = close(answer.ticket);
+    const auto* done = answer.result ? std::get_if<KeeperAnswer::Done>(&*answer.result) : nullptr;
     const auto receipt = audit(open, done ? done->in_force : keeper_->in_force,
-                               answer->result ? Status() : fail(answer->result.error()), now);
-    if (!answer->result) {
-      answers.push_back({answer->ticket, fail(answer->result.error())});
-      continue;
+                               answer.result ? Status() : fail(answer.result.error()), now);
+    if (!answer.result) {
+      answers.push_back({answer.ticket, fail(answer.result.error())});
+      return;
     }
     Outcome outcome = CommandDone{};
-    if (auto* listed = std::get_if<KeeperAnswer::Listed>(&*answer->result)) outcome = std::move(*listed);
-    else if (auto* document = std::get_if<KeeperAnswer::Document>(&*answer->result)) outcome = std::move(*document);
-    answer_when_recorded({answer->ticket, std::move(outcome)}, receipt);
-  }
+    if (auto* listed = std::get_if<KeeperAnswer::Listed>(&*answer.result)) outcome = std::move(*listed);
+    else if (auto* document = std::get_if<KeeperAnswer::Document>(&*answer.result)) outcome = std::move(*document);
+    answer_when_recorded({answer.ticket, std::move(outcome)}, receipt);
+  });
 }
 
 void Operation::take_takes_answers(std::vector<Answer>& answers, Instant now) {
   if (!stages_.takes) return;
-  while (auto answer = stages_.takes->answers().pop()) {
-    const Open open = close(answer->ticket);
-    const auto receipt = audit(open, std::nullopt, answer->result ? Status() : fail(answer->result.error()), now);
-    if (!answer->result) {
-      answers.push_back({answer->ticket, fail(answer->result.error())});
-      continue;
+  drain(stages_.takes->answers(), [&](TakeAnswer answer) {
+    const Open open = close(answer.ticket);
+    const auto receipt = audit(open, std::nullopt, answer.result ? Status() : fail(answer.result.error()), now);
+    if (!answer.result) {
+      answers.push_back({answer.ticket, fail(answer.result.error())});
+      return;
     }
     answer_when_recorded(
-        {answer->ticket, std::visit([](auto& what) { return Outcome(std::move(what)); }, *answer->result)}, receipt);
-  }
+        {answer.ticket, std::visit([](auto& what) { return Outcome(std::move(what)); }, *answer.result)}, receipt);
+  });
 }
 
 /// Logs what happens to takes and to their disk.
@@ -255,10 +257,10 @@ void Operation::tell_takes_the_calibration() {
 }
 
 void Operation::take_settings_answers() {
-  while (const auto stored = stages_.settings.answers().pop()) {
-    if (!settings_writer_.ended(*stored)) continue;
-    news_.say(NewsKind::kRig, *stored ? "settings are stored again" : settings_writer_.problem());
-  }
+  drain(stages_.settings.answers(), [&](const Status& stored) {
+    if (!settings_writer_.ended(stored)) return;
+    news_.say(NewsKind::kRig, stored ? "settings are stored again" : settings_writer_.problem());
+  });
 }
 
 /// Reports the start and the end of a trial, and audits its end by time.

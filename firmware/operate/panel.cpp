@@ -48,7 +48,7 @@ std::optional<PanelAction> Panel::step(const PanelView& view, Instant now) {
 
 std::optional<PanelAction> Panel::read_button(bool rolling, Instant now) {
   if (!button_) return std::nullopt;
-  while (true) {
+  for (int taken = 0; taken < kEdgesAStep; ++taken) {
     const auto edge = button_->take_edge();
     if (!edge) {
       lose("button", edge.error());
@@ -62,6 +62,7 @@ std::optional<PanelAction> Panel::read_button(bool rolling, Instant now) {
     level_since_ = (*edge)->at;
     if (action) return action;
   }
+  return std::nullopt;  // a contact that bounces without a pause, or a pin without a level
 }
 
 std::optional<PanelAction> Panel::settle(bool rolling, Instant now) {

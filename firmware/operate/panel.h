@@ -50,6 +50,7 @@ struct PanelView {
 class Panel {
  public:
   static constexpr Duration kSettle = Duration::milliseconds(20);
+  static constexpr int kEdgesAStep = 64;  ///< the next step reads the rest of a bouncing contact
   static constexpr Duration kHold = Duration::milliseconds(1500);
   static constexpr Duration kLease = Duration::milliseconds(500);
   static constexpr FrameTime kSilent{Duration::milliseconds(500), 4};

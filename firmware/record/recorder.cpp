@@ -4,6 +4,7 @@
 #include <cstring>
 #include <utility>
 
+#include "firmware/frame/drain.h"
 #include "firmware/frame/pack_picture.h"
 #include "protocol/take/limits.h"
 #include "protocol/take/matroska_writer.h"
@@ -54,16 +55,14 @@ Recorder::Recorder(const RigConfig& config, Outlet<SetLoan>& sets_in, EncodeStag
 }
 
 bool Recorder::step() {
-  while (auto row = rows_back_.pop()) spare_.push_back(std::move(*row));
+  drain(rows_back_, [&](std::unique_ptr<TakeRow> row) { spare_.push_back(std::move(row)); });
   bool busy = obey();
-  while (SetLoan set = sets_in_.take().value_or(SetLoan())) {
+  busy |= drain(sets_in_, [&](const SetLoan& set) {
     if (take_ && !ending_ && !not_for_still(*set)) record(*set);
-    busy = true;
-  }
-  while (auto raymap = raymaps_in_.take()) {
-    if (take_ && !ending_) record(*raymap);
-    busy = true;
-  }
+  });
+  busy |= drain(raymaps_in_, [&](const Raymap& raymap) {
+    if (take_ && !ending_) record(raymap);
+  });
   if (ending_ && open_row()) {
     close_row(true);
     ending_ = false;
@@ -74,13 +73,11 @@ bool Recorder::step() {
 }
 
 bool Recorder::obey() {
-  bool busy = false;
-  while (const auto order = orders_.pop()) {
-    busy = true;
-    if (order->kind == RecordOrder::Kind::kBegin) {
-      take_ = order->take;
-      still_ = order->still;
-      raymaps_ = order->raymaps;
+  return drain(orders_, [&](const RecordOrder& order) {
+    if (order.kind == RecordOrder::Kind::kBegin) {
+      take_ = order.take;
+      still_ = order.still;
+      raymaps_ = order.raymaps;
       still_taken_.reset();
       still_since_.reset();
       streams_ = {};
@@ -88,13 +85,12 @@ bool Recorder::obey() {
       sets_in_.drop_waiting();
       raymaps_in_.drop_waiting();
       sets_in_.set_open(true);
-      raymaps_in_.set_open(order->raymaps);
-      encoder_.set_recording(order->raymaps);
+      raymaps_in_.set_open(order.raymaps);
+      encoder_.set_recording(order.raymaps);
     } else if (take_) {
       begin_end();
     }
-  }
-  return busy;
+  });
 }
 
 void Recorder::begin_end() {

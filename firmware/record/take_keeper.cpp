@@ -213,8 +213,9 @@ bool TakeKeeper::store_calibration() {
 bool TakeKeeper::take_seams() {
   if (!places_seams_) return false;
   bool busy = false;
-  while (!writing_ || writing_->takes_seams()) {
-    auto change = places_seams_->seam_changes_out().pop();
+  auto& changes = places_seams_->seam_changes_out();
+  for (std::size_t taken = 0; taken < changes.capacity() && (!writing_ || writing_->takes_seams()); ++taken) {
+    auto change = changes.pop();
     if (!change) break;
     seams_ = std::move(*change);
     if (writing_ && !broken_) writing_->use_seams(*seams_);

@@ -18,7 +18,7 @@ bool TakeKeeper::take_request(Instant now) {
 
 /// The oldest request of a host that is still there, and of the rig itself. Those before it are dropped.
 std::optional<TakeRequest> TakeKeeper::next_request() {
-  while (!answers_.full()) {
+  for (std::size_t taken = 0; taken < requests_.capacity() && !answers_.full(); ++taken) {
     auto request = requests_.pop();
     if (!request || !request->host.gone()) return request;
     answer(request->ticket, fail(Presence::error()));

@@ -1,4 +1,4 @@
-// The one way to do some things: opening files, making threads.
+// The one way to do some things: opening files, making threads, emptying queues.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -75,6 +75,19 @@ TEST(Ways, AThreadOnBoard_HasAHeartbeat) {
       R"(\bstd::(jthread|async)\b|\bstd::thread\b(?!::hardware_concurrency)|\bpthread_create\b|\bthrd_create\b)");
   for (const Found& found : lines_with(threads, {"firmware/", "hal/"})) {
     EXPECT_TRUE(is_one_of(found.path, maker)) << found.place << ": make a hal::Thread (hal/linux/thread/thread.h)";
+  }
+}
+
+TEST(Ways, AStepOnBoard_TakesWhatAQueueHoldsAndEnds) {
+  // A file has an end; a failed exchange means that another thread made progress; an outlet gets a few items a period.
+  const std::vector<std::string> ends{"firmware/storage/file_pieces.cpp", "firmware/picture/blender.cpp",
+                                      "firmware/frame/outlet.h"};
+  const std::regex endless(R"(\bwhile \(.*(\.|->)(pop|take|take_edge)\(\)|\bwhile \(true\)|\bfor \(;;\))");
+  for (const Found& found : lines_with(endless, {"firmware/"})) {
+    if (found.path.starts_with("firmware/daemon/")) continue;  // threads and the start, not steps
+    EXPECT_TRUE(is_one_of(found.path, ends))
+        << found.place
+        << " goes on for as long as another thread pushes; use drain() (firmware/frame/drain.h), or count";
   }
 }
 
