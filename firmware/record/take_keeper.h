@@ -237,18 +237,18 @@ class TakeKeeper {
   Instant begun_at_;
   bool closing_ = false;  ///< the blend does not go on
   std::vector<std::uint64_t>
-      stopping_;  ///< tickets that are answered when the take has ended: of Stop, and of a still's Start
-  bool ejecting_ = false;                ///< waits for the end of the take, and of a read
-  WaitingTickets ejects_;                ///< tickets of Eject; their hosts may go, and the disk is ejected all the same
-  std::uint64_t ejected_take_ = 0;       ///< the take that ended for them
-  bool still_ = false;                   ///< the take is a still
-  Duration period_;                      ///< of the frame rate when the take began
-  bool ending_ = false;                  ///< the recorder was told to end
-  std::string reason_;                   ///< why
-  std::string cause_;                    ///< why the take ended without a request; empty: it did not
-  std::string lost_by_sync_;             ///< what a failed sync cost; not reported yet
-  bool broken_ = false;                  ///< the disk failed: rows are dropped until the last
-  std::uint64_t given_sets_ = 0;         ///< to the writer, or dropped after an error
+      stopping_;           ///< tickets that are answered when the take has ended: of Stop, and of a still's Start
+  bool ejecting_ = false;  ///< waits for the end of the take, and of a read
+  WaitingTickets ejects_;  ///< tickets of Eject; their hosts may go, and the disk is ejected all the same
+  std::uint64_t ejected_take_ = 0;  ///< the take that ended for them
+  bool still_ = false;              ///< the take is a still
+  Duration period_;                 ///< of the frame rate when the take began
+  bool ending_ = false;             ///< the recorder was told to end
+  std::string reason_;              ///< why
+  std::string cause_;               ///< why the take ended without a request; empty: it did not
+  std::string lost_by_sync_;        ///< what a failed sync cost; not reported yet
+  bool broken_ = false;             ///< the disk failed: rows are dropped until the last
+  std::uint64_t given_sets_ = 0;    ///< to the writer, or dropped after an error
   std::uint64_t expected_set_bytes_ = 0;
   FrameRate rate_;                 ///< of the sets, when the newest take or test began
   std::uint64_t lost_before_ = 0;  ///< Recorder's counts when the take began
