@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "protocol/base/bytes.h"
+#include "protocol/base/try.h"
 
 namespace nodal {
 namespace {
@@ -22,7 +23,7 @@ std::uint64_t body_bytes(const BulkItem& item) { return whole_body(item) - item.
 Result<SharedBytes> part_of(const BulkItem& item, std::uint64_t offset, std::size_t bytes) {
   if (const auto* const whole = std::get_if<SharedBytes>(&item.body)) return whole->part(offset, bytes);
   const auto part = std::make_shared<std::vector<std::uint8_t>>(bytes);
-  if (Status read = std::get<1>(item.body)->read(offset, *part); !read) return fail(std::move(read).error());
+  NODAL_TRY(std::get<1>(item.body)->read(offset, *part));
   return SharedBytes(part);
 }
 

@@ -7,6 +7,7 @@
 #include "protocol/base/angles.h"
 #include "protocol/base/polynomial.h"
 #include "protocol/base/text.h"
+#include "protocol/base/try.h"
 #include "protocol/base/units.h"
 #include "protocol/calibration.h"
 #include "protocol/calibration_limits.h"
@@ -39,9 +40,7 @@ Status in_range(const std::string& field, double value, double least, double mos
 
 Status coefficients_in_range(const std::string& field, std::span<const double> values) {
   for (std::size_t k = 0; k < values.size(); ++k) {
-    const Status checked =
-        in_range(field + "[" + std::to_string(k) + "]", values[k], -kMaxCoefficient, kMaxCoefficient);
-    if (!checked) return checked;
+    NODAL_TRY(in_range(field + "[" + std::to_string(k) + "]", values[k], -kMaxCoefficient, kMaxCoefficient));
   }
   return {};
 }
@@ -54,14 +53,14 @@ Status check_count(const std::string& field, std::size_t count) {
 }
 
 Status check_model(const TsaiLens& lens) {
-  if (Status s = check_focal(lens.focal); !s) return s;
-  if (Status s = in_range("lens.kappa1", lens.kappa1, -1, 1); !s) return s;
+  NODAL_TRY(check_focal(lens.focal));
+  NODAL_TRY(in_range("lens.kappa1", lens.kappa1, -1, 1));
   return in_range("lens.kappa2", lens.kappa2, -1, 1);
 }
 
 Status check_polynomial(const std::vector<double>& coefficients) {
-  if (Status s = check_count("lens.coefficients", coefficients.size()); !s) return s;
-  if (Status s = in_range("lens.coefficients[0]", coefficients[0], 1, 1e6); !s) return s;
+  NODAL_TRY(check_count("lens.coefficients", coefficients.size()));
+  NODAL_TRY(in_range("lens.coefficients[0]", coefficients[0], 1, 1e6));
   return coefficients_in_range("lens.coefficients", coefficients);
 }
 
@@ -69,15 +68,15 @@ Status check_model(const RectilinearLens& lens) { return check_polynomial(lens.c
 Status check_model(const EquidistantLens& lens) { return check_polynomial(lens.coefficients); }
 
 Status check_model(const KannalaBrandtLens& lens) {
-  if (Status s = check_focal(lens.focal); !s) return s;
+  NODAL_TRY(check_focal(lens.focal));
   return coefficients_in_range("lens.k", lens.k);
 }
 
 Status check_picture(const HeadCalibration& head) {
-  if (Status s = in_range("width", head.width, 1, kMaxSide); !s) return s;
-  if (Status s = in_range("height", head.height, 1, kMaxSide); !s) return s;
-  if (Status s = in_range("center[0]", head.center_x, -kMaxPlace, kMaxPlace); !s) return s;
-  if (Status s = in_range("center[1]", head.center_y, -kMaxPlace, kMaxPlace); !s) return s;
+  NODAL_TRY(in_range("width", head.width, 1, kMaxSide));
+  NODAL_TRY(in_range("height", head.height, 1, kMaxSide));
+  NODAL_TRY(in_range("center[0]", head.center_x, -kMaxPlace, kMaxPlace));
+  NODAL_TRY(in_range("center[1]", head.center_y, -kMaxPlace, kMaxPlace));
   return in_range("aspect", head.aspect, 0.1, 10);
 }
 
@@ -118,8 +117,8 @@ Status check_mask(const HeadCalibration& head, const std::string& field, const s
   double left = kMaxPlace, right = -kMaxPlace, top = kMaxPlace, bottom = -kMaxPlace;
   for (std::size_t k = 0; k < mask.size(); ++k) {
     const std::string corner = field + "[" + std::to_string(k) + "]";
-    if (Status s = in_range(corner + "[0]", mask[k].x, -kMaxPlace, kMaxPlace); !s) return s;
-    if (Status s = in_range(corner + "[1]", mask[k].y, -kMaxPlace, kMaxPlace); !s) return s;
+    NODAL_TRY(in_range(corner + "[0]", mask[k].x, -kMaxPlace, kMaxPlace));
+    NODAL_TRY(in_range(corner + "[1]", mask[k].y, -kMaxPlace, kMaxPlace));
     left = std::min(left, mask[k].x);
     right = std::max(right, mask[k].x);
     top = std::min(top, mask[k].y);
@@ -150,7 +149,7 @@ Status check_masks(const HeadCalibration& head) {
                                      " corners, the most for all polygons of a head together; draw simpler ones");
   }
   for (std::size_t k = 0; k < masks.size(); ++k) {
-    if (Status s = check_mask(head, "region.masks[" + std::to_string(k) + "]", masks[k]); !s) return s;
+    NODAL_TRY(check_mask(head, "region.masks[" + std::to_string(k) + "]", masks[k]));
   }
   return {};
 }
@@ -166,11 +165,11 @@ Status check_region(const HeadCalibration& head) {
   if (!(region.left < region.right && region.top < region.bottom)) {
     return fail(Errc::kBadValue, "region is empty: left must be less than right, and top less than bottom");
   }
-  if (Status s = check_masks(head); !s) return s;
+  NODAL_TRY(check_masks(head));
   if (!region.circle) return {};
-  if (Status s = in_range("region.circle.x", region.circle->x, -kMaxPlace, kMaxPlace); !s) return s;
-  if (Status s = in_range("region.circle.y", region.circle->y, -kMaxPlace, kMaxPlace); !s) return s;
-  if (Status s = in_range("region.circle.radius", region.circle->radius, 1, kMaxPlace); !s) return s;
+  NODAL_TRY(in_range("region.circle.x", region.circle->x, -kMaxPlace, kMaxPlace));
+  NODAL_TRY(in_range("region.circle.y", region.circle->y, -kMaxPlace, kMaxPlace));
+  NODAL_TRY(in_range("region.circle.radius", region.circle->radius, 1, kMaxPlace));
   const double nearest_x = std::clamp(region.circle->x, region.left, region.right);
   const double nearest_y = std::clamp(region.circle->y, region.top, region.bottom);
   if (std::hypot(nearest_x - region.circle->x, nearest_y - region.circle->y) >= region.circle->radius) {
@@ -195,8 +194,8 @@ Status check_lens_covers_region(const HeadCalibration& head) {
 Status check_response(const Response& response) {
   if (response.curve == Response::Curve::kGamma) return in_range("response.gamma", response.gamma, 0.1, 10);
   if (response.curve != Response::Curve::kPolynomial) return {};
-  if (Status s = check_count("response.coefficients", response.coefficients.size()); !s) return s;
-  if (Status s = coefficients_in_range("response.coefficients", response.coefficients); !s) return s;
+  NODAL_TRY(check_count("response.coefficients", response.coefficients.size()));
+  NODAL_TRY(coefficients_in_range("response.coefficients", response.coefficients));
   double sum = 0;
   for (const double c : response.coefficients) sum += c;
   if (!(std::abs(sum - 1) <= 1e-6)) {
@@ -215,10 +214,10 @@ Status check_response(const Response& response) {
 
 Status check_vignetting(const HeadCalibration& head) {
   const Vignetting& v = head.vignetting;
-  if (Status s = in_range("vignetting.x", v.x, -kMaxPlace, kMaxPlace); !s) return s;
-  if (Status s = in_range("vignetting.y", v.y, -kMaxPlace, kMaxPlace); !s) return s;
-  if (Status s = in_range("vignetting.radius", v.radius, 1, kMaxPlace); !s) return s;
-  if (Status s = coefficients_in_range("vignetting.coefficients", v.coefficients); !s) return s;
+  NODAL_TRY(in_range("vignetting.x", v.x, -kMaxPlace, kMaxPlace));
+  NODAL_TRY(in_range("vignetting.y", v.y, -kMaxPlace, kMaxPlace));
+  NODAL_TRY(in_range("vignetting.radius", v.radius, 1, kMaxPlace));
+  NODAL_TRY(coefficients_in_range("vignetting.coefficients", v.coefficients));
   double reach = farthest_radius(head.region, v.x, v.y, head.aspect);
   if (head.max_angle > 0) {
     // Pixels beyond max_angle are not used, so the model may be invalid there.
@@ -237,7 +236,7 @@ Status check_vignetting(const HeadCalibration& head) {
 Status check_gain(const std::array<double, 3>& gain) {
   constexpr std::array kColours{"gain.red", "gain.green", "gain.blue"};
   for (std::size_t c = 0; c < 3; ++c) {
-    if (Status s = in_range(kColours[c], gain[c], 0.01, 100); !s) return s;
+    NODAL_TRY(in_range(kColours[c], gain[c], 0.01, 100));
   }
   return {};
 }
@@ -281,21 +280,21 @@ bool is_name(std::string_view text) {
 }
 
 Status check_fields(const HeadCalibration& head) {
-  if (Status s = check_picture(head); !s) return s;
-  if (Status s = check_region(head); !s) return s;
-  if (Status s = check_lens(head.lens, head.max_angle); !s) return s;
-  if (Status s = check_lens_covers_region(head); !s) return s;
-  if (Status s = check_rotation(head.R_head_rig); !s) return s;
-  if (Status s = check_position(head.position); !s) return s;
-  if (Status s = check_response(head.response); !s) return s;
-  if (Status s = check_vignetting(head); !s) return s;
+  NODAL_TRY(check_picture(head));
+  NODAL_TRY(check_region(head));
+  NODAL_TRY(check_lens(head.lens, head.max_angle));
+  NODAL_TRY(check_lens_covers_region(head));
+  NODAL_TRY(check_rotation(head.R_head_rig));
+  NODAL_TRY(check_position(head.position));
+  NODAL_TRY(check_response(head.response));
+  NODAL_TRY(check_vignetting(head));
   return check_gain(head.gain);
 }
 
 }  // namespace
 
 Status check_lens(const LensModel& lens, double max_angle) {
-  if (Status s = std::visit([](const auto& model) { return check_model(model); }, lens); !s) return s;
+  NODAL_TRY(std::visit([](const auto& model) { return check_model(model); }, lens));
   const LensRange range = lens_range(lens);
   if (!(range.max_radius >= 1)) {
     return fail(Errc::kLensDomain,

@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "protocol/base/try.h"
 #include "protocol/base/units.h"
 #include "protocol/calibration.h"
 #include "protocol/calibration_limits.h"
@@ -334,12 +335,11 @@ Status check_version(const json& document) {
 
 Result<Calibration> parse_calibration(std::string_view text) {
   static const JsonShape kShape = calibration_shape();
-  Result<json> document = parse_strict_json(text, {kMaxCalibrationBytes, 8}, kShape);
-  if (!document) return fail(document.error());
-  if (Status s = check_version(*document); !s) return fail(s.error());
+  NODAL_TRY_ASSIGN(json document, parse_strict_json(text, {kMaxCalibrationBytes, 8}, kShape));
+  NODAL_TRY(check_version(document));
 
   std::optional<Error> error;
-  Fields fields(&*document, "", error);
+  Fields fields(&document, "", error);
   Calibration calibration;
   fields.whole("nodal_calibration");
   calibration.name = fields.text("name");
@@ -361,7 +361,7 @@ Result<Calibration> parse_calibration(std::string_view text) {
   }
   fields.done();
   if (error) return fail(*error);
-  if (Status s = check_calibration(calibration); !s) return fail(s.error());
+  NODAL_TRY(check_calibration(calibration));
   return calibration;
 }
 

@@ -6,6 +6,7 @@
 
 #include "protocol/base/bytes.h"
 #include "protocol/base/crc32c.h"
+#include "protocol/base/try.h"
 
 namespace nodal {
 namespace {
@@ -121,7 +122,7 @@ Result<std::optional<WireFrame>> FrameDecoder::next(std::span<const std::uint8_t
     have_ += n;
     bytes = bytes.subspan(n);
     if (have_ < kFrameHeaderBytes) return std::nullopt;
-    if (Status good = check_header(); !good) return fail(good.error());
+    NODAL_TRY(check_header());
   }
 
   std::span<const std::uint8_t> payload;

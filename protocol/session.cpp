@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "protocol/base/text.h"
+#include "protocol/base/try.h"
 #include "protocol/known_fields.h"
 #include "protocol/reply_size.h"
 #include "protocol/silence_protobuf.h"
@@ -136,17 +137,15 @@ Status Session::handle(const WireFrame& frame) {
     case FrameType::kBulk: return handle_bulk(frame);
     case FrameType::kTakeRecord: break;
     case FrameType::kRequest: {
-      auto request = parse<wire::Request>(frame);
-      if (!request) return fail(request.error());
-      drop_unknown_fields(*request);
-      push_event(std::move(*request), frame.payload.size());
+      NODAL_TRY_ASSIGN(auto request, parse<wire::Request>(frame));
+      drop_unknown_fields(request);
+      push_event(std::move(request), frame.payload.size());
       return {};
     }
     case FrameType::kReply: {
-      if (const Status fits = check_reply_size(frame.payload); !fits) return fits;
-      auto reply = parse<wire::Reply>(frame);
-      if (!reply) return fail(reply.error());
-      push_event(std::move(*reply), frame.payload.size());
+      NODAL_TRY(check_reply_size(frame.payload));
+      NODAL_TRY_ASSIGN(auto reply, parse<wire::Reply>(frame));
+      push_event(std::move(reply), frame.payload.size());
       return {};
     }
   }
@@ -154,18 +153,17 @@ Status Session::handle(const WireFrame& frame) {
 }
 
 Status Session::handle_hello(const WireFrame& frame) {
-  auto hello = parse<wire::Hello>(frame);
-  if (!hello) return fail(hello.error());
-  if (hello->protocol_min() == 0 || hello->protocol_min() > hello->protocol_max()) {
-    return fail(Errc::kProtocol, "a hello that speaks protocol " + std::to_string(hello->protocol_min()) + " to " +
-                                     std::to_string(hello->protocol_max()) + ", which is no range");
+  NODAL_TRY_ASSIGN(auto hello, parse<wire::Hello>(frame));
+  if (hello.protocol_min() == 0 || hello.protocol_min() > hello.protocol_max()) {
+    return fail(Errc::kProtocol, "a hello that speaks protocol " + std::to_string(hello.protocol_min()) + " to " +
+                                     std::to_string(hello.protocol_max()) + ", which is no range");
   }
-  if (hello->features_size() > kMaxFeatures) {
-    wire::Hello kept = *hello;
+  if (hello.features_size() > kMaxFeatures) {
+    wire::Hello kept = hello;
     kept.mutable_features()->DeleteSubrange(kMaxFeatures, kept.features_size() - kMaxFeatures);
-    *hello = wire::Hello(kept);  // a copy, because what was deleted is kept for reuse
+    hello = wire::Hello(kept);  // a copy, because what was deleted is kept for reuse
   }
-  peer_hello_ = std::move(*hello);
+  peer_hello_ = std::move(hello);
   const bool mine_is_old = mine_.protocol_max() < peer_hello_->protocol_min();
   const bool peer_is_old = peer_hello_->protocol_max() < mine_.protocol_min();
   if (mine_is_old || peer_is_old) {
@@ -182,35 +180,31 @@ Status Session::handle_hello(const WireFrame& frame) {
 }
 
 Status Session::handle_bye(const WireFrame& frame) {
-  const auto bye = parse<wire::Error>(frame);
-  if (!bye) return fail(bye.error());
-  return die(from_wire(*bye).in(peer_name() + " ended the session"), false);
+  NODAL_TRY_ASSIGN(const auto bye, parse<wire::Error>(frame));
+  return die(from_wire(bye).in(peer_name() + " ended the session"), false);
 }
 
 Status Session::handle_stream_open(const WireFrame& frame) {
-  const auto open = parse<wire::StreamOpen>(frame);
-  if (!open) return fail(open.error());
-  if (Status good = receiver_.open(frame.header.stream, open->policy()); !good) return good;
-  push_event(StreamOpened{frame.header.stream, static_cast<StreamPolicy>(open->policy())}, frame.payload.size());
+  NODAL_TRY_ASSIGN(const auto open, parse<wire::StreamOpen>(frame));
+  NODAL_TRY(receiver_.open(frame.header.stream, open.policy()));
+  push_event(StreamOpened{frame.header.stream, static_cast<StreamPolicy>(open.policy())}, frame.payload.size());
   return {};
 }
 
 Status Session::handle_stream_close(const WireFrame& frame) {
-  const auto close = parse<wire::StreamClose>(frame);
-  if (!close) return fail(close.error());
-  const auto known = receiver_.close(frame.header.stream, close->offered(), close->dropped(), close->has_error());
-  if (!known) return fail(known.error());
-  if (!*known) return {};
-  StreamClosed closed{frame.header.stream, close->offered(), close->dropped(), std::nullopt};
-  if (close->has_error()) closed.error = from_wire(close->error());
+  NODAL_TRY_ASSIGN(const auto close, parse<wire::StreamClose>(frame));
+  NODAL_TRY_ASSIGN(const auto known,
+                   receiver_.close(frame.header.stream, close.offered(), close.dropped(), close.has_error()));
+  if (!known) return {};
+  StreamClosed closed{frame.header.stream, close.offered(), close.dropped(), std::nullopt};
+  if (close.has_error()) closed.error = from_wire(close.error());
   push_event(std::move(closed), frame.payload.size());
   return {};
 }
 
 Status Session::handle_stream_stop(const WireFrame& frame) {
-  const auto stop = parse<wire::StreamStop>(frame);
-  if (!stop) return fail(stop.error());
-  Error why = from_wire(stop->why());
+  NODAL_TRY_ASSIGN(const auto stop, parse<wire::StreamStop>(frame));
+  Error why = from_wire(stop.why());
   // A stop for a closed stream is no error: it was sent before our close arrived.
   if (sender_.stop(frame.header.stream, why)) {
     push_event(StreamStopped{frame.header.stream, std::move(why)}, frame.payload.size());
@@ -219,15 +213,13 @@ Status Session::handle_stream_stop(const WireFrame& frame) {
 }
 
 Status Session::handle_credit(const WireFrame& frame) {
-  const auto credit = parse<wire::StreamCredit>(frame);
-  if (!credit) return fail(credit.error());
-  return sender_.credit(frame.header.stream, credit->allowed());
+  NODAL_TRY_ASSIGN(const auto credit, parse<wire::StreamCredit>(frame));
+  return sender_.credit(frame.header.stream, credit.allowed());
 }
 
 Status Session::handle_bulk(const WireFrame& frame) {
-  auto piece = receiver_.piece(frame.header.stream, frame.payload);
-  if (!piece) return fail(piece.error());
-  if (*piece) push_event(std::move(**piece), frame.payload.size());
+  NODAL_TRY_ASSIGN(auto piece, receiver_.piece(frame.header.stream, frame.payload));
+  if (piece) push_event(std::move(*piece), frame.payload.size());
   return {};
 }
 

@@ -2,17 +2,17 @@
 #include <algorithm>
 #include <utility>
 
+#include "protocol/base/try.h"
 #include "protocol/session.h"
 
 namespace nodal {
 
 Result<StreamId> Session::open_stream(StreamPolicy policy) {
   if (dead_) return fail(*dead_);
-  const auto stream = sender_.open(policy);
-  if (!stream) return stream;
+  NODAL_TRY_ASSIGN(const auto stream, sender_.open(policy));
   wire::StreamOpen message;
   message.set_policy(static_cast<std::uint32_t>(policy));
-  push_control(FrameType::kStreamOpen, *stream, message.SerializeAsString());
+  push_control(FrameType::kStreamOpen, stream, message.SerializeAsString());
   return stream;
 }
 

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "protocol/base/text.h"
+#include "protocol/base/try.h"
 
 namespace nodal {
 namespace {
@@ -203,9 +204,8 @@ Result<AllowedSigners> AllowedSigners::parse(std::string_view text) {
 Result<AllowedSigners::Verified> AllowedSigners::verify(std::span<const std::uint8_t> document,
                                                         std::string_view signature, std::string_view purpose) const {
   if (signature.empty()) return fail(Errc::kBadValue, "it is not signed");
-  const auto blob = unarmour(signature);
-  if (!blob) return fail(blob.error());
-  SshReader reader(*blob);
+  NODAL_TRY_ASSIGN(const auto blob, unarmour(signature));
+  SshReader reader(blob);
   const bool ours = text_of(reader.take(kSignatureMagic.size())) == kSignatureMagic && reader.number() == kVersion;
   const auto key_blob = reader.string();
   const auto signed_for = reader.string();

@@ -5,6 +5,7 @@
 
 #include "firmware/calibration/rehearsal.h"
 #include "firmware/frame/drain.h"
+#include "protocol/base/try.h"
 #include "stitch/sets/rig_heads.h"
 #include "stitch/sets/seam_views.h"
 #include "stitch/table/meter_compiler.h"
@@ -179,7 +180,7 @@ Status CalibrationKeeper::install(const KeeperRequest& request) {
   if (Status newest = check_generation(signature_rules(), *permitted, had); !newest && !upload.allow_older) {
     return fail(newest.error().in("calibration"));
   }
-  if (auto fits = fit_to_rig(*calibration, config_.heads, request.heads); !fits) return fail(fits.error());
+  NODAL_TRY(fit_to_rig(*calibration, config_.heads, request.heads));
   std::optional<SignedDocument> original;
   if (config_.signers) original = SignedDocument{upload.signature, upload.json};
   if (upload.trial) return install_on_trial(request, std::move(*calibration), std::move(original), *upload.trial);
@@ -199,7 +200,7 @@ Status CalibrationKeeper::install_on_trial(const KeeperRequest& request, Calibra
                 "no calibration is in force that the rig could go back to after a trial; upload without a trial");
   }
   if (id == running_->id) return fail(Errc::kExists, "calibration " + short_id(id) + " is in force already");
-  if (Status begun = begin(request.ticket, calibration, id, false, request.heads); !begun) return begun;
+  NODAL_TRY(begin(request.ticket, calibration, id, false, request.heads));
   installing_->on_trial = true;
   trial_.prepare(std::move(calibration), std::move(original), running_, trial);
   return {};
@@ -264,22 +265,20 @@ void CalibrationKeeper::hand_over(sets::InstalledPtr installed) {
 }
 
 Status CalibrationKeeper::use(const KeeperRequest& request, const Sha256& id, bool allow_older) {
-  auto loaded = load_permitted(*store_, signature_rules(), id);
-  if (!loaded) return fail(loaded.error());
-  if (const Status newest = check_generation(signature_rules(), loaded->permitted, true); !newest && !allow_older) {
+  NODAL_TRY_ASSIGN(auto loaded, load_permitted(*store_, signature_rules(), id));
+  if (const Status newest = check_generation(signature_rules(), loaded.permitted, true); !newest && !allow_older) {
     return fail(newest.error().in("stored calibration " + short_id(id)));
   }
-  return begin(request.ticket, std::move(loaded->calibration), id, false, request.heads, loaded->permitted.generation);
+  return begin(request.ticket, std::move(loaded.calibration), id, false, request.heads, loaded.permitted.generation);
 }
 
 Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration calibration, const Sha256& id,
                                 bool newly_stored, const HeadShapes& heads, std::uint64_t generation) {
-  auto fitted = fit_to_rig(calibration, config_.heads, heads);
-  if (!fitted) return fail(fitted.error());
+  NODAL_TRY_ASSIGN(auto fitted, fit_to_rig(calibration, config_.heads, heads));
   try {
-    auto job = tables_within_budget(*fitted, config_, heads);
+    auto job = tables_within_budget(fitted, config_, heads);
     if (!job) return fail(job.error().in("calibration " + short_id(id)));
-    installing_.emplace(Installation{ticket, std::move(*fitted), id, newly_stored, std::move(*job), false, false,
+    installing_.emplace(Installation{ticket, std::move(fitted), id, newly_stored, std::move(*job), false, false,
                                      std::make_shared<const std::string>(canonical_json(calibration)), generation});
   } catch (const std::bad_alloc&) {
     return fail(out_of_memory(id));

@@ -3,6 +3,7 @@
 #include <span>
 
 #include "protocol/base/text.h"
+#include "protocol/base/try.h"
 #include "protocol/signed_for.h"
 
 namespace nodal::firmware {
@@ -46,9 +47,8 @@ Status check_generation(const SignatureRules& rules, const Permitted& permitted,
 }
 
 Result<LoadedCalibration> load_permitted(const CalibrationStore& store, const SignatureRules& rules, const Sha256& id) {
-  auto calibration = store.load(id);
-  if (!calibration) return fail(calibration.error());
-  if (!rules.signers) return LoadedCalibration{std::move(*calibration), {}};
+  NODAL_TRY_ASSIGN(auto calibration, store.load(id));
+  if (!rules.signers) return LoadedCalibration{std::move(calibration), {}};
   const std::string name = "stored calibration " + to_hex(id).substr(0, 12);
   const auto original = store.original(id);
   if (!original) return fail(original.error().in(name));
@@ -59,7 +59,7 @@ Result<LoadedCalibration> load_permitted(const CalibrationStore& store, const Si
   if (!was_signed || calibration_id(*was_signed) != id) {
     return fail(Errc::kChecksum, name + ": its signature is for another calibration");
   }
-  return LoadedCalibration{std::move(*calibration), *permitted};
+  return LoadedCalibration{std::move(calibration), *permitted};
 }
 
 bool has_signature(const CalibrationStore& store, const SignatureRules& rules, const Sha256& id,

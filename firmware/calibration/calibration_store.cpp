@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "firmware/storage/durable_file.h"
+#include "protocol/base/try.h"
 #include "protocol/ssh_signature.h"
 
 namespace nodal::firmware {
@@ -71,19 +72,18 @@ Result<CalibrationStore> CalibrationStore::open(hal::DiskPort& disk) {
   CalibrationStore store(disk);
   if (Status made = disk.make_folder(kFolder); !made && made.error().code != Errc::kExists) return fail(made.error());
   // Syncs the parent first: otherwise a crash could lose the folder with everything in it.
-  if (Status synced = disk.sync_folder(""); !synced) return fail(synced.error());
+  NODAL_TRY(disk.sync_folder(""));
   store.parse_pointer();
-  if (Status read = store.read_folder(); !read) return fail(read.error());
+  NODAL_TRY(store.read_folder());
   store.follow_pointer();
   store.read_signed();
   return store;
 }
 
 Status CalibrationStore::read_folder() {
-  const auto names = disk_->list(kFolder);
-  if (!names) return fail(names.error());
+  NODAL_TRY_ASSIGN(const auto names, disk_->list(kFolder));
   std::vector<Entry> stored;
-  for (const std::string& name : *names) {
+  for (const std::string& name : names) {
     const std::string file = kFolder + "/" + name;
     if (name.ends_with(kTemporarySuffix)) {
       (void)disk_->remove(file);  // left by a crash; if it cannot be removed, the next write overwrites it
@@ -100,7 +100,7 @@ Status CalibrationStore::read_folder() {
     if (k < kMaxRead || wanted) read_entry(std::move(stored[k]));
     else damaged_.push_back(stored[k].file);
   }
-  for (const std::string& name : *names) {
+  for (const std::string& name : names) {
     if (name.ends_with(kSigned)) drop_if_orphan(kFolder + "/" + name);
   }
   drop_copies();
@@ -177,7 +177,7 @@ void CalibrationStore::read_signed() {
 Status CalibrationStore::note_signed(std::uint64_t generation) {
   if (generation <= signed_generation_) return {};
   const std::string text = std::string(kSignedHead) + "\n" + std::to_string(generation) + "\n";
-  if (Status written = write_durably(*disk_, kFolder, kSignedFile, text); !written) return written;
+  NODAL_TRY(write_durably(*disk_, kFolder, kSignedFile, text));
   signed_generation_ = generation;
   return {};
 }
@@ -202,11 +202,10 @@ Result<CalibrationStore::Entry> CalibrationStore::put(const Calibration& calibra
     const std::string file = signed_file(there ? there->file : added.file);
     const std::string signature = original->signature.substr(0, original->signature.find(kSignatureEnd));
     const std::string text = signature + std::string(kSignatureEnd) + "\n" + original->json;
-    if (Status written = write_durably(*disk_, kFolder, file, text); !written) return fail(written.error());
+    NODAL_TRY(write_durably(*disk_, kFolder, file, text));
   }
   if (there) return *there;
-  if (Status written = write_durably(*disk_, kFolder, added.file, canonical_json(calibration)); !written)
-    return fail(written.error());
+  NODAL_TRY(write_durably(*disk_, kFolder, added.file, canonical_json(calibration)));
   ++next_generation_;
   entries_.insert(entries_.begin(), added);
   return added;
@@ -278,11 +277,10 @@ Result<std::string> CalibrationStore::read(const Sha256& id) const {
 }
 
 Result<std::string> CalibrationStore::read(const Entry& entry) const {
-  const auto bytes = disk_->read(entry.file, kMaxCalibrationBytes);
-  if (!bytes) return fail(bytes.error());
-  if (sha256(*bytes) != entry.id)
+  NODAL_TRY_ASSIGN(const auto bytes, disk_->read(entry.file, kMaxCalibrationBytes));
+  if (sha256(bytes) != entry.id)
     return fail(Errc::kChecksum, entry.file + " is damaged: its SHA-256 differs from the one in its name");
-  return std::string(bytes->begin(), bytes->end());
+  return std::string(bytes.begin(), bytes.end());
 }
 
 Result<std::optional<SignedDocument>> CalibrationStore::original(const Sha256& id) const {
@@ -304,9 +302,8 @@ Result<Calibration> CalibrationStore::load(const Sha256& id) const {
 }
 
 Result<Calibration> CalibrationStore::load(const Entry& entry) const {
-  const auto text = read(entry);
-  if (!text) return fail(text.error());
-  auto calibration = parse_calibration(*text);
+  NODAL_TRY_ASSIGN(const auto text, read(entry));
+  auto calibration = parse_calibration(text);
   if (!calibration) return fail(calibration.error().in("calibration " + short_id(entry.id)));
   return calibration;
 }

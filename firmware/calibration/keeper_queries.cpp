@@ -1,5 +1,6 @@
 // What the keeper answers at once: the list of calibrations, and their documents.
 #include "firmware/calibration/calibration_keeper.h"
+#include "protocol/base/try.h"
 
 namespace nodal::firmware {
 
@@ -19,16 +20,14 @@ Result<KeeperAnswer::Document> CalibrationKeeper::get(const std::string& id_pref
   if (id_prefix.empty()) {
     id = *report_.in_force;
   } else {
-    const auto found = store_->find(id_prefix);
-    if (!found) return fail(found.error());
-    id = found->id;
+    NODAL_TRY_ASSIGN(const auto found, store_->find(id_prefix));
+    id = found.id;
   }
   if (trial_.running() && id == trial_.report().id) {
     return KeeperAnswer::Document{id, canonical_json(trial_.calibration())};
   }
-  auto json = store_->read(id);
-  if (!json) return fail(json.error());
-  return KeeperAnswer::Document{id, std::move(*json)};
+  NODAL_TRY_ASSIGN(auto json, store_->read(id));
+  return KeeperAnswer::Document{id, std::move(json)};
 }
 
 }  // namespace nodal::firmware

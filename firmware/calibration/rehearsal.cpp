@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "firmware/calibration/calibration_keeper.h"
+#include "protocol/base/try.h"
 #include "stitch/table/meter_compiler.h"
 
 namespace nodal::firmware {
@@ -45,9 +46,9 @@ HeadShapes shapes_of(const std::string& text) {
 
 Result<sets::TableJob> tables_within_budget(const Calibration& fitted, const RigConfig& config,
                                             const HeadShapes& heads) {
-  auto job = sets::TableJob::make(fitted, config.raymap, config.heads[0].fields, delivered_formats(config, heads));
-  if (!job) return fail(job.error());
-  if (const Status within = job->check_budget(); !within) return fail(within.error());
+  NODAL_TRY_ASSIGN(
+      auto job, sets::TableJob::make(fitted, config.raymap, config.heads[0].fields, delivered_formats(config, heads)));
+  NODAL_TRY(job.check_budget());
   return job;
 }
 
@@ -58,27 +59,23 @@ hal::ConfinedJob rehearsal_job(std::string json, const HeadShapes& heads) {
 Result<std::vector<std::uint8_t>> rehearse(const RigConfig& config, const hal::ConfinedJob& job,
                                            const hal::ConfinedProgress& progress) {
   const HeadShapes heads = shapes_of(job.what);
-  const auto calibration = parse_calibration({reinterpret_cast<const char*>(job.input.data()), job.input.size()});
-  if (!calibration) return fail(calibration.error());
-  const auto fitted = fit_to_rig(*calibration, config.heads, heads);
-  if (!fitted) return fail(fitted.error());
-  auto tables = tables_within_budget(*fitted, config, heads);
-  if (!tables) return fail(tables.error());
-  while (!tables->done()) {
+  NODAL_TRY_ASSIGN(const auto calibration,
+                   parse_calibration({reinterpret_cast<const char*>(job.input.data()), job.input.size()}));
+  NODAL_TRY_ASSIGN(const auto fitted, fit_to_rig(calibration, config.heads, heads));
+  NODAL_TRY_ASSIGN(auto tables, tables_within_budget(fitted, config, heads));
+  while (!tables.done()) {
     progress();
-    tables->compile_some(CalibrationKeeper::kRowsAStep);
+    tables.compile_some(CalibrationKeeper::kRowsAStep);
   }
-  const auto compiled = std::move(*tables).finish();
-  if (!compiled) return fail(compiled.error());
-  const auto meter = table::compile_meter_table(*fitted);
-  if (!meter) return fail(meter.error());
+  NODAL_TRY(std::move(tables).finish());
+  NODAL_TRY(table::compile_meter_table(fitted));
   return std::vector<std::uint8_t>();
 }
 
 /// The document is stored and compiled here when a process that has nothing of the rig has come through with it.
 Status CalibrationKeeper::rehearse(const KeeperRequest& request) {
   const auto& upload = std::get<KeeperRequest::Install>(request.what);
-  if (Status begun = rehearsal_->begin(rehearsal_job(upload.json, request.heads)); !begun) return begun;
+  NODAL_TRY(rehearsal_->begin(rehearsal_job(upload.json, request.heads)));
   installing_.emplace();
   installing_->rehearsed = request;
   report_.activity = "checking a calibration";

@@ -5,6 +5,7 @@
 
 #include "firmware/capture/capture_log.h"
 #include "firmware/frame/drain.h"
+#include "protocol/base/try.h"
 
 namespace nodal::firmware {
 namespace {
@@ -176,7 +177,7 @@ Status Capture::change_heads(const HeadChange& change) {
   }
   for (std::size_t i = 0; i < heads_.size(); ++i) {
     if ((change.heads & head_bit(i)) == 0) continue;
-    if (Status changed = heads_[i].change(change.change, change.lease); !changed) return changed;
+    NODAL_TRY(heads_[i].change(change.change, change.lease));
     align_now_ = true;
   }
   return {};

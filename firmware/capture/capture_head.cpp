@@ -4,6 +4,8 @@
 #include <cstdlib>
 #include <numeric>
 
+#include "protocol/base/try.h"
+
 namespace nodal::firmware {
 namespace {
 
@@ -272,7 +274,7 @@ Status CaptureHead::check(const SettingsChange& change) const {
 }
 
 Status CaptureHead::request(const SettingsChange& change) {
-  if (Status allowed = check(change); !allowed) return allowed;
+  NODAL_TRY(check(change));
   Status requested;
   if (change.exposure) requested = port_->set_exposure(*change.exposure);
   if (requested && change.gain) requested = port_->set_gain(*change.gain);
@@ -290,7 +292,7 @@ Status CaptureHead::request(const SettingsChange& change) {
 Status CaptureHead::change(const SettingsChange& change, std::uint64_t lease) {
   const SettingsChange before = this->before(change);
   if (port_ && !gone_) {
-    if (Status requested = request(change); !requested) return requested;
+    NODAL_TRY(request(change));
   }
   if (lease != 0) {
     if (!temporary_) temporary_ = Temporary{lease, {}, {}};

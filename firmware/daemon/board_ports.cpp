@@ -27,6 +27,7 @@
 #include "hal/sim/rig.h"
 #include "hal/sim/scene/response.h"
 #include "hal/sim/scene/scene.h"
+#include "protocol/base/try.h"
 #include "protocol/files/open_file.h"
 #include "stitch/media/plain_image.h"
 
@@ -81,7 +82,7 @@ class BothTriggers final : public hal::TriggerPort {
  public:
   BothTriggers(hal::TriggerPort& first, hal::TriggerPort& second) : first_(first), second_(second) {}
   Status start(const hal::TriggerSettings& settings) override {
-    if (Status started = first_.start(settings); !started) return started;
+    NODAL_TRY(first_.start(settings));
     return second_.start(settings);
   }
   void stop() override {
@@ -152,13 +153,12 @@ Result<std::unique_ptr<hal::sim::SimRig>> make_sim(const RigConfig& config, cons
     }
     wanted[static_cast<std::size_t>(found - truth->heads.begin())] = &head;
   }
-  auto scene = make_scene(sim, *truth, base);
-  if (!scene) return fail(scene.error());
+  NODAL_TRY_ASSIGN(auto scene, make_scene(sim, *truth, base));
 
   hal::sim::SimRigOptions options;
   options.real_time = sim.clock == SimConfig::Clock::kReal;
   options.seed = sim.seed;
-  options.scene = std::move(*scene);
+  options.scene = std::move(scene);
   options.head.rate = config.rate;
   options.head.noise.levels = sim.noise;
   options.head.buffers = kHeadBuffers;
@@ -227,9 +227,8 @@ Result<firmware::RigConfig> read_rig_config(const std::filesystem::path& file) {
 Result<std::unique_ptr<BoardPorts>> BoardPorts::make(const RigConfig& config, const std::filesystem::path& base) {
   auto state = std::make_unique<State>();
   if (config.sim) {
-    auto sim = make_sim(config, base);
-    if (!sim) return fail(sim.error());
-    state->sim = std::move(*sim);
+    NODAL_TRY_ASSIGN(auto sim, make_sim(config, base));
+    state->sim = std::move(sim);
     state->enumerators.sim = &state->sim->enumerator();
     state->trigger = &state->sim->trigger();
   }
@@ -250,9 +249,8 @@ Result<std::unique_ptr<BoardPorts>> BoardPorts::make(const RigConfig& config, co
   if (logs(LogCategory::kCapture, LogLevel::kDebug)) {
     state->traced = std::make_unique<TracedHeads>(state->enumerators, state->clock());
   }
-  auto panel = PanelPorts::make(config.panel, state->clock());
-  if (!panel) return fail(panel.error());
-  state->panel = std::move(*panel);
+  NODAL_TRY_ASSIGN(auto panel, PanelPorts::make(config.panel, state->clock()));
+  state->panel = std::move(panel);
   return std::unique_ptr<BoardPorts>(new BoardPorts(std::move(state)));
 }
 
@@ -325,18 +323,16 @@ Status BoardPorts::listen(const firmware::RigConfig& config) {
   const firmware::LinksConfig& links = config.links;
   const auto open = [&](const std::string& path, const firmware::SocketFile& file, firmware::Access access) -> Status {
     if (path.empty()) return {};
-    auto listener = hal::listen_link("unix:" + path, {file.mode, file.group});
-    if (!listener) return fail(listener.error());
-    std::string address = hal::listener_address(**listener);
-    state_->listeners.push_back({std::move(*listener), access, std::move(address)});
+    NODAL_TRY_ASSIGN(auto listener, hal::listen_link("unix:" + path, {file.mode, file.group}));
+    std::string address = hal::listener_address(*listener);
+    state_->listeners.push_back({std::move(listener), access, std::move(address)});
     return {};
   };
-  if (Status control = open(links.unix_path, links.unix_file, firmware::Access::kControl); !control) return control;
-  if (Status view = open(links.view_path, links.view_file, firmware::Access::kView); !view) return view;
+  NODAL_TRY(open(links.unix_path, links.unix_file, firmware::Access::kControl));
+  NODAL_TRY(open(links.view_path, links.view_file, firmware::Access::kView));
   if (links.usb_folder.empty()) return {};
-  auto cable = hal::cable::listen_cable(links.usb_folder, config.name);
-  if (!cable) return fail(cable.error());
-  state_->listeners.push_back({std::move(*cable), firmware::Access::kControl, "usb:" + links.usb_folder});
+  NODAL_TRY_ASSIGN(auto cable, hal::cable::listen_cable(links.usb_folder, config.name));
+  state_->listeners.push_back({std::move(cable), firmware::Access::kControl, "usb:" + links.usb_folder});
   return {};
 }
 

@@ -12,6 +12,7 @@
 #include "hal/linux/confine/confined_process.h"
 #include "hal/linux/confine/own_descriptor.h"
 #include "hal/linux/disk.h"
+#include "protocol/base/try.h"
 
 namespace nodal::daemon {
 namespace {
@@ -23,8 +24,7 @@ constexpr hal::linux_os::ConfinedLimits kRecovery{firmware::kMaxRecoveryBytes, 6
 
 Result<std::vector<std::uint8_t>> recover(const std::string& takes, const hal::ConfinedJob& job,
                                           const hal::ConfinedProgress& progress) {
-  auto disk = hal::linux_os::LinuxDisk::open(takes);
-  if (!disk) return fail(disk.error());
+  NODAL_TRY_ASSIGN(auto disk, hal::linux_os::LinuxDisk::open(takes));
   // Not through a symbolic link: it would give rights to where it leads.
   const std::string path = takes + "/" + job.what;
   const hal::linux_os::OwnDescriptor folder(::open(path.c_str(), O_PATH | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
@@ -32,8 +32,8 @@ Result<std::vector<std::uint8_t>> recover(const std::string& takes, const hal::C
   Confinement rights;
   rights.write = {"/proc/self/fd/" + std::to_string(folder.get())};
   rights.calls = Confinement::Calls::kFilesAndMemory;
-  if (const auto confined = hal::linux_os::confine(rights); !confined) return fail(confined.error());
-  return firmware::recovery_work(**disk, job.what, progress);
+  NODAL_TRY(hal::linux_os::confine(rights));
+  return firmware::recovery_work(*disk, job.what, progress);
 }
 
 }  // namespace
@@ -52,7 +52,7 @@ Result<std::unique_ptr<hal::ConfinedPort>> start_rehearsal(const firmware::RigCo
                const hal::ConfinedProgress& progress) -> Result<std::vector<std::uint8_t>> {
         Confinement rights;
         rights.calls = Confinement::Calls::kFilesAndMemory;
-        if (const auto confined = hal::linux_os::confine(rights); !confined) return fail(confined.error());
+        NODAL_TRY(hal::linux_os::confine(rights));
         return firmware::rehearse(config, job, progress);
       });
 }

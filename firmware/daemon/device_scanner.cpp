@@ -7,17 +7,16 @@
 #include "firmware/daemon/scan_report.h"
 #include "hal/linux/iidc/camera.h"
 #include "hal/linux/thread/thread.h"
+#include "protocol/base/try.h"
 
 namespace nodal::daemon {
 
 namespace {
 
 Result<firmware::DeviceList> list_of(const std::vector<hal::v4l2::FoundDevice>& devices) {
-  Result<std::string> text = scan_text(devices);
-  if (!text) return fail(text.error());
-  Result<std::string> json = scan_json(devices);
-  if (!json) return fail(json.error());
-  return firmware::DeviceList{std::move(*text), std::move(*json)};
+  NODAL_TRY_ASSIGN(std::string text, scan_text(devices));
+  NODAL_TRY_ASSIGN(std::string json, scan_json(devices));
+  return firmware::DeviceList{std::move(text), std::move(json)};
 }
 
 }  // namespace

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "protocol/base/text.h"
+#include "protocol/base/try.h"
 
 namespace nodal::daemon {
 namespace {
@@ -47,15 +48,14 @@ Result<LogLevels> LogLevels::parse(std::string_view text) {
     const std::size_t comma = text.find(',');
     const std::string_view word = text.substr(0, comma);
     const std::size_t equals = word.find('=');
-    const auto level =
-        find_name(kLevelNames, equals == std::string_view::npos ? word : word.substr(equals + 1), "level");
-    if (!level) return fail(level.error());
+    NODAL_TRY_ASSIGN(
+        const auto level,
+        find_name(kLevelNames, equals == std::string_view::npos ? word : word.substr(equals + 1), "level"));
     if (equals == std::string_view::npos) {
-      levels.of.fill(static_cast<LogLevel>(*level));
+      levels.of.fill(static_cast<LogLevel>(level));
     } else {
-      const auto category = find_name(kCategoryNames, word.substr(0, equals), "category");
-      if (!category) return fail(category.error());
-      levels.of[*category] = static_cast<LogLevel>(*level);
+      NODAL_TRY_ASSIGN(const auto category, find_name(kCategoryNames, word.substr(0, equals), "category"));
+      levels.of[category] = static_cast<LogLevel>(level);
     }
     if (comma == std::string_view::npos) return levels;
     text.remove_prefix(comma + 1);

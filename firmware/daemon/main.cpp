@@ -31,6 +31,7 @@
 #include "hal/linux/link/signals.h"
 #include "hal/linux/link/standard_descriptors.h"
 #include "hal/linux/thread/thread.h"
+#include "protocol/base/try.h"
 #include "protocol/files/open_file.h"
 
 namespace nodal::daemon {
@@ -160,13 +161,11 @@ int make_lines_safe(const firmware::RigConfig& config) {
 }
 
 Status start_confined(const firmware::RigConfig& config, const std::filesystem::path& base, ConfinedPorts& into) {
-  auto rehearsal = start_rehearsal(config);
-  if (!rehearsal) return fail(rehearsal.error());
-  into.rehearsal = std::move(*rehearsal);
+  NODAL_TRY_ASSIGN(auto rehearsal, start_rehearsal(config));
+  into.rehearsal = std::move(rehearsal);
   if (config.takes) {
-    auto recovery = start_recovery(base / config.takes->folder);
-    if (!recovery) return fail(recovery.error());
-    into.recovery = std::move(*recovery);
+    NODAL_TRY_ASSIGN(auto recovery, start_recovery(base / config.takes->folder));
+    into.recovery = std::move(recovery);
   }
   if (const std::string missing = missing_confinement(); !missing.empty()) log_line(LogLevel::kInfo, missing);
   return {};

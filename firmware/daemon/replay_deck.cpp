@@ -6,6 +6,7 @@
 #include "firmware/daemon/log.h"
 #include "firmware/replay/take_reel.h"
 #include "hal/linux/disk.h"
+#include "protocol/base/try.h"
 #include "stitch/media/picture_folder.h"
 #include "stitch/media/plain_image.h"
 
@@ -24,9 +25,8 @@ std::unique_ptr<hal::replay::Deck> make_deck(const firmware::RigConfig& config, 
     if (!std::filesystem::is_directory(folder, error)) {
       return fail(Errc::kNoSuchDevice, folder.string() + ": there is no such folder");
     }
-    auto disk = hal::linux_os::LinuxDisk::open(folder.string());
-    if (!disk) return fail(disk.error());
-    return firmware::open_take_reel(std::move(*disk), "", folder.string(), head);
+    NODAL_TRY_ASSIGN(auto disk, hal::linux_os::LinuxDisk::open(folder.string()));
+    return firmware::open_take_reel(std::move(disk), "", folder.string(), head);
   };
   options.rate = config.rate;
   options.base = base;

@@ -8,6 +8,7 @@
 
 #include "firmware/config/written_toml.h"
 #include "firmware/daemon/rig_proposal.h"
+#include "protocol/base/try.h"
 
 namespace nodal::daemon {
 namespace {
@@ -174,14 +175,14 @@ Result<std::string> scan_text(const std::vector<FoundDevice>& devices) {
   if (devices.empty())
     text += "# There is none. Plug one in; `ls /dev/video*` shows whether the kernel knows a V4L2 device.\n";
   text += "\n" + rig_toml(proposal, devices);
-  if (const Status good = read_back(text, proposal, devices); !good) return fail(good.error());
+  NODAL_TRY(read_back(text, proposal, devices));
   return text;
 }
 
 Result<std::string> scan_json(const std::vector<FoundDevice>& devices) {
   const RigProposal proposal = propose_rig(devices);
   const std::string toml = rig_toml(proposal, devices);
-  if (const Status good = read_back(toml, proposal, devices); !good) return fail(good.error());
+  NODAL_TRY(read_back(toml, proposal, devices));
   Json all{{"devices", Json::array()}, {"buses", Json::array()}, {"rig_toml", toml}};
   for (std::size_t i = 0; i < devices.size(); ++i) {
     Json device = device_json(devices[i]);

@@ -2,6 +2,7 @@
 #include <utility>
 
 #include "firmware/flight/flight_codec.h"
+#include "protocol/base/try.h"
 
 namespace nodal::firmware {
 namespace {
@@ -42,10 +43,9 @@ bool is_picture(std::uint32_t format, std::uint32_t width, std::uint32_t height,
 }
 
 Result<CaptureEvent> opened(const wire::Opened& from) {
-  const auto head = head_of(from.head());
-  if (!head) return fail(head.error());
+  NODAL_TRY_ASSIGN(const auto head, head_of(from.head()));
   HeadOpened event;
-  event.head = *head;
+  event.head = head;
   event.status = status_of(from.status());
   if (!event.status) return event;
   event.identity = {from.path(), from.serial(), from.model()};
@@ -70,10 +70,9 @@ Result<CaptureEvent> opened(const wire::Opened& from) {
 }
 
 Result<CaptureEvent> called(const wire::Called& from) {
-  const auto head = head_of(from.head());
-  if (!head) return fail(head.error());
+  NODAL_TRY_ASSIGN(const auto head, head_of(from.head()));
   if (from.call() >= HeadCalled::kCalls) return wrong("the call");
-  return HeadCalled{*head, static_cast<HeadCalled::Call>(from.call()), from.value(), status_of(from.status())};
+  return HeadCalled{head, static_cast<HeadCalled::Call>(from.call()), from.value(), status_of(from.status())};
 }
 
 Result<CaptureEvent> trigger_started(const wire::TriggerStarted& from) {
@@ -172,9 +171,8 @@ Result<CaptureEvent> set_closed(const wire::SetClosed& from, std::int64_t step_n
 }  // namespace
 
 Result<CaptureEvent> FlightDecoder::delivered(const wire::Delivered& from) {
-  const auto index = head_of(from.head());
-  if (!index) return fail(index.error());
-  Head& head = heads_[*index];
+  NODAL_TRY_ASSIGN(const auto index, head_of(from.head()));
+  Head& head = heads_[index];
   if (from.has_settings()) {
     const wire::Settings& settings = from.settings();
     head.settings.exposure = Exposure::of(Duration::nanoseconds(settings.exposure_ns()));
@@ -194,7 +192,7 @@ Result<CaptureEvent> FlightDecoder::delivered(const wire::Delivered& from) {
   if (from.slot() > std::numeric_limits<hal::BufferSlot>::max()) return wrong("the slot");
   if (from.verdict() > static_cast<std::uint32_t>(hal::FrameVerdict::kNoSignal)) return wrong("the verdict");
   HeadDelivered event;
-  event.head = *index;
+  event.head = index;
   event.frame.slot = static_cast<hal::BufferSlot>(from.slot());
   event.frame.sequence = from.sequence();
   event.frame.mid_exposure = at(step_ns_, from.mid_exposure_ns());
@@ -220,9 +218,8 @@ Result<CaptureEvent> FlightDecoder::decode(const wire::Event& from) {
     case wire::Event::kCalled: return called(from.called());
     case wire::Event::kDelivered: return delivered(from.delivered());
     case wire::Event::kHeadFailed: {
-      const auto head = head_of(from.head_failed().head());
-      if (!head) return fail(head.error());
-      return HeadFailed{*head, error_of(from.head_failed().status())};
+      NODAL_TRY_ASSIGN(const auto head, head_of(from.head_failed().head()));
+      return HeadFailed{head, error_of(from.head_failed().status())};
     }
     case wire::Event::kTriggerStarted: return trigger_started(from.trigger_started());
     case wire::Event::kTriggerStopped: return TriggerStopped{};
@@ -230,18 +227,16 @@ Result<CaptureEvent> FlightDecoder::decode(const wire::Event& from) {
     case wire::Event::kTriggerFailed: return TriggerFailed{error_of(from.trigger_failed())};
     case wire::Event::kLight: return light(from.light());
     case wire::Event::kCommand: {
-      auto change = change_of(from.command());
-      if (!change) return fail(change.error());
-      return CommandTaken{{from.command().ticket(), std::move(*change)}};
+      NODAL_TRY_ASSIGN(auto change, change_of(from.command()));
+      return CommandTaken{{from.command().ticket(), std::move(change)}};
     }
     case wire::Event::kAnswer: return CommandAnswered{from.answer().ticket(), status_of(from.answer().status())};
     case wire::Event::kSetClosed: return set_closed(from.set_closed(), step_ns_);
     case wire::Event::kSetReturned: return SetReturned{from.set_returned().number(), from.set_returned().collection()};
     case wire::Event::kLost: {
-      const auto head = head_of(from.lost().head());
-      if (!head) return fail(head.error());
+      NODAL_TRY_ASSIGN(const auto head, head_of(from.lost().head()));
       if (from.lost().reason() >= kLossReasons) return wrong("the reason of a loss");
-      return FramesLost{*head, static_cast<LossReason>(from.lost().reason()), from.lost().count()};
+      return FramesLost{head, static_cast<LossReason>(from.lost().reason()), from.lost().count()};
     }
     case wire::Event::kGenlock:
       if (from.genlock() >= kGenlockStates) return wrong("the state of the genlock");

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "firmware/frame/drain.h"
+#include "protocol/base/try.h"
 #include "protocol/upload.h"
 
 namespace nodal::firmware {
@@ -19,13 +20,11 @@ Result<StreamId> FrameSender::start(Client& client, const HeadShapes& heads, Dur
   SetCopy set = SetCopy::places_for(heads, copy->memory);
   if (set.wanted == 0)
     return fail(Errc::kNotReady, "no head has delivered a picture yet; `nodal status` shows the reason");
-  auto stream = client.session().open_stream(StreamPolicy::kLossless);
-  if (!stream) return stream;
+  NODAL_TRY_ASSIGN(auto stream, client.session().open_stream(StreamPolicy::kLossless));
   sets_.drop_waiting();  // older than the request
   sets_.set_open(true);
-  copy->transfer =
-      Transfer{client.number(), client.access(), *stream, now, kPatience.at(period), std::move(set), false};
-  client.frame_set = *stream;
+  copy->transfer = Transfer{client.number(), client.access(), stream, now, kPatience.at(period), std::move(set), false};
+  client.frame_set = stream;
   return stream;
 }
 

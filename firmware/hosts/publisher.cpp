@@ -8,6 +8,7 @@
 #include "firmware/picture/encoder.h"
 #include "protocol/base/raymap_rate.h"
 #include "protocol/base/stops.h"
+#include "protocol/base/try.h"
 #include "protocol/upload.h"
 
 namespace nodal::firmware {
@@ -45,9 +46,8 @@ Result<StreamId> Publisher::start(const Clients& clients, Client& client, const 
     return fail(Errc::kUnsupported, "this rig does not support the coding " + std::to_string(request.coding()));
   }
   const StreamPolicy policy = request.lossless() ? StreamPolicy::kLossless : StreamPolicy::kLatest;
-  auto stream = client.session().open_stream(policy);
-  if (!stream) return stream;
-  Pull& pull = client.pulls[*stream];
+  NODAL_TRY_ASSIGN(auto stream, client.session().open_stream(policy));
+  Pull& pull = client.pulls[stream];
   pull.coding = request.coding();
   pull.lossless = request.lossless();
   pull.count = request.count();

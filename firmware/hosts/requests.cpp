@@ -4,6 +4,7 @@
 #include "firmware/hosts/control.h"
 #include "firmware/hosts/status.h"
 #include "firmware/hosts/wire_commands.h"
+#include "protocol/base/try.h"
 
 namespace nodal::firmware {
 
@@ -95,23 +96,20 @@ Status Control::answer(Client& client, const wire::Request& request, Instant now
       fill_exposure(operation_.capture().exposure, config_.heads.size(), *answer.mutable_exposure());
       break;
     case wire::Request::kUploadBegin: {
-      const auto name = sha256_from_wire(request.upload_begin().sha256());
-      if (!name) return fail(name.error());
-      const auto offset = uploads_.begin(*name, request.upload_begin().length(), client.number());
-      if (!offset) return fail(offset.error());
-      answer.mutable_upload()->set_offset(*offset);
+      NODAL_TRY_ASSIGN(const auto name, sha256_from_wire(request.upload_begin().sha256()));
+      NODAL_TRY_ASSIGN(const auto offset, uploads_.begin(name, request.upload_begin().length(), client.number()));
+      answer.mutable_upload()->set_offset(offset);
       break;
     }
     case wire::Request::kPull:
     case wire::Request::kFrameSet:
     case wire::Request::kTakeRead: {
-      const auto stream = start_work(client, request, now);
-      if (!stream) return fail(stream.error());
-      answer.mutable_pull()->set_stream(*stream);
+      NODAL_TRY_ASSIGN(const auto stream, start_work(client, request, now));
+      answer.mutable_pull()->set_stream(stream);
       break;
     }
     case wire::Request::kPullStop:
-      if (Status stopped = publisher_.stop(client, request.pull_stop().stream()); !stopped) return stopped;
+      NODAL_TRY(publisher_.stop(client, request.pull_stop().stream()));
       answer.mutable_done();
       break;
     case wire::Request::kAuditLog:
@@ -177,11 +175,10 @@ Status Control::command(Client& client, const wire::Request& request, Instant no
   }
   const auto* change = std::get_if<CaptureChange>(&*wanted);
   const bool ends_lease = change && std::holds_alternative<LeaseEnd>(*change);
-  const auto ticket = operation_.ask(requester, std::move(*wanted), now);
-  if (!ticket) return fail(ticket.error());
+  NODAL_TRY_ASSIGN(const auto ticket, operation_.ask(requester, std::move(*wanted), now));
   if (request.has_head_set() && request.head_set().temporary()) client.leases = !ends_lease;
-  if (kind_of(request).turn == Turn::kCalibrations) calibration_ = *ticket;
-  await(client, request, *ticket);
+  if (kind_of(request).turn == Turn::kCalibrations) calibration_ = ticket;
+  await(client, request, ticket);
   return {};
 }
 
@@ -192,16 +189,13 @@ void Control::await(Client& client, const wire::Request& request, Ticket ticket)
 }
 
 Result<Command> Control::commit_command(const wire::UploadCommit& commit) {
-  const auto name = sha256_from_wire(commit.sha256());
-  if (!name) return fail(name.error());
-  auto install = install_of(commit);
-  if (!install) return fail(install.error());
+  NODAL_TRY_ASSIGN(const auto name, sha256_from_wire(commit.sha256()));
+  NODAL_TRY_ASSIGN(auto install, install_of(commit));
   // Checked before the document is taken, so that a host can correct and repeat a refused commit.
-  if (Status good = check(CalibrationCommand(*install), config_); !good) return fail(good.error());
-  auto document = uploads_.take(*name);
-  if (!document) return fail(document.error());
-  install->json.assign(document->begin(), document->end());
-  return CalibrationCommand(std::move(*install));
+  NODAL_TRY(check(CalibrationCommand(install), config_));
+  NODAL_TRY_ASSIGN(auto document, uploads_.take(name));
+  install.json.assign(document.begin(), document.end());
+  return CalibrationCommand(std::move(install));
 }
 
 Result<StreamId> Control::start_work(Client& client, const wire::Request& request, Instant now) {
@@ -212,7 +206,7 @@ Result<StreamId> Control::start_work(Client& client, const wire::Request& reques
     if (begun) operation_.note_take_read(requester_of(client), request.take_read().take(), now);
     return begun;
   }
-  if (const Status may = Admission::may_work(clients_, client, now); !may) return fail(may.error());
+  NODAL_TRY(Admission::may_work(clients_, client, now));
   const KeeperReport& keeper = operation_.keeper();
   if (!keeper.in_force) {
     return fail(Errc::kNotReady,

@@ -6,6 +6,7 @@
 #include "firmware/frame/drain.h"
 #include "firmware/hosts/admission.h"
 #include "firmware/hosts/shared_bytes.h"
+#include "protocol/base/try.h"
 
 namespace nodal::firmware {
 
@@ -32,15 +33,14 @@ Result<StreamId> TakeSender::start(Client& client, const wire::TakeRead& request
   if (request.offset() % TakeReader::kPiece != 0) {
     return fail(Errc::kBadValue, "a file of a take can be read from multiples of 1 MiB on");
   }
-  auto stream = client.session().open_stream(StreamPolicy::kLossless);
-  if (!stream) return stream;
+  NODAL_TRY_ASSIGN(auto stream, client.session().open_stream(StreamPolicy::kLossless));
   transfers_.insert_or_assign(client.number(), Transfer{.number = ++begun_,
-                                                        .stream = *stream,
+                                                        .stream = stream,
                                                         .take = request.take(),
                                                         .file = request.file(),
                                                         .next = request.offset(),
                                                         .progress = StreamProgress(now)});
-  client.take_file = *stream;
+  client.take_file = stream;
   note_reading(client.number(), request.take(), now);
   return stream;
 }

@@ -7,6 +7,7 @@
 #include "firmware/config/exposure_settings.h"
 #include "firmware/hosts/status.h"
 #include "protocol/base/limits.h"
+#include "protocol/base/try.h"
 #include "protocol/upload.h"
 
 namespace nodal::firmware {
@@ -108,9 +109,8 @@ Command take_start_command(const wire::TakeStart& request) {
 Result<Command> take_delete_command(const wire::TakeDelete& request) {
   TakeRequest::Delete command{request.take()};
   if (!request.manifest_sha256().empty()) {
-    const auto manifest = sha256_from_wire(request.manifest_sha256());
-    if (!manifest) return fail(manifest.error());
-    command.manifest = *manifest;
+    NODAL_TRY_ASSIGN(const auto manifest, sha256_from_wire(request.manifest_sha256()));
+    command.manifest = manifest;
   }
   return TakeCommand(command);
 }

@@ -5,6 +5,7 @@
 
 #include "protocol/base/limits.h"
 #include "protocol/base/text.h"
+#include "protocol/base/try.h"
 
 namespace nodal::firmware {
 namespace {
@@ -43,7 +44,7 @@ Status check(const HeadChange& change, const RigConfig& config) {
                                      " ns is not allowed; allowed is 1 ns to 1 hour (most heads allow less)");
   }
   if (wanted.gain) {
-    if (Status allowed = gain_allowed(*wanted.gain); !allowed) return allowed;
+    NODAL_TRY(gain_allowed(*wanted.gain));
   }
   if (wanted.white_balance && (wanted.white_balance->red_q12 < 256 || wanted.white_balance->blue_q12 < 256)) {
     return fail(Errc::kBadValue, "white balance gains are 256 to 65535, in 1/4096");

@@ -6,6 +6,8 @@
 #include <random>
 #include <utility>
 
+#include "protocol/base/try.h"
+
 namespace nodal::firmware {
 const std::string DiskTest::kFile = "disk-test";
 
@@ -44,19 +46,17 @@ DiskTest::DiskTest(hal::DiskPort& disk, Duration length, std::uint64_t most_byte
 }
 
 Result<std::unique_ptr<DiskTest>> DiskTest::begin(hal::DiskPort& disk, Duration length, Instant now) {
-  const auto free = disk.free_bytes();
-  if (!free) return fail(free.error());
-  if (*free < kLeastRoom) {
+  NODAL_TRY_ASSIGN(const auto free, disk.free_bytes());
+  if (free < kLeastRoom) {
     return fail(Errc::kDiskFull,
                 fmt::format("the disk of the takes has {} MB free, and the test needs {} MB; delete takes "
                             "(nodal take delete) or change the card",
-                            *free / 1'000'000, kLeastRoom / 1'000'000));
+                            free / 1'000'000, kLeastRoom / 1'000'000));
   }
-  std::unique_ptr<DiskTest> made(new DiskTest(disk, length, std::min(kMostBytes, *free / 2), now));
+  std::unique_ptr<DiskTest> made(new DiskTest(disk, length, std::min(kMostBytes, free / 2), now));
   remove_leftover(disk);
-  const auto file = disk.create(kFile);
-  if (!file) return fail(file.error());
-  made->file_ = *file;
+  NODAL_TRY_ASSIGN(const auto file, disk.create(kFile));
+  made->file_ = file;
   return made;
 }
 
@@ -81,10 +81,10 @@ Result<std::optional<DiskSpeed>> DiskTest::step(Instant now) {
   }
   if (enough || now - synced_at_ >= kSyncEvery) {
     syncing_since_ = now;
-    if (const Status synced = disk_.sync_all(); !synced) return fail(synced.error());
+    NODAL_TRY(disk_.sync_all());
     return std::optional<DiskSpeed>();
   }
-  if (const Status written = disk_.write(file_, piece_); !written) return fail(written.error());
+  NODAL_TRY(disk_.write(file_, piece_));
   written_ += kPiece;
   disk_.start_write_out(file_);
   return std::optional<DiskSpeed>();

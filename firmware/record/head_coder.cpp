@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "protocol/base/field.h"
+#include "protocol/base/try.h"
 #include "stitch/decode/frame_decoder.h"
 #include "stitch/media/jpeg_writer.h"
 #include "stitch/media/ut_video.h"
@@ -106,7 +107,7 @@ Result<HeadCoder::Parts> HeadCoder::code(const ImageView& picture, int quality) 
     if (!field.writer) continue;
     field.writer->set_quality(quality);
     const ImageView rows = parities_.empty() ? picture : field_of(picture, parities_[k]);
-    if (const Status written = field.writer->write(rows, "", field.bytes); !written) return fail(written.error());
+    NODAL_TRY(field.writer->write(rows, "", field.bytes));
     parts[k] = field.bytes;
   }
   return parts;

@@ -8,6 +8,7 @@
 
 #include "firmware/record/stored_documents.h"
 #include "firmware/record/take_manifest.h"
+#include "protocol/base/try.h"
 #include "protocol/take/evidence.h"
 #include "protocol/take/tally.h"
 
@@ -38,16 +39,14 @@ std::vector<std::uint32_t> segments_of(const take::Manifest& manifest) {
 
 /// Index of a segment's first set.
 Result<std::uint64_t> first_set_of(hal::DiskPort& disk, const std::string& evidence) {
-  const auto file = disk.open_read(evidence);
-  if (!file) return fail(file.error());
+  NODAL_TRY_ASSIGN(const auto file, disk.open_read(evidence));
   std::vector<std::uint8_t> bytes(kBeginBytes);
-  const auto read = disk.read_at(*file, 0, bytes);
-  disk.close(*file);
+  const auto read = disk.read_at(file, 0, bytes);
+  disk.close(file);
   if (!read) return fail(read.error());
   bytes.resize(*read);
-  const auto found = take::read_evidence(bytes, evidence);
-  if (!found) return fail(found.error());
-  return found->begin.first_set();
+  NODAL_TRY_ASSIGN(const auto found, take::read_evidence(bytes, evidence));
+  return found.begin.first_set();
 }
 
 /// At which a minute has most sets.
@@ -61,11 +60,10 @@ FrameRate fastest_of(const take::Manifest& manifest, FrameRate fastest) {
 Status remove_unlisted(hal::DiskPort& disk, const std::string& folder, const take::Manifest& manifest) {
   std::set<std::string, std::less<>> listed;
   for (const take::Manifest::File& file : manifest.files) listed.insert(file.name);
-  const auto names = disk.list(folder);
-  if (!names) return fail(names.error());
-  for (const std::string& name : *names) {
+  NODAL_TRY_ASSIGN(const auto names, disk.list(folder));
+  for (const std::string& name : names) {
     if (!segment_of(name) || listed.contains(name)) continue;
-    if (const Status removed = disk.remove(folder + "/" + name); !removed) return removed;
+    NODAL_TRY(disk.remove(folder + "/" + name));
   }
   return {};
 }
@@ -76,11 +74,9 @@ struct FinishedTake {
   take::Manifest manifest;
 };
 Result<FinishedTake> read_take(hal::DiskPort& disk, const std::string& folder) {
-  const auto about = stored_take_json(disk, folder);
-  if (!about) return fail(about.error());
-  auto manifest = stored_manifest(disk, folder);
-  if (!manifest) return fail(manifest.error());
-  return FinishedTake{about->rate, std::move(*manifest)};
+  NODAL_TRY_ASSIGN(const auto about, stored_take_json(disk, folder));
+  NODAL_TRY_ASSIGN(auto manifest, stored_manifest(disk, folder));
+  return FinishedTake{about.rate, std::move(manifest)};
 }
 
 /// The segments that are not near a mark, rising; at most `most` of them.
@@ -97,13 +93,11 @@ Result<std::vector<std::uint32_t>> deletable_segments(hal::DiskPort& disk, const
     // A segment ends where the next one begins. If others between them were deleted, it is near a mark anyway.
     std::uint64_t next = manifest.sets + manifest.deleted_sets;
     if (k + 1 < segments.size()) {
-      const auto begin = first_set_of(disk, folder + "/" + take::evidence_file(segments[k + 1]));
-      if (!begin) return fail(begin.error());
-      next = *begin;
+      NODAL_TRY_ASSIGN(const auto begin, first_set_of(disk, folder + "/" + take::evidence_file(segments[k + 1])));
+      next = begin;
     }
-    const auto first = first_set_of(disk, folder + "/" + take::evidence_file(segments[k]));
-    if (!first) return fail(first.error());
-    if (!near_mark(*first, std::max(next, *first + 1) - 1, manifest.marks, fastest_of(manifest, take.rate)))
+    NODAL_TRY_ASSIGN(const auto first, first_set_of(disk, folder + "/" + take::evidence_file(segments[k])));
+    if (!near_mark(first, std::max(next, first + 1) - 1, manifest.marks, fastest_of(manifest, take.rate)))
       found.push_back(segments[k]);
   }
   return found;
@@ -121,36 +115,33 @@ Result<RoomInTake> room_in_take(hal::DiskPort& disk, const std::string& folder) 
   const auto take = read_take(disk, folder);
   if (!take) return fail(take.error());
   RoomInTake room;
-  const auto chosen = deletable_segments(disk, folder, *take);
-  if (!chosen) return fail(chosen.error());
+  NODAL_TRY_ASSIGN(const auto chosen, deletable_segments(disk, folder, *take));
   for (const take::Manifest::File& file : take->manifest.files) {
     const auto segment = segment_of(file.name);
-    if (segment && std::ranges::find(*chosen, *segment) != chosen->end()) room.bytes += file.bytes;
+    if (segment && std::ranges::find(chosen, *segment) != chosen.end()) room.bytes += file.bytes;
   }
-  room.all = chosen->size() == segments_of(take->manifest).size();
+  room.all = chosen.size() == segments_of(take->manifest).size();
   return room;
 }
 
 Result<std::optional<Trimmed>> trim_take(hal::DiskPort& disk, const std::string& folder) {
   auto take = read_take(disk, folder);
   if (!take) return fail(take.error());
-  const auto deletable = deletable_segments(disk, folder, *take, 1);
-  if (!deletable) return fail(deletable.error());
-  if (deletable->empty()) return std::optional<Trimmed>();
-  const std::uint32_t chosen = deletable->front();
+  NODAL_TRY_ASSIGN(const auto deletable, deletable_segments(disk, folder, *take, 1));
+  if (deletable.empty()) return std::optional<Trimmed>();
+  const std::uint32_t chosen = deletable.front();
   take::Manifest* const manifest = &take->manifest;
 
   const std::string evidence_name = folder + "/" + take::evidence_file(chosen);
-  const auto evidence = stored_evidence(disk, evidence_name);
-  if (!evidence) return fail(evidence.error());
-  const std::uint64_t sets = std::min<std::uint64_t>(evidence->sets.size(), manifest->sets);
+  NODAL_TRY_ASSIGN(const auto evidence, stored_evidence(disk, evidence_name));
+  const std::uint64_t sets = std::min<std::uint64_t>(evidence.sets.size(), manifest->sets);
   Trimmed done;
   manifest->sets -= sets;
   manifest->deleted_sets += sets;
-  const take::SegmentTally tally = take::tally_of(*evidence, take->rate);
-  const Duration length = evidence->sets.empty()
+  const take::SegmentTally tally = take::tally_of(evidence, take->rate);
+  const Duration length = evidence.sets.empty()
                               ? Duration()
-                              : Duration::nanoseconds(evidence->sets.back().since_start_ns()) + tally.rate().period();
+                              : Duration::nanoseconds(evidence.sets.back().since_start_ns()) + tally.rate().period();
   manifest->length = std::max(Duration(), manifest->length - length);
   take::remove(manifest->gaps, tally.gaps());
   for (std::size_t head = 0; head < manifest->heads.size(); ++head)
@@ -160,10 +151,9 @@ Result<std::optional<Trimmed>> trim_take(hal::DiskPort& disk, const std::string&
     done.bytes += file.bytes;
     return true;
   });
-  auto written = store_manifest(disk, folder, std::move(*manifest), Stored::kReplaced);
-  if (!written) return fail(written.error());
-  if (const Status removed = remove_unlisted(disk, folder, *written); !removed) return fail(removed.error());
-  done.manifest = std::move(*written);
+  NODAL_TRY_ASSIGN(auto written, store_manifest(disk, folder, std::move(*manifest), Stored::kReplaced));
+  NODAL_TRY(remove_unlisted(disk, folder, written));
+  done.manifest = std::move(written);
   return std::optional<Trimmed>(std::move(done));
 }
 

@@ -1,5 +1,6 @@
 #include "firmware/record/recovery.h"
 #include "firmware/storage/file_pieces.h"
+#include "protocol/base/try.h"
 #include "protocol/framing.h"
 #include "protocol/take/digest.h"
 
@@ -15,7 +16,7 @@ Result<std::optional<take::Manifest::File>> recover_flight(hal::DiskPort& disk, 
   std::uint64_t whole = 0;
   FrameDecoder decoder;
   FilePieces all(disk, name, 0, *size);
-  const Status scanned = for_each_piece(all, [&](std::span<const std::uint8_t> rest) {
+  NODAL_TRY(for_each_piece(all, [&](std::span<const std::uint8_t> rest) {
     seen += rest.size();
     while (!rest.empty()) {
       const auto frame = decoder.next(rest);
@@ -23,26 +24,23 @@ Result<std::optional<take::Manifest::File>> recover_flight(hal::DiskPort& disk, 
       if (*frame) whole = seen - rest.size();
     }
     return true;
-  });
-  if (!scanned) return fail(scanned.error());
+  }));
   if (whole == 0) {
-    if (const Status removed = disk.remove(name); !removed) return fail(removed.error());
+    NODAL_TRY(disk.remove(name));
     return std::optional<take::Manifest::File>();
   }
   if (whole != *size) {
-    const auto file = disk.open_append(name);
-    if (!file) return fail(file.error());
-    const Status cut = disk.truncate(*file, whole);
-    disk.close(*file);
+    NODAL_TRY_ASSIGN(const auto file, disk.open_append(name));
+    const Status cut = disk.truncate(file, whole);
+    disk.close(file);
     if (!cut) return fail(cut.error());
   }
   PieceHashes hashes;
   FilePieces kept(disk, name, 0, whole);
-  const Status hashed = for_each_piece(kept, [&](std::span<const std::uint8_t> bytes) {
+  NODAL_TRY(for_each_piece(kept, [&](std::span<const std::uint8_t> bytes) {
     hashes.update(bytes);
     return true;
-  });
-  if (!hashed) return fail(hashed.error());
+  }));
   return std::optional<take::Manifest::File>({take::kFlightFile, whole, take::digest_of(hashes.all())});
 }
 

@@ -9,6 +9,7 @@
 #include "firmware/record/take_manifest.h"
 #include "firmware/storage/durable_file.h"
 #include "firmware/storage/file_pieces.h"
+#include "protocol/base/try.h"
 #include "stitch/media/take/segment_rules.h"
 
 namespace nodal::firmware {
@@ -19,15 +20,13 @@ using Bytes = std::vector<std::uint8_t>;
 
 /// Reads at most a piece of a file. Errors: the disk's; kTruncated if the file is shorter.
 Result<Bytes> read_part(hal::DiskPort& disk, const std::string& name, std::uint64_t from, std::uint64_t to) {
-  const auto size = disk.size(name);
-  if (!size) return fail(size.error());
-  if (to > *size || from > to) return fail(Errc::kTruncated, "file '" + name + "': is shorter than its evidence says");
+  NODAL_TRY_ASSIGN(const auto size, disk.size(name));
+  if (to > size || from > to) return fail(Errc::kTruncated, "file '" + name + "': is shorter than its evidence says");
   NODAL_ASSERT(to - from <= PieceHashes::kPiece);
-  const auto handle = disk.open_read(name);
-  if (!handle) return fail(handle.error());
+  NODAL_TRY_ASSIGN(const auto handle, disk.open_read(name));
   Bytes bytes(static_cast<std::size_t>(to - from));
-  const auto read = disk.read_at(*handle, from, bytes);
-  disk.close(*handle);
+  const auto read = disk.read_at(handle, from, bytes);
+  disk.close(handle);
   if (!read) return fail(read.error());
   if (*read != bytes.size()) return fail(Errc::kTruncated, "file '" + name + "': is shorter than its evidence says");
   return bytes;
@@ -43,8 +42,7 @@ struct EvidenceFile {
 /// them than may come between two syncs, because a fault of the disk in what was durable is for people to see. Errors: the disk's.
 Result<EvidenceFile> read_evidence_file(const TakePlace& place, const std::string& name) {
   constexpr std::uint64_t kMostUnreadable = 64 << 10;
-  const auto size = place.disk->size(name);
-  if (!size) return fail(size.error());
+  NODAL_TRY_ASSIGN(const auto size, place.disk->size(name));
   take::EvidenceReader reader(name);
   EvidenceFile read{take::Segment(), 0, PieceHashes()};
   const auto add = [&](std::span<const std::uint8_t> bytes) {
@@ -55,12 +53,12 @@ Result<EvidenceFile> read_evidence_file(const TakePlace& place, const std::strin
   FilePieces pieces(*place.disk, name);
   Status readable = for_each_piece(pieces, add);
   if (!readable && readable.error().code == Errc::kIo) {
-    while (reader.bytes() < *size) {
+    while (reader.bytes() < size) {
       const auto part = read_part(*place.disk, name, reader.bytes(),
-                                  std::min<std::uint64_t>(*size, reader.bytes() + hal::DiskPort::kSector));
+                                  std::min<std::uint64_t>(size, reader.bytes() + hal::DiskPort::kSector));
       if (!part || !add(*part)) break;
     }
-    if (*size - reader.bytes() <= kMostUnreadable) readable = {};
+    if (size - reader.bytes() <= kMostUnreadable) readable = {};
   }
   if (!readable) return fail(readable.error());
   read.bytes = reader.bytes();
@@ -78,11 +76,10 @@ std::uint64_t end_of(const take::Segment& found, std::size_t rows, std::size_t f
 Result<bool> are_whole_clusters(const TakePlace& place, const std::string& name, std::uint64_t from, std::uint64_t to) {
   take::ClusterCheck check;
   FilePieces pieces(*place.disk, name, from, to);
-  const Status read = for_each_piece(pieces, [&](std::span<const std::uint8_t> bytes) {
+  NODAL_TRY(for_each_piece(pieces, [&](std::span<const std::uint8_t> bytes) {
     place.progressed();
     return check.add(bytes);
-  });
-  if (!read) return fail(read.error());
+  }));
   return check.whole() && pieces.at() == to;
 }
 
@@ -148,12 +145,12 @@ Status remove_segment(hal::DiskPort& disk, const std::string& folder, std::uint3
     const Status removed = disk.remove(folder + "/" + name);
     return !removed && removed.error().code == Errc::kNotFound ? Status() : removed;
   };
-  if (const Status removed = remove(take::evidence_file(segment)); !removed) return removed;
-  if (const Status synced = disk.sync_folder(folder); !synced) return synced;
+  NODAL_TRY(remove(take::evidence_file(segment)));
+  NODAL_TRY(disk.sync_folder(folder));
   std::vector<std::string> names{take::raymap_file(segment)};
   for (std::uint32_t head = 0; head < kMaxHeads; ++head) names.push_back(take::head_file(head, segment));
   for (const std::string& name : names) {
-    if (const Status removed = remove(name); !removed) return removed;
+    NODAL_TRY(remove(name));
   }
   return {};
 }
@@ -163,17 +160,15 @@ Status SegmentWriter::reopen(File& file, std::uint64_t length, std::vector<take:
   const std::uint64_t hashed = hashes.size() * PieceHashes::kPiece;
   file.hashes_told = hashes.size();
   file.hashes = PieceHashes(std::move(hashes));
-  const auto first = read_part(*place_.disk, name, 0, std::min(length, PieceHashes::kPiece));
-  if (!first) return fail(first.error());
-  file.first = *first;
+  NODAL_TRY_ASSIGN(const auto first, read_part(*place_.disk, name, 0, std::min(length, PieceHashes::kPiece)));
+  file.first = first;
   for (std::uint64_t from = hashed; from < length; from += PieceHashes::kPiece) {
-    const auto bytes = read_part(*place_.disk, name, from, std::min(length, from + PieceHashes::kPiece));
-    if (!bytes) return fail(bytes.error());
-    file.hashes.update(*bytes);
+    NODAL_TRY_ASSIGN(const auto bytes,
+                     read_part(*place_.disk, name, from, std::min(length, from + PieceHashes::kPiece)));
+    file.hashes.update(bytes);
   }
-  const auto handle = place_.disk->open_append(name);
-  if (!handle) return fail(handle.error());
-  file.handle = *handle;
+  NODAL_TRY_ASSIGN(const auto handle, place_.disk->open_append(name));
+  file.handle = handle;
   return place_.disk->truncate(file.handle, length);
 }
 
@@ -201,8 +196,7 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::reopen(const TakePlace& pl
     file.stream = stream_of(told);
     std::vector<take::Xxh128> hashes = found.hashes[k];
     hashes.resize(static_cast<std::size_t>(last.file_ends[k] / PieceHashes::kPiece));
-    if (const Status opened = made->reopen(file, last.file_ends[k], std::move(hashes)); !opened)
-      return fail(opened.error());
+    NODAL_TRY(made->reopen(file, last.file_ends[k], std::move(hashes)));
     file.video.emplace(made->track_of(file), told.head_bytes());
     std::size_t sets = 0, raymaps = 0;
     Duration newest;
@@ -225,24 +219,22 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::reopen(const TakePlace& pl
     }
   }
   made->evidence_.name = take::evidence_file(found.begin.segment());
-  if (const Status opened = made->reopen(made->evidence_, last.evidence_end, {}); !opened) return fail(opened.error());
+  NODAL_TRY(made->reopen(made->evidence_, last.evidence_end, {}));
   return made;
 }
 
 Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, std::uint32_t segment, Trust trust,
                                                        const std::string& reason, const AcceptSegment& accept) {
   const std::string name = path(place, take::evidence_file(segment));
-  const auto evidence = read_evidence_file(place, name);
-  if (!evidence) return fail(evidence.error());
-  const Result<take::Segment>& found = evidence->segment;
+  NODAL_TRY_ASSIGN(const auto evidence, read_evidence_file(place, name));
+  const Result<take::Segment>& found = evidence.segment;
   if (!found && found.error().code != Errc::kTruncated) return fail(found.error());
   std::size_t rows = 0;
   if (found) {
     if (const Status good = accept ? accept(*found) : Status(); !good) return fail(good.error().in(name));
-    if (found->end && found->good_bytes == evidence->bytes && trust != Trust::kDurable) {
-      const auto whole = end_is_whole(place, *found, trust == Trust::kAll);
-      if (!whole) return fail(whole.error());
-      if (*whole) {
+    if (found->end && found->good_bytes == evidence.bytes && trust != Trust::kDurable) {
+      NODAL_TRY_ASSIGN(const auto whole, end_is_whole(place, *found, trust == Trust::kAll));
+      if (whole) {
         FinishedSegment done;
         done.number = segment;
         done.first_set = found->begin.first_set();
@@ -255,21 +247,19 @@ Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, s
           done.files.push_back({found->begin.files(static_cast<int>(file)).name(),
                                 found->end->length(static_cast<int>(file)), take::digest_of(found->hashes_of(file))});
         }
-        done.files.push_back({take::evidence_file(segment), evidence->bytes, take::digest_of(evidence->hashes.all())});
+        done.files.push_back({take::evidence_file(segment), evidence.bytes, take::digest_of(evidence.hashes.all())});
         return done;
       }
     }
     rows = trust == Trust::kAll ? found->rows.size() : found->durable_rows;
     while (trust == Trust::kChecked && rows < found->rows.size()) {
-      const auto whole = row_is_whole(place, *found, rows);
-      if (!whole) return fail(whole.error());
-      if (!*whole) break;
+      NODAL_TRY_ASSIGN(const auto whole, row_is_whole(place, *found, rows));
+      if (!whole) break;
       ++rows;
     }
   }
   if (rows == 0) {
-    if (const Status removed = remove_segment(*place.disk, place.folder, segment); !removed)
-      return fail(removed.error());
+    NODAL_TRY(remove_segment(*place.disk, place.folder, segment));
     return std::optional<FinishedSegment>();
   }
   FinishedSegment done;
@@ -280,15 +270,13 @@ Result<std::optional<FinishedSegment>> recover_segment(const TakePlace& place, s
     const auto size = place.disk->size(path(place, found->begin.files(static_cast<int>(file)).name()));
     if (size) done.cut_bytes += *size - std::min(*size, end_of(*found, rows, file));
   }
-  auto writer = SegmentWriter::reopen(place, *found, rows);
-  if (!writer) return fail(writer.error());
-  auto files = (*writer)->finish(reason);
-  if (!files) return fail(files.error());
-  done.files = std::move(*files);
-  done.sets = (*writer)->sets();
-  done.length = (*writer)->length();
-  done.marks = (*writer)->marks();
-  done.tally = (*writer)->tally();
+  NODAL_TRY_ASSIGN(auto writer, SegmentWriter::reopen(place, *found, rows));
+  NODAL_TRY_ASSIGN(auto files, writer->finish(reason));
+  done.files = std::move(files);
+  done.sets = writer->sets();
+  done.length = writer->length();
+  done.marks = writer->marks();
+  done.tally = writer->tally();
   return done;
 }
 
@@ -297,9 +285,8 @@ Result<bool> nothing_recorded(hal::DiskPort& disk, const std::string& folder) {
   const auto text = disk.read(name, take::kMaxTakeJsonBytes);
   if (text && take::parse_take_json({reinterpret_cast<const char*>(text->data()), text->size()}, name)) return false;
   if (!text && text.error().code != Errc::kNotFound) return fail(text.error());
-  const auto entries = disk.list(folder);
-  if (!entries) return fail(entries.error());
-  return std::ranges::all_of(*entries, [](std::string_view file) {
+  NODAL_TRY_ASSIGN(const auto entries, disk.list(folder));
+  return std::ranges::all_of(entries, [](std::string_view file) {
     if (file.ends_with(kTemporarySuffix)) file.remove_suffix(kTemporarySuffix.size());
     return file == take::kTakeFile || file == take::kCalibrationFile || file == take::kRigFile ||
            file == take::kRecoveringFile;
@@ -329,11 +316,10 @@ TakePlace place_of(hal::DiskPort& disk, const std::string& folder, const take::T
 
 /// The segments that a take's folder has evidence of, rising.
 Result<std::vector<std::uint32_t>> segments_in(hal::DiskPort& disk, const std::string& folder) {
-  const auto entries = disk.list(folder);
-  if (!entries) return fail(entries.error());
+  NODAL_TRY_ASSIGN(const auto entries, disk.list(folder));
   std::vector<std::uint32_t> segments;
   constexpr std::string_view kEvidence = "evidence-";
-  for (const std::string& name : *entries) {
+  for (const std::string& name : entries) {
     if (!name.starts_with(kEvidence) || !take::is_take_file(name)) continue;
     segments.push_back(static_cast<std::uint32_t>(std::stoul(name.substr(kEvidence.size()))));
   }
@@ -345,21 +331,19 @@ Result<std::vector<std::uint32_t>> segments_in(hal::DiskPort& disk, const std::s
 
 Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& folder,
                                     const std::function<void()>& progress) {
-  const auto about = stored_take_json(disk, folder);
-  if (!about) return fail(about.error());
-  TakePlace place = place_of(disk, folder, *about);
+  NODAL_TRY_ASSIGN(const auto about, stored_take_json(disk, folder));
+  TakePlace place = place_of(disk, folder, about);
   place.progress = progress;
-  const auto segments = segments_in(disk, folder);
-  if (!segments) return fail(segments.error());
-  ManifestSum sum(about->number, "recovered", about->heads.size());
+  NODAL_TRY_ASSIGN(const auto segments, segments_in(disk, folder));
+  ManifestSum sum(about.number, "recovered", about.heads.size());
   std::string& ended = sum.manifest().ended;
   std::uint64_t recorded = 0;
-  for (std::size_t k = 0; k < segments->size(); ++k) {
-    const std::uint32_t segment = (*segments)[k];
-    const Trust trust = k + 1 < segments->size() ? Trust::kAll : Trust::kChecked;
+  for (std::size_t k = 0; k < segments.size(); ++k) {
+    const std::uint32_t segment = segments[k];
+    const Trust trust = k + 1 < segments.size() ? Trust::kAll : Trust::kChecked;
     const media::SetsBefore before{sum.sets(), recorded - sum.sets()};
     auto done = recover_segment(place, segment, trust, "recovered", [&](const take::Segment& found) {
-      return media::check_segment(found, segment, *about, before);
+      return media::check_segment(found, segment, about, before);
     });
     const bool readable = done.has_value();
     if (!readable && !left_out_for(done.error().code)) return fail(done.error());
@@ -375,10 +359,9 @@ Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& fold
   }
   if (sum.manifest().marks.size() > take::kMostMarks)
     ended += fmt::format(", without marks after the first {}", take::kMostMarks);
-  auto flight = recover_flight(disk, folder);
-  if (!flight) return fail(flight.error());
+  NODAL_TRY_ASSIGN(auto flight, recover_flight(disk, folder));
   take::Manifest manifest = sum.finish(recorded);
-  if (*flight) manifest.files.push_back(std::move(**flight));
+  if (flight) manifest.files.push_back(std::move(*flight));
   return write_manifest(disk, folder, std::move(manifest));
 }
 

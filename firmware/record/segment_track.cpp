@@ -4,6 +4,7 @@
 
 #include "firmware/record/segment_writer.h"
 #include "protocol/base/raymap_rate.h"
+#include "protocol/base/try.h"
 #include "stitch/decode/jpeg_frame.h"
 #include "stitch/media/jpeg_writer.h"
 #include "stitch/media/ut_video.h"
@@ -31,9 +32,8 @@ Result<std::vector<std::uint8_t>> grey_picture(const HeadStream& stream) {
   if (stream.format != PixelFormat::kMjpeg) return grey;
   media::JpegWriter writer({.format = format, .width = stream.width, .height = stream.height, .quality = 50});
   std::vector<std::uint8_t> jpeg;
-  const Status written = writer.write(packed_image(format, stream.width, stream.height, std::as_const(grey).data()),
-                                      "a placeholder: the head has no picture here", jpeg);
-  if (!written) return fail(written.error());
+  NODAL_TRY(writer.write(packed_image(format, stream.width, stream.height, std::as_const(grey).data()),
+                         "a placeholder: the head has no picture here", jpeg));
   return jpeg;
 }
 

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "firmware/record/segment_track.h"
+#include "protocol/base/try.h"
 #include "protocol/take/seam_map.h"
 
 namespace nodal::firmware {
@@ -74,34 +75,33 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::create(const TakePlace& pl
   }
   made->evidence_.name = take::evidence_file(segment);
   made->next_set_ = first_set;
-  if (const Status opened = made->create_files(); !opened) return fail(opened.error());
+  NODAL_TRY(made->create_files());
   take::wire::Record record;
   *record.mutable_begin() = begin;
-  if (const Status begun = made->append_record(record); !begun) return fail(begun.error());
+  NODAL_TRY(made->append_record(record));
   for (const take::Manifest::Calibration& calibration : place.calibrations) {
-    if (const Status noted = made->note(calibration); !noted) return fail(noted.error());
+    NODAL_TRY(made->note(calibration));
   }
   if (place.seams) {
-    if (const Status noted = made->note(*place.seams); !noted) return fail(noted.error());
+    NODAL_TRY(made->note(*place.seams));
   }
   return made;
 }
 
 Status SegmentWriter::create_files() {
   const auto create = [&](File& file) -> Status {
-    const auto handle = place_.disk->create(place_.folder + "/" + file.name);
-    if (!handle) return fail(handle.error());
-    file.handle = *handle;
+    NODAL_TRY_ASSIGN(const auto handle, place_.disk->create(place_.folder + "/" + file.name));
+    file.handle = handle;
     return {};
   };
-  if (const Status created = create(evidence_); !created) return created;
+  NODAL_TRY(create(evidence_));
   for (std::size_t k = 0; k < files_.size(); ++k) {
     File& file = files_[k];
-    if (const Status created = create(file); !created) return created;
+    NODAL_TRY(create(file));
     file.video.emplace(track_of(file));
     const Bytes head = file.video->head();
     const std::span<const std::uint8_t> piece(head);
-    if (const Status written = append(file, std::span(&piece, 1)); !written) return written;
+    NODAL_TRY(append(file, std::span(&piece, 1)));
     begin_.mutable_files(static_cast<int>(k))->set_head_bytes(head.size());
   }
   return {};
@@ -119,7 +119,7 @@ void SegmentWriter::make_room(File& file, std::size_t bytes) {
 }
 
 Status SegmentWriter::append(File& file, std::span<const std::span<const std::uint8_t>> pieces) {
-  if (const Status written = place_.disk->write_pieces(file.handle, pieces); !written) return written;
+  NODAL_TRY(place_.disk->write_pieces(file.handle, pieces));
   for (const auto& piece : pieces) {
     if (file.first.size() < PieceHashes::kPiece) {
       const auto part = piece.first(std::min(piece.size(), PieceHashes::kPiece - file.first.size()));
@@ -156,9 +156,8 @@ std::uint64_t SegmentWriter::largest_file() const {
 
 Result<std::span<const std::uint8_t>> SegmentWriter::placeholder_of(File& file) {
   if (file.placeholder.empty()) {
-    auto grey = grey_picture(file.stream);
-    if (!grey) return fail(grey.error());
-    file.placeholder = std::move(*grey);
+    NODAL_TRY_ASSIGN(auto grey, grey_picture(file.stream));
+    file.placeholder = std::move(grey);
   }
   return std::span<const std::uint8_t>(file.placeholder);
 }
@@ -181,14 +180,14 @@ Status SegmentWriter::write(const TakeRow& row) {
     if (from.sync.drift_ppb) set.set_drift_ppb(*from.sync.drift_ppb);
     set.set_missed(from.missed);
   }
-  if (const Status written = write_clusters(row, records); !written) return written;
+  NODAL_TRY(write_clusters(row, records));
   Bytes bytes;
   for (const take::wire::Record& record : records) {
     const Bytes one = records_.encode(record);
     bytes.insert(bytes.end(), one.begin(), one.end());
   }
   const std::span<const std::uint8_t> piece(bytes);
-  if (const Status written = append(evidence_, std::span(&piece, 1)); !written) return written;
+  NODAL_TRY(append(evidence_, std::span(&piece, 1)));
   next_set_ += row.sets.size();
   for (const take::wire::Record& record : records) {
     if (record.has_set()) tally_.add(begin_, record.set());
@@ -205,8 +204,7 @@ Status SegmentWriter::write_clusters(const TakeRow& row, std::vector<take::wire:
   take::wire::Clusters& clusters = *last.mutable_clusters();
   for (std::size_t k = 0; k < files_.size(); ++k) {
     const auto index = static_cast<std::uint32_t>(k);
-    const Status written = files_[k].head ? write_head(row, index, records) : write_raymaps(row, index, clusters);
-    if (!written) return written;
+    NODAL_TRY(files_[k].head ? write_head(row, index, records) : write_raymaps(row, index, clusters));
   }
   clusters.set_sets(next_set_ + row.sets.size());
   for (const File& file : files_) {
@@ -228,15 +226,14 @@ Status SegmentWriter::write_head(const TakeRow& row, std::uint32_t index, std::v
     block.since_start = Duration::nanoseconds(records[k].set().since_start_ns());
     block.frame = frame.bytes;
     if (frame.placeholder == Placeholder::kNone) continue;
-    const auto grey = placeholder_of(file);
-    if (!grey) return fail(grey.error());
-    block.frame = *grey;
+    NODAL_TRY_ASSIGN(const auto grey, placeholder_of(file));
+    block.frame = grey;
   }
   const take::MatroskaWriter::Cluster cluster = file.video->cluster(blocks);
   std::size_t bytes = 0;
   for (const auto& piece : cluster.pieces) bytes += piece.size();
   make_room(file, bytes);
-  if (const Status written = append(file, cluster.pieces); !written) return written;
+  NODAL_TRY(append(file, cluster.pieces));
   for (std::size_t k = 0; k < row.sets.size(); ++k) {
     const RecordedFrame& from = row.sets[k].frames[*file.head];
     take::wire::Frame& frame = *records[k].mutable_set()->add_frames();
@@ -264,7 +261,7 @@ Status SegmentWriter::write_raymaps(const TakeRow& row, std::uint32_t index, tak
   const auto write = [&]() -> Status {
     if (blocks.empty()) return {};
     const take::MatroskaWriter::Cluster cluster = file.video->cluster(blocks);
-    if (const Status written = append(file, cluster.pieces); !written) return written;
+    NODAL_TRY(append(file, cluster.pieces));
     for (std::size_t k = 0; k < blocks.size(); ++k) {
       take::wire::Raymap& raymap =
           *clusters.mutable_raymaps(clusters.raymaps_size() - static_cast<int>(blocks.size() - k));
@@ -280,7 +277,7 @@ Status SegmentWriter::write_raymaps(const TakeRow& row, std::uint32_t index, tak
     newest = std::max(newest, since);
     const take::Block block{newest, raymap.jpeg};
     if (!blocks.empty() && take::MatroskaWriter::cluster_full(bytes, blocks.front().since_start, block)) {
-      if (const Status written = write(); !written) return written;
+      NODAL_TRY(write());
     }
     blocks.push_back(block);
     bytes += raymap.jpeg.size();
@@ -335,13 +332,11 @@ Result<std::vector<take::Manifest::File>> SegmentWriter::finish(const std::strin
   for (File& file : files_) {
     const Bytes cues = file.video->end();
     const std::span<const std::uint8_t> piece(cues);
-    if (const Status written = append(file, std::span(&piece, 1)); !written) return fail(written.error());
+    NODAL_TRY(append(file, std::span(&piece, 1)));
     const auto sector = file.video->sector();
-    const Status written = place_.disk->overwrite(file.handle, take::MatroskaWriter::kSectorAt, sector);
-    if (!written) return fail(written.error());
+    NODAL_TRY(place_.disk->overwrite(file.handle, take::MatroskaWriter::kSectorAt, sector));
     if (file.room_until > file.hashes.bytes()) {
-      const Status shortened = place_.disk->truncate(file.handle, file.hashes.bytes());
-      if (!shortened) return fail(shortened.error());
+      NODAL_TRY(place_.disk->truncate(file.handle, file.hashes.bytes()));
     }
     std::ranges::copy(sector, file.first.begin() + take::MatroskaWriter::kSectorAt);
     std::vector<take::Xxh128> hashes = file.hashes.all();
@@ -353,7 +348,7 @@ Result<std::vector<take::Manifest::File>> SegmentWriter::finish(const std::strin
     end.add_hashes(bytes_of(told));
     finished.push_back({file.name, file.hashes.bytes(), take::digest_of(hashes)});
   }
-  if (const Status ended = append_record(record); !ended) return fail(ended.error());
+  NODAL_TRY(append_record(record));
   finished.push_back({evidence_.name, evidence_.hashes.bytes(), take::digest_of(evidence_.hashes.all())});
   return finished;
 }

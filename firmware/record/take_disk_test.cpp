@@ -5,6 +5,7 @@
 #include "firmware/record/head_coder.h"
 #include "firmware/record/take_keeper.h"
 #include "firmware/record/take_writer.h"
+#include "protocol/base/try.h"
 
 namespace nodal::firmware {
 
@@ -38,12 +39,10 @@ Status TakeKeeper::begin_test(const TakeRequest& request, const TakeRequest::Tes
                 "no head has delivered a picture yet, so nothing is known of what they need; `nodal "
                 "heads` says why");
   }
-  auto held = shelf_.hold();
-  if (!held) return fail(held.error());
-  auto test = DiskTest::begin(disk_, what.length, now);
-  if (!test) return fail(test.error());
+  NODAL_TRY_ASSIGN(auto held, shelf_.hold());
+  NODAL_TRY_ASSIGN(auto test, DiskTest::begin(disk_, what.length, now));
   rate_ = what.rate.value_or(config_.rate);
-  test_.emplace(Test{{}, std::move(*held), what.heads, std::move(*test)});
+  test_.emplace(Test{{}, std::move(held), what.heads, std::move(test)});
   let_wait(test_->tickets, request);
   return {};
 }

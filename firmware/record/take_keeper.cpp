@@ -7,6 +7,7 @@
 
 #include "firmware/record/take_writer.h"
 #include "protocol/base/text.h"
+#include "protocol/base/try.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/limits.h"
 
@@ -39,9 +40,8 @@ TakeWriter::Documents documents_of(const RigConfig& config, const TakeRequest::S
 Result<std::unique_ptr<TakeWriter>> new_take(TakeShelf& shelf, hal::DiskPort& disk, TakeWriter::Documents& documents) {
   constexpr int kTries = 100;
   for (int tries = 1;; ++tries) {
-    const auto number = shelf.new_number();
-    if (!number) return fail(number.error());
-    documents.about.number = *number;
+    NODAL_TRY_ASSIGN(const auto number, shelf.new_number());
+    documents.about.number = number;
     auto writer = TakeWriter::begin(disk, documents);
     if (writer || writer.error().code != Errc::kExists || tries == kTries) return writer;
   }
@@ -126,19 +126,17 @@ std::uint64_t TakeKeeper::room_to_start() const {
 Status TakeKeeper::check_room() {
   std::uint64_t going = 0;
   if (shelf_.is_full()) {
-    const auto oldest = shelf_.oldest_to_go();
-    if (!oldest) return fail(oldest.error());
-    going = *oldest;
+    NODAL_TRY_ASSIGN(const auto oldest, shelf_.oldest_to_go());
+    going = oldest;
   }
   const std::uint64_t needed = room_to_start();
-  const auto free = shelf_.make_room(needed, needed, nullptr);
-  if (!free) return fail(free.error());
-  report_.free_bytes = *free;
-  if (*free < needed) {
+  NODAL_TRY_ASSIGN(const auto free, shelf_.make_room(needed, needed, nullptr));
+  report_.free_bytes = free;
+  if (free < needed) {
     return fail(Errc::kDiskFull,
                 fmt::format("the disk of the takes has {} MB free, and a take needs at least {} MB to start; "
                             "delete takes (nodal take delete) or change the card",
-                            *free / 1'000'000, needed / 1'000'000));
+                            free / 1'000'000, needed / 1'000'000));
   }
   return shelf_.is_full() ? shelf_.remove(going) : Status();
 }
@@ -148,7 +146,7 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
     return fail(Errc::kWrongState,
                 fmt::format("take {} is being recorded; stop it first: nodal take stop", writing_->number()));
   }
-  if (const Status good = check_pictures(start.heads); !good) return fail(good.error());
+  NODAL_TRY(check_pictures(start.heads));
   rate_ = start.rate.value_or(config_.rate);
   expected_set_bytes_ = set_bytes(start.heads);
   if (expected_set_bytes_ > recorder_.ring().size() / 4) {
@@ -157,14 +155,12 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
   }
   if (test_) end_test(fail(Errc::kBusy, "a take began, which has priority; test the disk when none is recorded"));
   shelf_.use_again();
-  auto held = shelf_.hold();
-  if (!held) return fail(held.error());
-  if (const Status room = check_room(); !room) return fail(room.error());
+  NODAL_TRY_ASSIGN(auto held, shelf_.hold());
+  NODAL_TRY(check_room());
   TakeWriter::Documents documents = documents_of(config_, start);
   describe(documents.about, now);
   const bool raymaps = !documents.about.layout.empty();
-  auto writer = new_take(shelf_, disk_, documents);
-  if (!writer) return fail(writer.error());
+  NODAL_TRY_ASSIGN(auto writer, new_take(shelf_, disk_, documents));
   const std::uint64_t number = documents.about.number;
   TakeEntry entry;
   entry.number = number;
@@ -172,8 +168,8 @@ Result<std::uint64_t> TakeKeeper::start(const TakeRequest::Start& start, Instant
   entry.raymap_width = documents.raymap_width;
   entry.raymap_height = documents.raymap_height;
   shelf_.begin(entry);
-  held_.emplace(std::move(*held));
-  writing_ = std::move(*writer);
+  held_.emplace(std::move(held));
+  writing_ = std::move(writer);
   if (seams_) writing_->use_seams(*seams_);
   report_.recording = number;
   report_.since = now;
@@ -295,9 +291,9 @@ void TakeKeeper::sync_if_due(Instant now) {
 Status TakeKeeper::make_room_while_recording() {
   const auto ahead = static_cast<std::uint64_t>(kLoopAhead.ns() / 1'000'000'000) * bytes_a_second();
   const std::uint64_t least = kReserveBytes + recorder_.ring().used() + ahead;
-  const auto free = shelf_.make_room(2 * kReserveBytes + recorder_.ring().size() + ahead, least, writing_.get());
-  if (!free) return fail(free.error());
-  report_.free_bytes = *free;
+  NODAL_TRY_ASSIGN(const auto free,
+                   shelf_.make_room(2 * kReserveBytes + recorder_.ring().size() + ahead, least, writing_.get()));
+  report_.free_bytes = free;
   return {};
 }
 

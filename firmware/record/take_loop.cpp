@@ -4,6 +4,7 @@
 #include "firmware/record/loop.h"
 #include "firmware/record/take_shelf.h"
 #include "firmware/record/take_writer.h"
+#include "protocol/base/try.h"
 #include "protocol/take/evidence.h"
 
 namespace nodal::firmware {
@@ -12,15 +13,13 @@ Result<std::uint64_t> TakeShelf::make_room(std::uint64_t wanted, std::uint64_t l
   const auto free = disk_.free_bytes();
   if (!free || !loop_ || *free >= wanted) return free;
   if (!unread_.empty()) (void)refresh();  // some of them may go
-  const auto more = deletable(wanted - *free, writing);
-  if (!more) return fail(more.error());
-  if (*free + *more < least) return free;
+  NODAL_TRY_ASSIGN(const auto more, deletable(wanted - *free, writing));
+  if (*free + more < least) return free;
   // Counted by the lengths of the files: a file system may tell later that they are free.
   for (std::uint64_t freed = 0; *free + freed < wanted;) {
-    const auto deleted = delete_oldest(writing);
-    if (!deleted) return fail(deleted.error());
-    if (!*deleted) break;
-    freed += **deleted;
+    NODAL_TRY_ASSIGN(const auto deleted, delete_oldest(writing));
+    if (!deleted) break;
+    freed += *deleted;
   }
   return disk_.free_bytes();
 }
@@ -86,7 +85,7 @@ Result<std::optional<std::uint64_t>> TakeShelf::delete_oldest(TakeWriter* writin
     }
     const std::uint64_t bytes = *trimmed ? (*trimmed)->bytes : 0;
     if (entry.sets == 0) {
-      if (const Status removed = remove(number); !removed) return fail(removed.error());
+      NODAL_TRY(remove(number));
     }
     return std::optional(bytes);
   }

@@ -6,6 +6,7 @@
 
 #include "firmware/record/stored_documents.h"
 #include "firmware/storage/durable_file.h"
+#include "protocol/base/try.h"
 #include "protocol/take/digest.h"
 #include "stitch/media/thumbnail.h"
 
@@ -44,7 +45,7 @@ Result<take::Manifest> write_manifest(hal::DiskPort& disk, const std::string& fo
     if (!bytes && bytes.error().code == Errc::kNotFound) continue;
     if (!bytes) return fail(bytes.error());
     if (name == take::kThumbFile && !media::is_whole_jpeg(*bytes)) {  // the power went while it was written
-      if (const Status removed = disk.remove(folder + "/" + name); !removed) return fail(removed.error());
+      NODAL_TRY(disk.remove(folder + "/" + name));
       continue;
     }
     take::PieceHashes hashes;
@@ -52,7 +53,7 @@ Result<take::Manifest> write_manifest(hal::DiskPort& disk, const std::string& fo
     manifest.files.push_back({name, bytes->size(), take::digest_of(hashes.all())});
   }
   std::ranges::sort(manifest.files, {}, &take::Manifest::File::name);
-  if (const Status synced = disk.sync_all(); !synced) return fail(synced.error());
+  NODAL_TRY(disk.sync_all());
   return store_manifest(disk, folder, std::move(manifest), Stored::kNew);
 }
 
@@ -61,9 +62,7 @@ Result<take::Manifest> store_manifest(hal::DiskPort& disk, const std::string& fo
   const std::string name = folder + "/" + take::kManifestFile;
   const std::string text = take::manifest_json(take::within_limits(std::move(manifest)));
   if (const auto parsed = take::parse_manifest(text, name); !parsed) return fail(parsed.error().in("to be written"));
-  const Status written =
-      how == Stored::kNew ? create_durably(disk, folder, name, text) : write_durably(disk, folder, name, text);
-  if (!written) return fail(written.error());
+  NODAL_TRY(how == Stored::kNew ? create_durably(disk, folder, name, text) : write_durably(disk, folder, name, text));
   return stored_manifest(disk, folder);
 }
 

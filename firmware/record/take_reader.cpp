@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "protocol/base/text.h"
+#include "protocol/base/try.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
 
@@ -59,11 +60,10 @@ Result<PieceOfTake> TakeReader::read_there(const ReadOrder& order, Loan<std::vec
     return fail(Errc::kBadValue,
                 fmt::format("{} has {} bytes; nothing can be read from byte {} on", name, *size, order.offset));
   }
-  const auto handle = disk_.open_read(name);
-  if (!handle) return fail(handle.error());
+  NODAL_TRY_ASSIGN(const auto handle, disk_.open_read(name));
   into.edit().resize(std::min<std::uint64_t>(kPiece, *size - order.offset));
-  const auto got = disk_.read_at(*handle, order.offset, into.edit());
-  disk_.close(*handle);
+  const auto got = disk_.read_at(handle, order.offset, into.edit());
+  disk_.close(handle);
   if (!got) return fail(got.error());
   if (*got != into->size()) return fail(Errc::kIo, fmt::format("{} became shorter while it was read", name));
   return PieceOfTake{*size, std::move(into)};

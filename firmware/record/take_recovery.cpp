@@ -10,6 +10,7 @@
 #include "firmware/record/recovery.h"
 #include "firmware/storage/durable_file.h"
 #include "protocol/base/text.h"
+#include "protocol/base/try.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
 
@@ -32,8 +33,7 @@ Result<std::vector<std::uint8_t>> recovery_work(hal::DiskPort& disk, const std::
                                                 const std::function<void()>& progress) {
   const auto nothing = nothing_recorded(disk, folder);
   if (nothing && *nothing) return std::vector<std::uint8_t>{kNothingRecorded};
-  const auto manifest = recover_take(disk, folder, progress);
-  if (!manifest) return fail(manifest.error());
+  NODAL_TRY(recover_take(disk, folder, progress));
   return std::vector<std::uint8_t>{kTakeRecovered};
 }
 

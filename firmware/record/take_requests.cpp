@@ -3,6 +3,7 @@
 
 #include "firmware/record/take_keeper.h"
 #include "firmware/record/take_writer.h"
+#include "protocol/base/try.h"
 #include "protocol/take/documents.h"
 
 namespace nodal::firmware {
@@ -52,17 +53,17 @@ Result<std::optional<TakeKeeper::Answered>> TakeKeeper::run(const TakeRequest& r
     return std::optional<Answered>();
   }
   if (std::holds_alternative<TakeRequest::List>(request.what)) {
-    if (const Status read = shelf_.refresh(); !read) return fail(read.error());
+    NODAL_TRY(shelf_.refresh());
     TakeAnswer::Listed listed;
     for (const auto& [number, entry] : shelf_.takes()) listed.takes.push_back(entry);
     return std::optional<Answered>(std::move(listed));
   }
   if (const auto* what = std::get_if<TakeRequest::Delete>(&request.what)) {
-    if (const Status removed = shelf_.remove(what->take, what->manifest); !removed) return fail(removed.error());
+    NODAL_TRY(shelf_.remove(what->take, what->manifest));
     return done(what->take);
   }
   if (const auto* what = std::get_if<TakeRequest::Protect>(&request.what)) {
-    if (const Status set = shelf_.protect(what->take, what->on); !set) return fail(set.error());
+    NODAL_TRY(shelf_.protect(what->take, what->on));
     return done(what->take);
   }
   if (std::holds_alternative<TakeRequest::Eject>(request.what)) {
@@ -74,12 +75,12 @@ Result<std::optional<TakeKeeper::Answered>> TakeKeeper::run(const TakeRequest& r
     return std::optional<Answered>();
   }
   if (const auto* what = std::get_if<TakeRequest::TestDisk>(&request.what)) {
-    if (const Status begun = begin_test(request, *what, now); !begun) return fail(begun.error());
+    NODAL_TRY(begin_test(request, *what, now));
     return std::optional<Answered>();
   }
   if (!writing_ || ending_) return fail(Errc::kWrongState, "no take is being recorded; start one: nodal take start");
   if (const auto* what = std::get_if<TakeRequest::Mark>(&request.what)) {
-    if (const Status marked = writing_->mark(what->text, now); !marked) return fail(marked.error());
+    NODAL_TRY(writing_->mark(what->text, now));
     return done(writing_->number());
   }
   stopping_.push_back(request.ticket);

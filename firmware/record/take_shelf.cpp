@@ -7,6 +7,7 @@
 
 #include "firmware/record/stored_documents.h"
 #include "firmware/storage/durable_file.h"
+#include "protocol/base/try.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
 
@@ -76,8 +77,7 @@ bool TakeShelf::watch() {
 Status TakeShelf::eject() {
   close();
   NODAL_ASSERT(holds_ == 0);
-  const auto now = disk_.identity();
-  if (!now) return fail(now.error());
+  NODAL_TRY_ASSIGN(const auto now, disk_.identity());
   in_use_.set_ejected(true);
   if (in_use_.is_read()) return fail(Errc::kBusy, "a take is being read; try again in a moment");
   if (const Status synced = disk_.sync_all(); !synced) {
@@ -87,7 +87,7 @@ Status TakeShelf::eject() {
   forget();
   identity_.reset();
   ejected_ = true;
-  ejected_disk_ = *now;
+  ejected_disk_ = now;
   problem_.clear();
   return {};
 }
@@ -146,8 +146,7 @@ Result<std::uint64_t> TakeShelf::new_number() {
                             "folder away, and the file {}",
                             number, kNextTakeFile));
   }
-  const Status stored = write_durably(disk_, "", kNextTakeFile, std::to_string(number + 1));
-  if (!stored) return fail(stored.error());
+  NODAL_TRY(write_durably(disk_, "", kNextTakeFile, std::to_string(number + 1)));
   next_take_ = number + 1;
   return number;
 }
@@ -158,9 +157,8 @@ void TakeShelf::begin(TakeEntry entry) {
 }
 
 Status TakeShelf::check_recording(std::uint64_t take) {
-  const auto now = disk_.identity();
-  if (!now) return fail(now.error());
-  if (identity_ != *now) {
+  NODAL_TRY_ASSIGN(const auto now, disk_.identity());
+  if (identity_ != now) {
     return fail(Errc::kDeviceGone,
                 "the disk was exchanged while the take was recorded; what was recorded is on the other one");
   }
@@ -185,15 +183,13 @@ void TakeShelf::finish(std::uint64_t take, const Result<take::Manifest>& manifes
 }
 
 Status TakeShelf::protect(std::uint64_t take, bool on) {
-  const auto held = hold();
-  if (!held) return fail(held.error());
-  const auto entry = finished(take);
-  if (!entry) return fail(entry.error());
+  NODAL_TRY(hold());
+  NODAL_TRY_ASSIGN(const auto entry, finished(take));
   const std::string folder = take::take_folder(take), file = folder + "/" + take::kProtectedFile;
   Status set = on ? write_durably(disk_, folder, file, "") : disk_.remove(file);
   if (!set && set.error().code == Errc::kNotFound && !on) set = {};
   if (set && !on) set = disk_.sync_folder(folder);
-  if (set) (*entry)->is_protected = on;
+  if (set) entry->is_protected = on;
   return set;
 }
 
@@ -210,24 +206,21 @@ Result<TakeEntry*> TakeShelf::finished(std::uint64_t take) {
 }
 
 Status TakeShelf::remove(std::uint64_t take, const std::optional<Sha256>& manifest) {
-  const auto held = hold();
-  if (!held) return fail(held.error());
-  const auto entry = finished(take);
-  if (!entry) return fail(entry.error());
-  if ((*entry)->is_protected) {
+  NODAL_TRY(hold());
+  NODAL_TRY_ASSIGN(const auto entry, finished(take));
+  if (entry->is_protected) {
     return fail(Errc::kWrongState, fmt::format("take {0} is protected; first: nodal take protect {0} --off", take));
   }
   if (manifest) {
-    const auto id = stored_manifest_id(disk_, take::take_folder(take));
-    if (!id) return fail(id.error());
-    if (*id != *manifest) {
+    NODAL_TRY_ASSIGN(const auto id, stored_manifest_id(disk_, take::take_folder(take)));
+    if (id != *manifest) {
       return fail(Errc::kWrongState,
                   fmt::format("take {} has another manifest than the one named: it is not deleted; list takes again: "
                               "nodal take list",
                               take));
     }
   }
-  if (const Status emptied = empty_folder(take); !emptied) return emptied;
+  NODAL_TRY(empty_folder(take));
   takes_.erase(take);
   recovery_.forget(take);
   return disk_.sync_folder("");
@@ -236,9 +229,8 @@ Status TakeShelf::remove(std::uint64_t take, const std::optional<Sha256>& manife
 /// Removes the files of a take and its folder. Symbolic links are removed, not what they lead to.
 Status TakeShelf::empty_folder(std::uint64_t take) {
   const std::string folder = take::take_folder(take);
-  const auto entries = disk_.entries(folder);
-  if (!entries) return fail(entries.error());
-  for (const hal::FolderEntry& entry : *entries) {
+  NODAL_TRY_ASSIGN(const auto entries, disk_.entries(folder));
+  for (const hal::FolderEntry& entry : entries) {
     if (entry.kind != hal::EntryKind::kFolder) continue;
     return fail(
         Errc::kWrongState,
@@ -249,14 +241,14 @@ Status TakeShelf::empty_folder(std::uint64_t take) {
   const std::string mark = folder + "/" + take::kDeletedFile;
   const Status marked = write_durably(disk_, folder, mark, "");
   if (!marked && marked.error().code != Errc::kDiskFull) return marked;
-  for (const hal::FolderEntry& entry : *entries) {
+  for (const hal::FolderEntry& entry : entries) {
     if (entry.name == take::kDeletedFile) continue;
     const Status removed = disk_.remove(folder + "/" + entry.name);
     if (!removed && removed.error().code != Errc::kNotFound) return removed;
   }
   if (marked) {
-    if (const Status synced = disk_.sync_folder(folder); !synced) return synced;
-    if (const Status removed = disk_.remove(mark); !removed) return removed;
+    NODAL_TRY(disk_.sync_folder(folder));
+    NODAL_TRY(disk_.remove(mark));
   }
   return disk_.remove(folder);
 }

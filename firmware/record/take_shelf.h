@@ -134,9 +134,9 @@ class TakeShelf {
   const bool loop_;
   TakesInUse in_use_;
   std::size_t holds_ = 0;
-  bool looked_ = false;                    ///< at the disk
-  std::optional<std::uint64_t> identity_;  ///< of the disk that the list is of; empty: none is there
-  bool ejected_ = false;                   ///< the disk is left alone until another comes, or the same one again
+  bool looked_ = false;                        ///< at the disk
+  std::optional<std::uint64_t> identity_;      ///< of the disk that the list is of; empty: none is there
+  bool ejected_ = false;                       ///< the disk is left alone until another comes, or the same one again
   std::optional<std::uint64_t> ejected_disk_;  ///< its identity, until it is removed
   std::uint64_t disks_ = 0;
   std::string problem_;

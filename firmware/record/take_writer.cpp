@@ -7,6 +7,7 @@
 
 #include "firmware/record/loop.h"
 #include "firmware/storage/durable_file.h"
+#include "protocol/base/try.h"
 #include "stitch/media/thumbnail.h"
 
 namespace nodal::firmware {
@@ -62,12 +63,12 @@ Result<std::unique_ptr<TakeWriter>> TakeWriter::begin(hal::DiskPort& disk, Docum
 Status TakeWriter::write(const TakeRow& row) {
   if (segment_ && (!segment_->fits(row) || segment_->length() >= kLongestSegment ||
                    segment_->largest_file() >= kLargestFile || segment_->evidence_bytes() >= kLargestEvidence)) {
-    if (const Status finished = finish_segment("segment"); !finished) return finished;
+    NODAL_TRY(finish_segment("segment"));
   }
-  if (const Status cut = cut_segment("sync failed"); !cut) return cut;
+  NODAL_TRY(cut_segment("sync failed"));
   if (!segment_) {
     if (row.sets.empty()) return {};
-    if (const Status begun = begin_segment(row); !begun) return begun;
+    NODAL_TRY(begin_segment(row));
   }
   unsynced_ = true;
   Status written = row.sets.empty() ? Status() : note_seams(row.sets.back().number);
@@ -88,9 +89,8 @@ Status TakeWriter::begin_segment(const TakeRow& row) {
                                              place_.number, listed));
   }
   (void)note_seams(row.sets.front().number);  // no segment is open: they are noted at its begin
-  auto segment = SegmentWriter::create(place_, next_segment_, finished_sets_, row);
-  if (!segment) return fail(segment.error());
-  segment_ = std::move(*segment);
+  NODAL_TRY_ASSIGN(auto segment, SegmentWriter::create(place_, next_segment_, finished_sets_, row));
+  segment_ = std::move(segment);
   place_.after_error = false;
   ++next_segment_;
   for (const EarlyMark& mark : std::exchange(early_marks_, {})) {
@@ -107,7 +107,7 @@ Status TakeWriter::note_seams(std::uint64_t set) {
     place_.seams = std::move(seams_ahead_.front());
     seams_ahead_.pop_front();
     if (!segment_) continue;
-    if (const Status noted = segment_->note(*place_.seams); !noted) return noted;
+    NODAL_TRY(segment_->note(*place_.seams));
   }
   return {};
 }
@@ -215,8 +215,7 @@ Result<std::optional<std::uint64_t>> TakeWriter::delete_oldest() {
   const std::uint64_t bytes = bytes_of(*oldest);
   const std::uint32_t number = oldest->number;
   finished_.erase(oldest);  // first: if not all of its files can be removed, the take goes on without them
-  if (const Status removed = remove_segment(*place_.disk, place_.folder, number); !removed)
-    return fail(removed.error());
+  NODAL_TRY(remove_segment(*place_.disk, place_.folder, number));
   return std::optional(bytes);
 }
 
@@ -241,10 +240,9 @@ Status TakeWriter::sync(Instant now, std::int64_t utc_ns) {
 /// Until this has worked the take has neither a further segment nor a manifest, because they would say that nothing is missing.
 Status TakeWriter::cut_segment(const std::string& reason) {
   if (!to_cut_) return {};
-  auto done = recover_segment(place_, next_segment_ - 1, *to_cut_, reason);
-  if (!done) return fail(done.error());
+  NODAL_TRY_ASSIGN(auto done, recover_segment(place_, next_segment_ - 1, *to_cut_, reason));
   to_cut_.reset();
-  if (*done) add(std::move(**done));
+  if (done) add(std::move(*done));
   return {};
 }
 
@@ -269,8 +267,7 @@ Status TakeWriter::use_calibration(const TakeCalibration& calibration) {
   std::string name;  // empty: not stored
   if (place_.calibrations.size() < take::kMostCalibrations) {
     name = take::calibration_file(place_.calibrations.size() + 1);
-    const Status stored = create_durably(*place_.disk, place_.folder, place_.folder + "/" + name, calibration.json);
-    if (!stored) return stored;
+    NODAL_TRY(create_durably(*place_.disk, place_.folder, place_.folder + "/" + name, calibration.json));
   }
   place_.calibration_id = id;
   place_.calibration_json = calibration.json;
@@ -290,7 +287,7 @@ Result<take::Manifest> TakeWriter::end(const std::string& reason, SetCounts coun
     segment_.reset();
     to_cut_ = Trust::kChecked;
   }
-  if (const Status cut = cut_segment(reason); !cut) return fail(cut.error());
+  NODAL_TRY(cut_segment(reason));
   ManifestSum sum(place_.number, reason, heads_);
   for (const FinishedSegment& segment : finished_) sum.add(segment);
   take::Manifest manifest = sum.finish(finished_sets_);
@@ -302,9 +299,8 @@ Result<take::Manifest> TakeWriter::end(const std::string& reason, SetCounts coun
   rest.error = lost - std::min(lost, manifest.gaps.error);
   if (rest.sets() != 0) take::add(manifest.gaps, rest);
   manifest.lost_sets = manifest.gaps.slow + manifest.gaps.error;
-  auto flight = finish_flight();
-  if (!flight) return fail(flight.error());
-  if (*flight) manifest.files.push_back(std::move(**flight));
+  NODAL_TRY_ASSIGN(auto flight, finish_flight());
+  if (flight) manifest.files.push_back(std::move(*flight));
   return write_manifest(*place_.disk, place_.folder, std::move(manifest));
 }
 

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "protocol/base/try.h"
 #include "stitch/media/take/take_folder.h"
 
 namespace nodal::firmware {
@@ -21,9 +22,8 @@ class FileOnDisk final : public media::TakeFile {
 
   std::uint64_t size() const override { return size_; }
   Status read(std::uint64_t at, std::span<std::uint8_t> bytes) override {
-    const auto got = disk_.read_at(file_, at, bytes);
-    if (!got) return fail(got.error());
-    if (*got < bytes.size()) return fail(Errc::kTruncated, shown_ + ": ends at byte " + std::to_string(at + *got));
+    NODAL_TRY_ASSIGN(const auto got, disk_.read_at(file_, at, bytes));
+    if (got < bytes.size()) return fail(Errc::kTruncated, shown_ + ": ends at byte " + std::to_string(at + got));
     return {};
   }
 
@@ -40,14 +40,13 @@ class FolderOnDisk final : public media::TakeFiles {
       : disk_(std::move(disk)), prefix_(folder.empty() ? "" : folder + "/"), shown_(std::move(shown)) {}
 
   Result<std::unique_ptr<media::TakeFile>> open(const std::string& name) override {
-    const auto file = disk_->open_read(prefix_ + name);
-    if (!file) return fail(file.error());
+    NODAL_TRY_ASSIGN(const auto file, disk_->open_read(prefix_ + name));
     const auto size = disk_->size(prefix_ + name);
     if (!size) {
-      disk_->close(*file);
+      disk_->close(file);
       return fail(size.error());
     }
-    return std::make_unique<FileOnDisk>(*disk_, *file, *size, shown(name));
+    return std::make_unique<FileOnDisk>(*disk_, file, *size, shown(name));
   }
   std::string shown(const std::string& name) const override { return name.empty() ? shown_ : shown_ + "/" + name; }
 
@@ -65,10 +64,9 @@ class TakeReel final : public hal::replay::Reel {
   Status find_stream() {
     media::SetsBefore before;
     for (std::size_t k = 0; k < folder_.segments(); ++k) {
-      const auto segment = folder_.segment(k, before);
-      if (!segment) return fail(segment.error());
-      before = segment->after();
-      for (const media::TakeStream& stream : segment->streams()) {
+      NODAL_TRY_ASSIGN(const auto segment, folder_.segment(k, before));
+      before = segment.after();
+      for (const media::TakeStream& stream : segment.streams()) {
         if (stream.head != head_) continue;
         stream_ = stream;
         return {};
@@ -141,18 +139,18 @@ class TakeReel final : public hal::replay::Reel {
 Result<std::unique_ptr<hal::replay::Reel>> open_take_reel(std::unique_ptr<hal::DiskPort> disk,
                                                           const std::string& folder_name, const std::string& shown,
                                                           const std::string& head) {
-  auto folder = media::TakeFolder::open(std::make_shared<FolderOnDisk>(std::move(disk), folder_name, shown));
-  if (!folder) return fail(folder.error());
-  const std::vector<std::string>& heads = folder->about().heads;
+  NODAL_TRY_ASSIGN(auto folder,
+                   media::TakeFolder::open(std::make_shared<FolderOnDisk>(std::move(disk), folder_name, shown)));
+  const std::vector<std::string>& heads = folder.about().heads;
   const auto found = std::ranges::find(heads, head);
   if (found == heads.end()) {
     std::string names;
     for (const std::string& name : heads) names += (names.empty() ? "" : ", ") + name;
     return fail(Errc::kNoSuchDevice, shown + ": the take has no head '" + head + "'; it has " + names);
   }
-  if (folder->manifest().sets == 0) return fail(Errc::kNoSuchDevice, shown + ": the take has no set");
-  auto reel = std::make_unique<TakeReel>(std::move(*folder), static_cast<std::size_t>(found - heads.begin()));
-  if (const Status known = reel->find_stream(); !known) return fail(known.error());
+  if (folder.manifest().sets == 0) return fail(Errc::kNoSuchDevice, shown + ": the take has no set");
+  auto reel = std::make_unique<TakeReel>(std::move(folder), static_cast<std::size_t>(found - heads.begin()));
+  NODAL_TRY(reel->find_stream());
   return reel;
 }
 

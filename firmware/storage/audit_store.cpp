@@ -8,6 +8,7 @@
 
 #include "firmware/storage/durable_file.h"
 #include "protocol/base/text.h"
+#include "protocol/base/try.h"
 
 namespace nodal::firmware {
 namespace {
@@ -131,16 +132,15 @@ bool AuditStore::step(Instant now) {
 
 Status AuditStore::write(const std::string& line, const Sha256& before) {
   if (bytes_ == 0 || bytes_ + line.size() > kMaxFileBytes) return rotate(head_line(newest_, before) + line);
-  const auto file = disk_.open_append(kAuditFile);
-  if (!file) return fail(file.error());
+  NODAL_TRY_ASSIGN(const auto file, disk_.open_append(kAuditFile));
   // A write that failed may have left a part of its line.
   Status done;
   if (const auto size = disk_.size(kAuditFile); !size) done = fail(size.error());
   else if (*size < bytes_) done = fail(Errc::kIo, "the file became shorter while nodald ran");
-  else if (*size > bytes_) done = disk_.truncate(*file, bytes_);
-  if (done) done = disk_.write(*file, bytes_of(line));
-  if (done) done = disk_.sync(*file);
-  disk_.close(*file);
+  else if (*size > bytes_) done = disk_.truncate(file, bytes_);
+  if (done) done = disk_.write(file, bytes_of(line));
+  if (done) done = disk_.sync(file);
+  disk_.close(file);
   if (done) bytes_ += line.size();
   return done;
 }
@@ -148,12 +148,12 @@ Status AuditStore::write(const std::string& line, const Sha256& before) {
 /// Begins a new file. The old one must be durable under its new name before the new one takes its place.
 Status AuditStore::rotate(const std::string& line) {
   if (!moved_ && disk_.size(kAuditFile)) {
-    if (const Status moved = disk_.rename(kAuditFile, kAuditBeforeFile); !moved) return moved;
+    NODAL_TRY(disk_.rename(kAuditFile, kAuditBeforeFile));
   }
   moved_ = true;
   bytes_ = 0;
-  if (const Status synced = disk_.sync_folder(""); !synced) return synced;
-  if (const Status written = write_durably(disk_, "", kAuditFile, line); !written) return written;
+  NODAL_TRY(disk_.sync_folder(""));
+  NODAL_TRY(write_durably(disk_, "", kAuditFile, line));
   moved_ = false;
   bytes_ = line.size();
   return {};

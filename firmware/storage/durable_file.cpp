@@ -3,6 +3,8 @@
 #include <cstdint>
 #include <span>
 
+#include "protocol/base/try.h"
+
 namespace nodal::firmware {
 namespace {
 
@@ -10,18 +12,17 @@ namespace {
 Result<hal::FileHandle> create_temporary(hal::DiskPort& disk, const std::string& name) {
   auto handle = disk.create(name);
   if (handle || handle.error().code != Errc::kExists) return handle;
-  if (const Status removed = disk.remove(name); !removed) return fail(removed.error());
+  NODAL_TRY(disk.remove(name));
   return disk.create(name);
 }
 
 Status put(hal::DiskPort& disk, const std::string& folder, const std::string& file, std::string_view text,
            Status (hal::DiskPort::*rename)(const std::string&, const std::string&)) {
   const std::string temporary = file + std::string(kTemporarySuffix);
-  const auto handle = create_temporary(disk, temporary);
-  if (!handle) return fail(handle.error());
-  Status done = disk.write(*handle, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
-  if (done) done = disk.sync(*handle);
-  disk.close(*handle);
+  NODAL_TRY_ASSIGN(const auto handle, create_temporary(disk, temporary));
+  Status done = disk.write(handle, std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+  if (done) done = disk.sync(handle);
+  disk.close(handle);
   if (done) done = (disk.*rename)(temporary, file);
   if (!done) {
     (void)disk.remove(temporary);  // the incomplete file occupies space, and the disk may be full

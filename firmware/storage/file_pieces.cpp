@@ -2,14 +2,15 @@
 
 #include <algorithm>
 
+#include "protocol/base/try.h"
+
 namespace nodal::firmware {
 
 Result<std::span<const std::uint8_t>> FilePieces::next() {
   if (at_ >= end_) return std::span<const std::uint8_t>();
   if (!file_) {
-    const auto opened = disk_.open_read(name_);
-    if (!opened) return fail(opened.error());
-    file_ = *opened;
+    NODAL_TRY_ASSIGN(const auto opened, disk_.open_read(name_));
+    file_ = opened;
     piece_.resize(static_cast<std::size_t>(std::min<std::uint64_t>(kPiece, end_ - at_)));
   }
   const std::span into =
@@ -22,9 +23,8 @@ Result<std::span<const std::uint8_t>> FilePieces::next() {
 }
 
 Result<std::string_view> FilePieces::next_text() {
-  const auto piece = next();
-  if (!piece) return fail(piece.error());
-  return std::string_view(reinterpret_cast<const char*>(piece->data()), piece->size());
+  NODAL_TRY_ASSIGN(const auto piece, next());
+  return std::string_view(reinterpret_cast<const char*>(piece.data()), piece.size());
 }
 
 void FilePieces::close() {
@@ -34,9 +34,8 @@ void FilePieces::close() {
 
 Status for_each_piece(FilePieces& pieces, const std::function<bool(std::span<const std::uint8_t>)>& each) {
   for (;;) {
-    const auto piece = pieces.next();
-    if (!piece) return fail(piece.error());
-    if (piece->empty() || !each(*piece)) return {};
+    NODAL_TRY_ASSIGN(const auto piece, pieces.next());
+    if (piece.empty() || !each(piece)) return {};
   }
 }
 

@@ -14,6 +14,7 @@
 #include <limits>
 
 #include "hal/linux/disk_parts.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal::linux_os {
 namespace {
@@ -24,15 +25,14 @@ constexpr mode_t kFileMode = 0640;
 }  // namespace
 
 Result<Descriptor> LinuxDisk::open_beneath(const std::string& name, int flags, const char* what) const {
-  const auto root = folder();
-  if (!root) return fail(root.error());
+  NODAL_TRY_ASSIGN(const auto root, folder());
   open_how how{};
   how.flags = static_cast<std::uint64_t>(flags | O_CLOEXEC);
   how.mode = (flags & O_CREAT) != 0 ? kFileMode : 0;
   how.resolve = RESOLVE_BENEATH | RESOLVE_NO_SYMLINKS | RESOLVE_NO_MAGICLINKS;
   // EAGAIN: something was renamed during the path walk (openat2(2)).
   for (int attempt = 0;; ++attempt) {
-    const long fd = ::syscall(SYS_openat2, root->get(), name.c_str(), &how, sizeof(how));
+    const long fd = ::syscall(SYS_openat2, root.get(), name.c_str(), &how, sizeof(how));
     if (fd >= 0) return Descriptor(static_cast<int>(fd));
     if ((errno != EINTR && errno != EAGAIN) || attempt == 100) return fail(failure(what, name, errno));
   }
@@ -57,11 +57,10 @@ Error LinuxDisk::failure(const char* what, const std::string& name, int error) c
 }
 
 Result<FileHandle> LinuxDisk::open_file(const std::string& name, int flags) {
-  if (auto checked = check_name(name); !checked) return fail(checked.error());
-  auto fd = open_beneath(name, flags | O_NONBLOCK, "opening it");  // opening a FIFO would wait for its other end
-  if (!fd) return fail(fd.error());
+  NODAL_TRY(check_name(name));
+  NODAL_TRY_ASSIGN(auto fd, open_beneath(name, flags | O_NONBLOCK, "opening it"));
   struct stat about {};
-  if (::fstat(fd->get(), &about) < 0) return fail(failure("opening it", name, errno));
+  if (::fstat(fd.get(), &about) < 0) return fail(failure("opening it", name, errno));
   const bool to_read = (flags & O_ACCMODE) == O_RDONLY;
   if (!S_ISREG(about.st_mode)) return fail(Errc::kIo, "file '" + path_ + "/" + name + "': is not a file");
   if (!to_read && about.st_nlink > 1) {
@@ -69,7 +68,7 @@ Result<FileHandle> LinuxDisk::open_file(const std::string& name, int flags) {
                                      "': has other names, too (hard links), whose bytes would change; copy it");
   }
   const FileHandle handle = next_++;
-  files_[handle] = {std::move(*fd), name, to_read, static_cast<std::uint64_t>(about.st_size)};
+  files_[handle] = {std::move(fd), name, to_read, static_cast<std::uint64_t>(about.st_size)};
   return handle;
 }
 
@@ -90,8 +89,7 @@ Result<FileHandle> LinuxDisk::open_append(const std::string& name) { return open
 Result<FileHandle> LinuxDisk::open_read(const std::string& name) { return open_file(name, O_RDONLY); }
 
 Result<std::size_t> LinuxDisk::read_at(FileHandle handle, std::uint64_t offset, std::span<std::uint8_t> bytes) {
-  const auto file = file_of(handle, true);
-  if (!file) return fail(file.error());
+  NODAL_TRY_ASSIGN(const auto file, file_of(handle, true));
   // off_t limits how large a file can be.
   constexpr std::uint64_t kFarthest = std::numeric_limits<off_t>::max();
   if (offset >= kFarthest) return 0;
@@ -99,10 +97,10 @@ Result<std::size_t> LinuxDisk::read_at(FileHandle handle, std::uint64_t offset, 
   std::size_t have = 0;
   while (have < bytes.size()) {
     const ssize_t got = again_when_interrupted([&] {
-      return ::pread((*file)->descriptor.get(), bytes.data() + have, bytes.size() - have,
+      return ::pread(file->descriptor.get(), bytes.data() + have, bytes.size() - have,
                      static_cast<off_t>(offset + have));
     });
-    if (got < 0) return fail(failure("reading it", (*file)->name, errno));
+    if (got < 0) return fail(failure("reading it", file->name, errno));
     if (got == 0) break;
     have += static_cast<std::size_t>(got);
   }
@@ -114,8 +112,7 @@ Status LinuxDisk::write(FileHandle handle, std::span<const std::uint8_t> bytes) 
 }
 
 Status LinuxDisk::write_pieces(FileHandle handle, std::span<const std::span<const std::uint8_t>> pieces) {
-  const auto file = file_of(handle, false);
-  if (!file) return fail(file.error());
+  NODAL_TRY_ASSIGN(const auto file, file_of(handle, false));
   constexpr std::size_t kMostPieces = 64;  // of one call; the system's limit is 1024
   std::array<iovec, kMostPieces> parts{};
   std::size_t done = 0;  // bytes of pieces.front()
@@ -127,11 +124,10 @@ Status LinuxDisk::write_pieces(FileHandle handle, std::span<const std::span<cons
     }
     // O_APPEND is not used, because with it pwrite() appends too. Appending is at the known end.
     const ssize_t put = again_when_interrupted([&] {
-      return ::pwritev((*file)->descriptor.get(), parts.data(), static_cast<int>(count),
-                       static_cast<off_t>((*file)->end));
+      return ::pwritev(file->descriptor.get(), parts.data(), static_cast<int>(count), static_cast<off_t>(file->end));
     });
-    if (put < 0) return fail(failure("writing it", (*file)->name, errno));
-    (*file)->end += static_cast<std::uint64_t>(put);
+    if (put < 0) return fail(failure("writing it", file->name, errno));
+    file->end += static_cast<std::uint64_t>(put);
     done += static_cast<std::size_t>(put);
     while (!pieces.empty() && done >= pieces.front().size()) {
       done -= pieces.front().size();
@@ -142,17 +138,16 @@ Status LinuxDisk::write_pieces(FileHandle handle, std::span<const std::span<cons
 }
 
 Status LinuxDisk::overwrite(FileHandle handle, std::uint64_t offset, std::span<const std::uint8_t> bytes) {
-  const auto file = file_of(handle, false);
-  if (!file) return fail(file.error());
+  NODAL_TRY_ASSIGN(const auto file, file_of(handle, false));
   if (bytes.empty()) return {};
-  if (offset > (*file)->end || bytes.size() > (*file)->end - offset ||
+  if (offset > file->end || bytes.size() > file->end - offset ||
       offset / kSector != (offset + bytes.size() - 1) / kSector) {
-    return fail(Errc::kBadValue, "file '" + path_ + "/" + (*file)->name + "': only bytes of one sector are replaced");
+    return fail(Errc::kBadValue, "file '" + path_ + "/" + file->name + "': only bytes of one sector are replaced");
   }
   while (!bytes.empty()) {
     const ssize_t put = again_when_interrupted(
-        [&] { return ::pwrite((*file)->descriptor.get(), bytes.data(), bytes.size(), static_cast<off_t>(offset)); });
-    if (put < 0) return fail(failure("writing it", (*file)->name, errno));
+        [&] { return ::pwrite(file->descriptor.get(), bytes.data(), bytes.size(), static_cast<off_t>(offset)); });
+    if (put < 0) return fail(failure("writing it", file->name, errno));
     offset += static_cast<std::uint64_t>(put);
     bytes = bytes.subspan(static_cast<std::size_t>(put));
   }
@@ -160,15 +155,14 @@ Status LinuxDisk::overwrite(FileHandle handle, std::uint64_t offset, std::span<c
 }
 
 Status LinuxDisk::truncate(FileHandle handle, std::uint64_t size) {
-  const auto file = file_of(handle, false);
-  if (!file) return fail(file.error());
-  if (size > (*file)->end) {
-    return fail(Errc::kBadValue, "file '" + path_ + "/" + (*file)->name + "': is shorter than " + std::to_string(size));
+  NODAL_TRY_ASSIGN(const auto file, file_of(handle, false));
+  if (size > file->end) {
+    return fail(Errc::kBadValue, "file '" + path_ + "/" + file->name + "': is shorter than " + std::to_string(size));
   }
-  if (again_when_interrupted([&] { return ::ftruncate((*file)->descriptor.get(), static_cast<off_t>(size)); }) < 0) {
-    return fail(failure("shortening it", (*file)->name, errno));
+  if (again_when_interrupted([&] { return ::ftruncate(file->descriptor.get(), static_cast<off_t>(size)); }) < 0) {
+    return fail(failure("shortening it", file->name, errno));
   }
-  (*file)->end = size;
+  file->end = size;
   return {};
 }
 
@@ -191,9 +185,8 @@ void LinuxDisk::preallocate(FileHandle handle, std::uint64_t bytes) {
 }
 
 Status LinuxDisk::sync_all() {
-  const auto root = folder();
-  if (!root) return fail(root.error());
-  if (again_when_interrupted([&] { return ::syncfs(root->get()); }) < 0) return fail(failure("syncing all", "", errno));
+  NODAL_TRY_ASSIGN(const auto root, folder());
+  if (again_when_interrupted([&] { return ::syncfs(root.get()); }) < 0) return fail(failure("syncing all", "", errno));
   return {};
 }
 
@@ -209,11 +202,10 @@ Status LinuxDisk::sync(FileHandle handle) {
 void LinuxDisk::close(FileHandle handle) { files_.erase(handle); }
 
 Result<std::vector<std::uint8_t>> LinuxDisk::read(const std::string& name, std::uint64_t limit_bytes) {
-  if (auto checked = check_name(name); !checked) return fail(checked.error());
-  const auto fd = open_beneath(name, O_RDONLY | O_NONBLOCK, "opening it");
-  if (!fd) return fail(fd.error());
+  NODAL_TRY(check_name(name));
+  NODAL_TRY_ASSIGN(const auto fd, open_beneath(name, O_RDONLY | O_NONBLOCK, "opening it"));
   struct stat about {};
-  if (::fstat(fd->get(), &about) < 0) return fail(failure("reading it", name, errno));
+  if (::fstat(fd.get(), &about) < 0) return fail(failure("reading it", name, errno));
   if (!S_ISREG(about.st_mode)) return fail(Errc::kIo, "file '" + path_ + "/" + name + "': is not a file");
   std::vector<std::uint8_t> bytes;
   // Requests one byte more than the limit, so that a file that grows meanwhile is detected too.
@@ -223,7 +215,7 @@ Result<std::vector<std::uint8_t>> LinuxDisk::read(const std::string& name, std::
     std::size_t have = 0;
     for (;;) {
       const ssize_t got =
-          again_when_interrupted([&] { return ::read(fd->get(), bytes.data() + have, bytes.size() - have); });
+          again_when_interrupted([&] { return ::read(fd.get(), bytes.data() + have, bytes.size() - have); });
       if (got < 0) return fail(failure("reading it", name, errno));
       if (got == 0) break;
       have += static_cast<std::size_t>(got);
@@ -241,11 +233,10 @@ Result<std::vector<std::uint8_t>> LinuxDisk::read(const std::string& name, std::
 }
 
 Result<std::uint64_t> LinuxDisk::size(const std::string& name) {
-  if (auto checked = check_name(name); !checked) return fail(checked.error());
-  const auto fd = open_beneath(name, O_PATH, "opening it");
-  if (!fd) return fail(fd.error());
+  NODAL_TRY(check_name(name));
+  NODAL_TRY_ASSIGN(const auto fd, open_beneath(name, O_PATH, "opening it"));
   struct stat about {};
-  if (::fstat(fd->get(), &about) < 0) return fail(failure("reading it", name, errno));
+  if (::fstat(fd.get(), &about) < 0) return fail(failure("reading it", name, errno));
   if (!S_ISREG(about.st_mode)) return fail(Errc::kIo, "file '" + path_ + "/" + name + "': is not a file");
   return static_cast<std::uint64_t>(about.st_size);
 }

@@ -15,6 +15,7 @@
 #include "hal/folder_listing.h"
 #include "hal/linux/disk.h"
 #include "hal/linux/disk_parts.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal::linux_os {
 namespace {
@@ -69,9 +70,8 @@ const std::string LinuxDisk::kLockFile = ".nodal-lock";
 Result<std::unique_ptr<LinuxDisk>> LinuxDisk::open(const std::string& root) {
   std::unique_ptr<LinuxDisk> disk(new LinuxDisk(root, false));
   disk->may_make_ = true;
-  auto fd = disk->open_root();
-  if (!fd) return fail(fd.error());
-  disk->root_ = std::move(*fd);
+  NODAL_TRY_ASSIGN(auto fd, disk->open_root());
+  disk->root_ = std::move(fd);
   return disk;
 }
 
@@ -113,18 +113,16 @@ Error LinuxDisk::not_mounted() const {
 
 Result<LinuxDisk::Root> LinuxDisk::folder() const {
   if (root_) return Root{root_.get(), Descriptor()};
-  auto fd = open_root();
-  if (!fd) return fail(fd.error());
-  const int number = fd->get();
-  return Root{number, std::move(*fd)};
+  NODAL_TRY_ASSIGN(auto fd, open_root());
+  const int number = fd.get();
+  return Root{number, std::move(fd)};
 }
 
 Status LinuxDisk::claim() {
   if (lock_) return {};
-  auto root = folder();
-  if (!root) return fail(root.error());
+  NODAL_TRY_ASSIGN(auto root, folder());
   constexpr int kFlags = O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC;
-  Descriptor lock(::openat(root->get(), kLockFile.c_str(), kFlags, kLockMode));
+  Descriptor lock(::openat(root.get(), kLockFile.c_str(), kFlags, kLockMode));
   if (!lock) return fail(failure("opening it", kLockFile, errno));
   struct stat about {};
   if (::fstat(lock.get(), &about) < 0) return fail(failure("opening it", kLockFile, errno));
@@ -134,7 +132,7 @@ Status LinuxDisk::claim() {
     return fail(failure("locking it", kLockFile, errno));
   }
   lock_ = std::move(lock);
-  if (guest_) root_ = std::move(root->own);
+  if (guest_) root_ = std::move(root.own);
   return {};
 }
 
@@ -160,26 +158,24 @@ Result<std::uint64_t> LinuxDisk::identity() {
 
 /// The folders of two names, and a check that neither is a folder itself.
 Status LinuxDisk::rename_as(const std::string& from, const std::string& to, unsigned flags) {
-  if (auto checked = check_name(from); !checked) return checked;
-  if (auto checked = check_name(to); !checked) return checked;
-  const auto from_folder = open_beneath(folder_of(from), O_PATH | O_DIRECTORY, "renaming it");
-  if (!from_folder) return fail(from_folder.error());
-  const auto to_folder = open_beneath(folder_of(to), O_PATH | O_DIRECTORY, "renaming it");
-  if (!to_folder) return fail(to_folder.error());
+  NODAL_TRY(check_name(from));
+  NODAL_TRY(check_name(to));
+  NODAL_TRY_ASSIGN(const auto from_folder, open_beneath(folder_of(from), O_PATH | O_DIRECTORY, "renaming it"));
+  NODAL_TRY_ASSIGN(const auto to_folder, open_beneath(folder_of(to), O_PATH | O_DIRECTORY, "renaming it"));
   struct stat about {};
-  for (const auto& [folder, name] : {std::pair{&*from_folder, &from}, std::pair{&*to_folder, &to}}) {
+  for (const auto& [folder, name] : {std::pair{&from_folder, &from}, std::pair{&to_folder, &to}}) {
     if (::fstatat(folder->get(), last_part(*name), &about, AT_SYMLINK_NOFOLLOW) == 0 && S_ISDIR(about.st_mode)) {
       if (name == &to && flags != 0) return fail(failure("renaming it", to, EEXIST));
       return fail(Errc::kUnsupported, "file '" + path_ + "/" + *name + "': folders are not renamed or replaced");
     }
   }
-  if (::renameat2(from_folder->get(), last_part(from), to_folder->get(), last_part(to), flags) == 0) return {};
+  if (::renameat2(from_folder.get(), last_part(from), to_folder.get(), last_part(to), flags) == 0) return {};
   if (errno != EINVAL || flags == 0) return fail(failure("renaming it", errno == EEXIST ? to : from, errno));
   // A file system without RENAME_NOREPLACE. The folder is claimed, so nobody makes the name in between.
-  if (::fstatat(to_folder->get(), last_part(to), &about, AT_SYMLINK_NOFOLLOW) == 0) {
+  if (::fstatat(to_folder.get(), last_part(to), &about, AT_SYMLINK_NOFOLLOW) == 0) {
     return fail(failure("renaming it", to, EEXIST));
   }
-  if (::renameat(from_folder->get(), last_part(from), to_folder->get(), last_part(to)) == 0) return {};
+  if (::renameat(from_folder.get(), last_part(from), to_folder.get(), last_part(to)) == 0) return {};
   return fail(failure("renaming it", from, errno));
 }
 
@@ -190,50 +186,45 @@ Status LinuxDisk::rename_new(const std::string& from, const std::string& to) {
 }
 
 Status LinuxDisk::remove(const std::string& name) {
-  if (auto checked = check_name(name); !checked) return checked;
-  const auto folder = open_beneath(folder_of(name), O_PATH | O_DIRECTORY, "removing it");
-  if (!folder) return fail(folder.error());
-  if (::unlinkat(folder->get(), last_part(name), 0) == 0) return {};
+  NODAL_TRY(check_name(name));
+  NODAL_TRY_ASSIGN(const auto folder, open_beneath(folder_of(name), O_PATH | O_DIRECTORY, "removing it"));
+  if (::unlinkat(folder.get(), last_part(name), 0) == 0) return {};
   if (errno != EISDIR) return fail(failure("removing it", name, errno));
-  if (::unlinkat(folder->get(), last_part(name), AT_REMOVEDIR) < 0) return fail(failure("removing it", name, errno));
+  if (::unlinkat(folder.get(), last_part(name), AT_REMOVEDIR) < 0) return fail(failure("removing it", name, errno));
   return {};
 }
 
 Status LinuxDisk::make_folder(const std::string& name) {
-  if (auto checked = check_name(name); !checked) return checked;
-  const auto folder = open_beneath(folder_of(name), O_PATH | O_DIRECTORY, "making it");
-  if (!folder) return fail(folder.error());
-  if (::mkdirat(folder->get(), last_part(name), kFolderMode) == 0) return {};
+  NODAL_TRY(check_name(name));
+  NODAL_TRY_ASSIGN(const auto folder, open_beneath(folder_of(name), O_PATH | O_DIRECTORY, "making it"));
+  if (::mkdirat(folder.get(), last_part(name), kFolderMode) == 0) return {};
   return fail(failure("making it", name, errno));
 }
 
 Status LinuxDisk::sync_folder(const std::string& name) {
   if (!name.empty()) {
-    if (auto checked = check_name(name); !checked) return checked;
+    NODAL_TRY(check_name(name));
   }
-  const auto folder = open_beneath(name.empty() ? "." : name, O_RDONLY | O_DIRECTORY, "syncing it");
-  if (!folder) return fail(folder.error());
-  if (again_when_interrupted([&] { return ::fsync(folder->get()); }) < 0) {
+  NODAL_TRY_ASSIGN(const auto folder, open_beneath(name.empty() ? "." : name, O_RDONLY | O_DIRECTORY, "syncing it"));
+  if (again_when_interrupted([&] { return ::fsync(folder.get()); }) < 0) {
     return fail(failure("syncing it", name, errno));
   }
   return {};
 }
 
 Result<std::vector<std::string>> LinuxDisk::list(const std::string& folder) {
-  auto found = entries(folder);
-  if (!found) return fail(found.error());
-  return FolderListing::names_of(std::move(*found));
+  NODAL_TRY_ASSIGN(auto found, entries(folder));
+  return FolderListing::names_of(std::move(found));
 }
 
 Result<std::vector<FolderEntry>> LinuxDisk::entries(const std::string& folder) {
   if (!folder.empty()) {
-    if (auto checked = check_name(folder); !checked) return fail(checked.error());
+    NODAL_TRY(check_name(folder));
   }
-  auto fd = open_beneath(folder.empty() ? "." : folder, O_RDONLY | O_DIRECTORY, "listing it");
-  if (!fd) return fail(fd.error());
-  DIR* const stream = ::fdopendir(fd->get());
+  NODAL_TRY_ASSIGN(auto fd, open_beneath(folder.empty() ? "." : folder, O_RDONLY | O_DIRECTORY, "listing it"));
+  DIR* const stream = ::fdopendir(fd.get());
   if (stream == nullptr) return fail(failure("listing it", folder, errno));
-  fd->release();  // the stream now closes it
+  fd.release();  // the stream now closes it
   FolderListing found(folder.empty() ? path_ : path_ + "/" + folder);
   Status added;
   errno = 0;
@@ -253,18 +244,16 @@ Result<std::vector<FolderEntry>> LinuxDisk::entries(const std::string& folder) {
 }
 
 Result<std::uint64_t> LinuxDisk::free_bytes() {
-  const auto root = folder();
-  if (!root) return fail(root.error());
+  NODAL_TRY_ASSIGN(const auto root, folder());
   struct statvfs about {};
-  if (::fstatvfs(root->get(), &about) < 0) return fail(failure("asking for free room", "", errno));
+  if (::fstatvfs(root.get(), &about) < 0) return fail(failure("asking for free room", "", errno));
   return static_cast<std::uint64_t>(about.f_bavail) * about.f_frsize;
 }
 
 Result<std::uint64_t> LinuxDisk::total_bytes() {
-  const auto root = folder();
-  if (!root) return fail(root.error());
+  NODAL_TRY_ASSIGN(const auto root, folder());
   struct statvfs about {};
-  if (::fstatvfs(root->get(), &about) < 0) return fail(failure("asking for its size", "", errno));
+  if (::fstatvfs(root.get(), &about) < 0) return fail(failure("asking for its size", "", errno));
   return static_cast<std::uint64_t>(about.f_blocks) * about.f_frsize;
 }
 

@@ -8,6 +8,7 @@
 
 #include "hal/replay/reel.h"
 #include "protocol/base/limits.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal::replay {
 
@@ -341,11 +342,8 @@ class Deck::State::Enumerator final : public HeadEnumerator {
     }
     const auto take = of_take(path);
     if (!take) return fail(Errc::kNoSuchDevice, "a replay head's path begins with 'replay:' or 'take:'");
-    auto reel = deck_.options.takes(take->folder, take->head);
-    if (!reel) return reel;
-    if (const Status same = compare(**reel, as.value_or((*reel)->format()), deck_.fields_of(path)); !same) {
-      return fail(same.error());
-    }
+    NODAL_TRY_ASSIGN(auto reel, deck_.options.takes(take->folder, take->head));
+    NODAL_TRY(compare(*reel, as.value_or(reel->format()), deck_.fields_of(path)));
     return reel;
   }
   /// A take cannot be played as something else.

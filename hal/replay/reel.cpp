@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <vector>
 
+#include "protocol/base/try.h"
+
 namespace nodal::hal::replay {
 
 namespace {
@@ -63,7 +65,7 @@ Status PictureReel::find_files(const fs::path& where) {
   if (!found) return fail(found.error());
   for (const std::string& broken : found->broken) {
     // Without it, the later pictures of this head would be in other sets than those of the other heads.
-    if (const auto header = reader_.header(broken); !header) return fail(header.error());
+    NODAL_TRY(reader_.header(broken));
   }
   files_.assign(found->files.begin(), found->files.end());
   left_out_ = found->left_out;
@@ -75,27 +77,24 @@ Result<std::unique_ptr<Reel>> PictureReel::open(const fs::path& where, std::opti
   auto made = std::make_unique<PictureReel>();
   PictureReel& reel = *made;
   reel.reader_ = reader;
-  if (const Status found = reel.find_files(where); !found) return fail(found.error());
-  const auto first = reader.header(reel.files_.front());
-  if (!first) return fail(first.error());
-  reel.format_ = as.value_or(first->natural);
-  reel.width_ = first->width;
-  reel.height_ = first->height;
+  NODAL_TRY(reel.find_files(where));
+  NODAL_TRY_ASSIGN(const auto first, reader.header(reel.files_.front()));
+  reel.format_ = as.value_or(first.natural);
+  reel.width_ = first.width;
+  reel.height_ = first.height;
   for (const fs::path& file : reel.files_) {
-    const auto header = reader.header(file);
-    if (!header) return fail(header.error());
-    if (header->width != reel.width_ || header->height != reel.height_) {
-      return fail(Errc::kBadValue, "picture '" + file.string() + "': is " + std::to_string(header->width) + "x" +
-                                       std::to_string(header->height) + ", but the head's first is " +
+    NODAL_TRY_ASSIGN(const auto header, reader.header(file));
+    if (header.width != reel.width_ || header.height != reel.height_) {
+      return fail(Errc::kBadValue, "picture '" + file.string() + "': is " + std::to_string(header.width) + "x" +
+                                       std::to_string(header.height) + ", but the head's first is " +
                                        std::to_string(reel.width_) + "x" + std::to_string(reel.height_));
     }
   }
   reel.kept_.resize(reel.files_.size());
-  auto image = reader.read(reel.files_.front(), reel.format_);
-  if (!image) return fail(image.error());
+  NODAL_TRY_ASSIGN(auto image, reader.read(reel.files_.front(), reel.format_));
   // The JPEGs of a film differ little in size.
-  reel.may_keep_ = std::max<std::size_t>(1, static_cast<std::size_t>(keep_bytes) / image->bytes.size());
-  reel.kept_.front() = std::make_shared<const DecodedImage>(std::move(*image));
+  reel.may_keep_ = std::max<std::size_t>(1, static_cast<std::size_t>(keep_bytes) / image.bytes.size());
+  reel.kept_.front() = std::make_shared<const DecodedImage>(std::move(image));
   reel.keeps_ = 1;
   return made;
 }

@@ -1,5 +1,7 @@
 #include "hal/sim/card_slot.h"
 
+#include "protocol/base/try.h"
+
 namespace nodal::hal::sim {
 
 class SimCardSlot::Port final : public DiskPort {
@@ -13,7 +15,7 @@ class SimCardSlot::Port final : public DiskPort {
   Status claim() override {
     if (claimed_) return {};
     if (!place_->disk) return fail(empty());
-    if (Status done = place_->disk->claim_for(this); !done) return done;
+    NODAL_TRY(place_->disk->claim_for(this));
     claimed_ = place_->disk;
     return {};
   }
@@ -113,9 +115,8 @@ class SimCardSlot::Port final : public DiskPort {
   Result<FileHandle> opened(Result<FileHandle> (DiskPort::*open)(const std::string&), const std::string& name) {
     const std::shared_ptr<SimDisk> disk = claimed_ ? claimed_ : place_->disk;
     if (!disk) return fail(empty());
-    const auto handle = ((*disk).*open)(name);
-    if (!handle) return fail(handle.error());
-    files_[next_] = {disk, *handle};
+    NODAL_TRY_ASSIGN(const auto handle, ((*disk).*open)(name));
+    files_[next_] = {disk, handle};
     return next_++;
   }
 

@@ -6,6 +6,7 @@
 
 #include "hal/file_name.h"
 #include "hal/sim/disk_inode.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal::sim {
 
@@ -52,7 +53,7 @@ Status SimDisk::check_no_link(const std::string& name) const {
 
 Status SimDisk::check_parent(const std::string& name) const {
   if (!is_file_name(name)) return fail(bad_name(name));
-  if (Status good = check_no_link(parent_of(name)); !good) return good;
+  NODAL_TRY(check_no_link(parent_of(name)));
   const std::string parent = parent_of(name);
   if (parent.empty()) return {};
   const auto found = tree_.find(parent);
@@ -112,8 +113,8 @@ Result<SimDisk::Handle*> SimDisk::handle_of(FileHandle file, bool to_read) {
 }
 
 Result<FileHandle> SimDisk::create(const std::string& name) {
-  if (auto begun = begin("creating it", name); !begun) return fail(begun.error());
-  if (auto placed = check_parent(name); !placed) return fail(placed.error());
+  NODAL_TRY(begin("creating it", name));
+  NODAL_TRY(check_parent(name));
   if (tree_.contains(name)) return fail(name_taken(name));
   auto inode = std::make_shared<Inode>();
   commit({{{name, inode}}});
@@ -122,9 +123,9 @@ Result<FileHandle> SimDisk::create(const std::string& name) {
 }
 
 Result<FileHandle> SimDisk::open_append(const std::string& name) {
-  if (auto begun = begin("opening it", name); !begun) return fail(begun.error());
+  NODAL_TRY(begin("opening it", name));
   if (!is_file_name(name)) return fail(bad_name(name));
-  if (Status good = check_no_link(name); !good) return fail(good.error());
+  NODAL_TRY(check_no_link(name));
   const auto found = tree_.find(name);
   if (found == tree_.end()) return fail(not_there(name));
   if (found->second->folder) return fail(Errc::kIo, "file '" + name + "': is a folder");
@@ -137,16 +138,14 @@ Result<FileHandle> SimDisk::open_append(const std::string& name) {
 }
 
 Result<FileHandle> SimDisk::open_read(const std::string& name) {
-  const auto length = size(name);
-  if (!length) return fail(length.error());
+  NODAL_TRY(size(name));
   return hand_out(tree_.at(name), name, true);
 }
 
 Result<std::size_t> SimDisk::read_at(FileHandle file, std::uint64_t offset, std::span<std::uint8_t> bytes) {
-  const auto handle = handle_of(file, true);
-  if (!handle) return fail(handle.error());
-  if (const Status begun = begin_read((*handle)->name, offset + bytes.size()); !begun) return fail(begun.error());
-  const std::vector<std::uint8_t>& data = (*handle)->inode->bytes;
+  NODAL_TRY_ASSIGN(const auto handle, handle_of(file, true));
+  NODAL_TRY(begin_read(handle->name, offset + bytes.size()));
+  const std::vector<std::uint8_t>& data = handle->inode->bytes;
   if (offset >= data.size()) return 0;
   const std::size_t count = std::min<std::uint64_t>(bytes.size(), data.size() - offset);
   std::copy_n(data.begin() + static_cast<std::ptrdiff_t>(offset), count, bytes.begin());
@@ -158,11 +157,10 @@ Status SimDisk::write(FileHandle file, std::span<const std::uint8_t> bytes) {
 }
 
 Status SimDisk::write_pieces(FileHandle file, std::span<const std::span<const std::uint8_t>> pieces) {
-  const auto handle = handle_of(file, false);
-  if (!handle) return fail(handle.error());
-  const std::string& name = (*handle)->name;
-  if (auto begun = begin("writing it", name); !begun) return begun;
-  std::vector<std::uint8_t>& data = (*handle)->inode->bytes;
+  NODAL_TRY_ASSIGN(const auto handle, handle_of(file, false));
+  const std::string& name = handle->name;
+  NODAL_TRY(begin("writing it", name));
+  std::vector<std::uint8_t>& data = handle->inode->bytes;
   std::size_t bytes = 0;
   for (const auto& piece : pieces) bytes += piece.size();
   const std::uint64_t in_use = used();
@@ -183,32 +181,30 @@ Status SimDisk::write_pieces(FileHandle file, std::span<const std::span<const st
 }
 
 Status SimDisk::overwrite(FileHandle file, std::uint64_t offset, std::span<const std::uint8_t> bytes) {
-  const auto handle = handle_of(file, false);
-  if (!handle) return fail(handle.error());
-  if (auto begun = begin("writing it", (*handle)->name); !begun) return begun;
-  Inode& inode = *(*handle)->inode;
+  NODAL_TRY_ASSIGN(const auto handle, handle_of(file, false));
+  NODAL_TRY(begin("writing it", handle->name));
+  Inode& inode = *handle->inode;
   if (bytes.empty()) return {};
   if (offset > inode.bytes.size() || bytes.size() > inode.bytes.size() - offset ||
       offset / kSector != (offset + bytes.size() - 1) / kSector) {
-    return fail(Errc::kBadValue, "file '" + (*handle)->name + "': only bytes of one sector are replaced");
+    return fail(Errc::kBadValue, "file '" + handle->name + "': only bytes of one sector are replaced");
   }
-  if (dying_ && random_.below(2) == 0) return fail(no_power((*handle)->name));
+  if (dying_ && random_.below(2) == 0) return fail(no_power(handle->name));
   const auto at = inode.bytes.begin() + static_cast<std::ptrdiff_t>(offset);
   inode.replaced.emplace_back(offset, std::vector(at, at + static_cast<std::ptrdiff_t>(bytes.size())));
   std::ranges::copy(bytes, at);
-  if (dying_) return fail(no_power((*handle)->name));
+  if (dying_) return fail(no_power(handle->name));
   return {};
 }
 
 Status SimDisk::truncate(FileHandle file, std::uint64_t size) {
-  const auto handle = handle_of(file, false);
-  if (!handle) return fail(handle.error());
-  if (auto begun = begin("shortening it", (*handle)->name); !begun) return begun;
-  Inode& inode = *(*handle)->inode;
+  NODAL_TRY_ASSIGN(const auto handle, handle_of(file, false));
+  NODAL_TRY(begin("shortening it", handle->name));
+  Inode& inode = *handle->inode;
   if (size > inode.bytes.size()) {
-    return fail(Errc::kBadValue, "file '" + (*handle)->name + "': is shorter than " + std::to_string(size));
+    return fail(Errc::kBadValue, "file '" + handle->name + "': is shorter than " + std::to_string(size));
   }
-  if (dying_ && random_.below(2) == 0) return fail(no_power((*handle)->name));
+  if (dying_ && random_.below(2) == 0) return fail(no_power(handle->name));
   if (size < inode.synced) {
     if (!inode.before_cut)
       inode.before_cut.emplace(inode.bytes.begin(), inode.bytes.begin() + static_cast<std::ptrdiff_t>(inode.synced));
@@ -216,7 +212,7 @@ Status SimDisk::truncate(FileHandle file, std::uint64_t size) {
   }
   inode.bytes.resize(size);
   std::erase_if(inode.replaced, [&](const auto& each) { return each.first + each.second.size() > size; });
-  if (dying_) return fail(no_power((*handle)->name));
+  if (dying_) return fail(no_power(handle->name));
   return {};
 }
 
@@ -234,7 +230,7 @@ Status SimDisk::sync(FileHandle file) {
   const auto found = handles_.find(file);
   if (found == handles_.end()) return fail(Errc::kWrongState, "file handle " + std::to_string(file) + ": is not open");
   const std::string& name = found->second.name;
-  if (auto begun = begin("syncing it", name); !begun) return begun;
+  NODAL_TRY(begin("syncing it", name));
   Inode& inode = *found->second.inode;
   if (failing_syncs_ > 0) {
     --failing_syncs_;
@@ -247,7 +243,7 @@ Status SimDisk::sync(FileHandle file) {
 }
 
 Status SimDisk::sync_all() {
-  if (auto begun = begin("syncing all", ""); !begun) return begun;
+  NODAL_TRY(begin("syncing all", ""));
   const bool failing = failing_syncs_ > 0;
   if (failing) --failing_syncs_;
   for (const auto& [name, inode] : tree_) {
@@ -266,13 +262,12 @@ Status SimDisk::sync_all() {
 void SimDisk::close(FileHandle file) { handles_.erase(file); }
 
 Result<std::vector<std::uint8_t>> SimDisk::read(const std::string& name, std::uint64_t limit_bytes) {
-  const auto length = size(name);
-  if (!length) return fail(length.error());
-  if (*length > limit_bytes) {
-    return fail(Errc::kTooLarge, "file '" + name + "': is " + std::to_string(*length) + " bytes, over the limit of " +
+  NODAL_TRY_ASSIGN(const auto length, size(name));
+  if (length > limit_bytes) {
+    return fail(Errc::kTooLarge, "file '" + name + "': is " + std::to_string(length) + " bytes, over the limit of " +
                                      std::to_string(limit_bytes));
   }
-  if (const Status begun = begin_read(name, *length); !begun) return fail(begun.error());
+  NODAL_TRY(begin_read(name, length));
   return tree_.at(name)->bytes;
 }
 
@@ -280,7 +275,7 @@ Result<std::uint64_t> SimDisk::size(const std::string& name) {
   if (dead_) return fail(no_power(name));
   if (gone_) return fail(disk_gone(name));
   if (!is_file_name(name)) return fail(bad_name(name));
-  if (Status good = check_no_link(name); !good) return fail(good.error());
+  NODAL_TRY(check_no_link(name));
   const auto found = tree_.find(name);
   if (found == tree_.end()) return fail(not_there(name));
   if (found->second->folder) return fail(Errc::kIo, "file '" + name + "': is a folder");

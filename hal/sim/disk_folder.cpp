@@ -5,6 +5,7 @@
 #include "hal/folder_listing.h"
 #include "hal/sim/disk.h"
 #include "hal/sim/disk_inode.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal::sim {
 
@@ -43,10 +44,10 @@ void SimDisk::put_link(const std::string& name) {
 void SimDisk::put_second_name(const std::string& file, const std::string& name) { commit({{{name, tree_.at(file)}}}); }
 
 Status SimDisk::rename_as(const std::string& from, const std::string& to, bool replaces) {
-  if (auto begun = begin("renaming it", from); !begun) return begun;
+  NODAL_TRY(begin("renaming it", from));
   if (!is_file_name(from)) return fail(bad_name(from));
-  if (auto placed = check_parent(to); !placed) return placed;
-  if (Status good = check_no_link(parent_of(from)); !good) return good;
+  NODAL_TRY(check_parent(to));
+  NODAL_TRY(check_no_link(parent_of(from)));
   const auto found = tree_.find(from);
   if (found == tree_.end()) return fail(not_there(from));
   const auto target = tree_.find(to);
@@ -64,9 +65,9 @@ Status SimDisk::rename(const std::string& from, const std::string& to) { return 
 Status SimDisk::rename_new(const std::string& from, const std::string& to) { return rename_as(from, to, false); }
 
 Status SimDisk::remove(const std::string& name) {
-  if (auto begun = begin("removing it", name); !begun) return begun;
+  NODAL_TRY(begin("removing it", name));
   if (!is_file_name(name)) return fail(bad_name(name));
-  if (Status good = check_no_link(parent_of(name)); !good) return good;
+  NODAL_TRY(check_no_link(parent_of(name)));
   const auto found = tree_.find(name);
   if (found == tree_.end()) return fail(not_there(name));
   if (found->second->folder) {
@@ -81,8 +82,8 @@ Status SimDisk::remove(const std::string& name) {
 }
 
 Status SimDisk::make_folder(const std::string& name) {
-  if (auto begun = begin("making it", name); !begun) return begun;
-  if (auto placed = check_parent(name); !placed) return placed;
+  NODAL_TRY(begin("making it", name));
+  NODAL_TRY(check_parent(name));
   if (tree_.contains(name)) return fail(name_taken(name));
   auto inode = std::make_shared<Inode>();
   inode->folder = true;
@@ -92,7 +93,7 @@ Status SimDisk::make_folder(const std::string& name) {
 }
 
 Status SimDisk::sync_folder(const std::string& name) {
-  if (auto begun = begin("syncing it", name); !begun) return begun;
+  NODAL_TRY(begin("syncing it", name));
   if (!name.empty()) {
     if (!is_file_name(name)) return fail(bad_name(name));
     const auto found = tree_.find(name);
@@ -114,9 +115,8 @@ Status SimDisk::sync_folder(const std::string& name) {
 }
 
 Result<std::vector<std::string>> SimDisk::list(const std::string& folder) {
-  auto found = entries(folder);
-  if (!found) return fail(found.error());
-  return FolderListing::names_of(std::move(*found));
+  NODAL_TRY_ASSIGN(auto found, entries(folder));
+  return FolderListing::names_of(std::move(found));
 }
 
 Result<std::vector<FolderEntry>> SimDisk::entries(const std::string& folder) {
@@ -124,7 +124,7 @@ Result<std::vector<FolderEntry>> SimDisk::entries(const std::string& folder) {
   if (gone_) return fail(disk_gone(folder));
   if (!folder.empty()) {
     if (!is_file_name(folder)) return fail(bad_name(folder));
-    if (Status good = check_no_link(folder); !good) return fail(good.error());
+    NODAL_TRY(check_no_link(folder));
     const auto found = tree_.find(folder);
     if (found == tree_.end()) return fail(not_there(folder));
     if (!found->second->folder) return fail(Errc::kIo, "file '" + folder + "': is not a folder");
@@ -134,7 +134,7 @@ Result<std::vector<FolderEntry>> SimDisk::entries(const std::string& folder) {
     if (parent_of(name) != folder) continue;
     const EntryKind kind = inode->link ? EntryKind::kOther : inode->folder ? EntryKind::kFolder : EntryKind::kFile;
     const std::string entry = name.substr(folder.empty() ? 0 : folder.size() + 1);
-    if (const Status added = found.add({entry, kind, inode->version}); !added) return fail(added.error());
+    NODAL_TRY(found.add({entry, kind, inode->version}));
   }
   return std::move(found).entries();
 }

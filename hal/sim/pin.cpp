@@ -1,9 +1,11 @@
 #include "hal/sim/pin.h"
 
+#include "protocol/base/try.h"
+
 namespace nodal::hal::sim {
 
 Status SimOutputPin::set(bool high, Instant now, Duration lease) {
-  if (auto stepped = step(now); !stepped) return stepped;
+  NODAL_TRY(step(now));
   if (lease.ns() <= 0) return fail(Errc::kBadValue, "output pin 'sim': a lease must be longer than 0 ns");
   until_ = now + lease;
   drive(high, now);

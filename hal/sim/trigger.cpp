@@ -2,6 +2,7 @@
 
 #include "hal/sim/crystal.h"
 #include "protocol/base/limits.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal::sim {
 
@@ -15,7 +16,7 @@ Status SimTrigger::there() const {
 }
 
 Status SimTrigger::check(const TriggerSettings& settings) const {
-  if (Status fine = there(); !fine) return fine;
+  NODAL_TRY(there());
   if (!settings.rate.valid() || settings.rate.period() < options_.fastest.period()) {
     return fail(Errc::kBadValue, "trigger 'sim': a rate of " + std::to_string(settings.rate.numerator) + "/" +
                                      std::to_string(settings.rate.denominator) + " cannot be made; allowed is " +
@@ -41,7 +42,7 @@ Status SimTrigger::check(const TriggerSettings& settings) const {
 }
 
 Status SimTrigger::start(const TriggerSettings& settings) {
-  if (Status fine = check(settings); !fine) return fine;
+  NODAL_TRY(check(settings));
   stop();
   settings_ = settings;
   running_ = true;
@@ -65,7 +66,7 @@ void SimTrigger::stop() {
 }
 
 Result<std::optional<TriggerEdge>> SimTrigger::take_edge() {
-  if (Status fine = there(); !fine) return fail(fine.error());
+  NODAL_TRY(there());
   step(clock_.now());
   if (edges_.empty()) return std::optional<TriggerEdge>{};
   const TriggerEdge edge = edges_.front();

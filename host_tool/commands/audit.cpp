@@ -10,6 +10,7 @@
 #include "host_tool/console/points_in_time.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/rig/wire_json.h"
+#include "protocol/base/try.h"
 
 namespace nodal::host {
 namespace {
@@ -53,16 +54,14 @@ Result<Log> fetch(RigConnection& rig, const std::string& since) {
     }
     wire::Request now;
     now.mutable_audit_log()->set_after(UINT64_MAX);
-    const Result<wire::Reply> clock = rig.ask(now);
-    if (!clock) return fail(clock.error());
-    const auto from = parse_point_in_time(since, clock->audit_log().now_utc_ns());
+    NODAL_TRY_ASSIGN(const wire::Reply clock, rig.ask(now));
+    const auto from = parse_point_in_time(since, clock.audit_log().now_utc_ns());
     if (!from) return fail(from.error().in("--since"));
     request.mutable_audit_log()->set_since_utc_ns(*from);
   }
   while (true) {
-    Result<wire::Reply> reply = rig.ask(request);
-    if (!reply) return fail(reply.error());
-    wire::AuditLog& part = *reply->mutable_audit_log();
+    NODAL_TRY_ASSIGN(wire::Reply reply, rig.ask(request));
+    wire::AuditLog& part = *reply.mutable_audit_log();
     const std::uint64_t before = request.audit_log().after();
     for (wire::AuditEntry& entry : *part.mutable_entries()) {
       if (entry.number() != 0) request.mutable_audit_log()->set_after(entry.number());
@@ -99,10 +98,8 @@ Status run_audit(Context& context, const AuditOptions& options) {
     const auto good = parse_point_in_time(options.since, INT64_MAX);
     if (!good) return fail(good.error().in("--since"));
   }
-  Result<std::unique_ptr<RigConnection>> rig = context.connect();
-  if (!rig) return fail(rig.error());
-  const Result<Log> log = fetch(**rig, options.since);
-  if (!log) return fail(log.error());
+  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
+  NODAL_TRY_ASSIGN(const Log log, fetch(*rig, options.since));
   Console& console = context.console();
   Json list = Json::array();
   Json gaps = Json::array();
@@ -115,36 +112,36 @@ Status run_audit(Context& context, const AuditOptions& options) {
   };
   // Without --since the newest entries are shown, and what is before them was not asked for.
   std::uint64_t before = 0;
-  const bool from_oldest = !log->entries.empty() && log->entries.front().number() == log->newest.oldest();
-  if (!options.since.empty() && from_oldest) gap(0, log->newest.oldest());
-  for (const wire::AuditEntry& entry : log->entries) {
+  const bool from_oldest = !log.entries.empty() && log.entries.front().number() == log.newest.oldest();
+  if (!options.since.empty() && from_oldest) gap(0, log.newest.oldest());
+  for (const wire::AuditEntry& entry : log.entries) {
     if (before != 0) gap(before, entry.number());
     before = entry.number() != 0 ? entry.number() : before;
     list.push_back(audit_json(entry));
-    table.row({entry.number() == 0 ? "" : std::to_string(entry.number()), time_of(entry, log->newest.now_ns()),
+    table.row({entry.number() == 0 ? "" : std::to_string(entry.number()), time_of(entry, log.newest.now_ns()),
                entry.who(), entry.what(), entry.before(), entry.after(), result_of(context, entry)});
   }
   Json findings = Json::array();
-  for (const std::string& finding : log->newest.findings()) findings.push_back(finding);
-  console.document({{"now_ns", log->newest.now_ns()},
-                    {"now_utc_ns", log->newest.now_utc_ns()},
-                    {"newest", log->newest.newest()},
-                    {"head", hex_of(log->newest.head())},
+  for (const std::string& finding : log.newest.findings()) findings.push_back(finding);
+  console.document({{"now_ns", log.newest.now_ns()},
+                    {"now_utc_ns", log.newest.now_utc_ns()},
+                    {"newest", log.newest.newest()},
+                    {"head", hex_of(log.newest.head())},
                     {"findings", findings},
-                    {"problem", log->newest.problem()},
+                    {"problem", log.newest.problem()},
                     {"gaps", gaps},
                     {"entries", list}});
   if (list.empty())
     console.line(options.since.empty() ? "nothing has been changed" : "nothing has been changed since then");
   else
     for (const std::string& line : table.lines()) console.line(line);
-  for (const std::string& finding : log->newest.findings()) console.line(console.paint(Colour::kBad, finding));
-  if (!log->newest.problem().empty()) {
-    console.line(console.paint(Colour::kBad, "the newest entries may not be on the disk: " + log->newest.problem()));
+  for (const std::string& finding : log.newest.findings()) console.line(console.paint(Colour::kBad, finding));
+  if (!log.newest.problem().empty()) {
+    console.line(console.paint(Colour::kBad, "the newest entries may not be on the disk: " + log.newest.problem()));
   }
-  if (log->newest.newest() != 0) {
-    console.line(fmt::format("on the rig's disk up to entry {}, whose hash is {}", log->newest.newest(),
-                             hex_of(log->newest.head())));
+  if (log.newest.newest() != 0) {
+    console.line(fmt::format("on the rig's disk up to entry {}, whose hash is {}", log.newest.newest(),
+                             hex_of(log.newest.head())));
   }
   return {};
 }

@@ -11,6 +11,7 @@
 #include "host_tool/console/interrupt.h"
 #include "host_tool/input/pictures.h"
 #include "host_tool/report/lens_report.h"
+#include "protocol/base/try.h"
 #include "stitch/calibration/lens/calibrate.h"
 #include "stitch/media/image_file.h"
 
@@ -31,11 +32,10 @@ struct CalibrateLensArgs {
 
 /// Returns the encoded luma; a grey file's values are its luma.
 Result<cal::LensPhotograph> read_photograph(const std::string& file) {
-  const Result<DecodedImage> image = read_picture(file, PixelFormat::kGrey8);
-  if (!image) return fail(image.error());
-  cal::LensPhotograph photo{file, cal::GreyImage(image->width, image->height)};
+  NODAL_TRY_ASSIGN(const DecodedImage image, read_picture(file, PixelFormat::kGrey8));
+  cal::LensPhotograph photo{file, cal::GreyImage(image.width, image.height)};
   for (std::size_t i = 0; i < photo.luma.values.size(); ++i) {
-    photo.luma.values[i] = static_cast<float>(image->bytes[i]) / 255.0F;
+    photo.luma.values[i] = static_cast<float>(image.bytes[i]) / 255.0F;
   }
   return photo;
 }
@@ -43,22 +43,20 @@ Result<cal::LensPhotograph> read_photograph(const std::string& file) {
 Result<std::vector<cal::LensPhotograph>> read_photographs(const std::vector<std::string>& files) {
   std::vector<cal::LensPhotograph> photographs;
   for (const std::string& file : files) {
-    Result<cal::LensPhotograph> photo = read_photograph(file);
-    if (!photo) return fail(photo.error());
-    photographs.push_back(std::move(*photo));
+    NODAL_TRY_ASSIGN(cal::LensPhotograph photo, read_photograph(file));
+    photographs.push_back(std::move(photo));
   }
   return photographs;
 }
 
 Result<cal::PatternRaster> read_pattern(const std::string& file) {
   if (file.empty()) return cal::make_pattern({});
-  const Result<DecodedImage> image = read_picture(file, PixelFormat::kGrey8);
-  if (!image) return fail(image.error());
-  if (std::min(image->width, image->height) < cal::kMinPatternSide) {
-    return fail(Errc::kBadValue, fmt::format("{}: is {}x{} px; a pattern has at least {} across", file, image->width,
-                                             image->height, cal::kMinPatternSide));
+  NODAL_TRY_ASSIGN(const DecodedImage image, read_picture(file, PixelFormat::kGrey8));
+  if (std::min(image.width, image.height) < cal::kMinPatternSide) {
+    return fail(Errc::kBadValue, fmt::format("{}: is {}x{} px; a pattern has at least {} across", file, image.width,
+                                             image.height, cal::kMinPatternSide));
   }
-  return cal::PatternRaster{image->width, image->height, image->bytes};
+  return cal::PatternRaster{image.width, image.height, image.bytes};
 }
 
 /// Runs work(0) .. work(count - 1) on all cores; the order does not affect the result.
@@ -155,14 +153,12 @@ void tell(Console& console, const cal::LensCalibration& result, const CalibrateL
 }
 
 Status run_calibrate_lens(Context& context, const CalibrateLensArgs& args) {
-  const Result<cal::LensKind> kind = cal::lens_kind_named(args.model);
-  if (!kind) return fail(kind.error());
-  const Result<cal::PatternRaster> pattern = read_pattern(args.pattern);
-  if (!pattern) return fail(pattern.error());
-  const auto photographs = interruptible(context.console(), [&] { return read_photographs(args.photos); });
-  if (!photographs) return fail(photographs.error());
+  NODAL_TRY_ASSIGN(const cal::LensKind kind, cal::lens_kind_named(args.model));
+  NODAL_TRY_ASSIGN(const cal::PatternRaster pattern, read_pattern(args.pattern));
+  NODAL_TRY_ASSIGN(const auto photographs,
+                   interruptible(context.console(), [&] { return read_photographs(args.photos); }));
   cal::LensOptions options;
-  options.kind = *kind;
+  options.kind = kind;
   options.head_name = args.name;
   options.aspect_known = args.aspect > 0;
   if (args.aspect > 0) options.aspect = args.aspect;
@@ -173,20 +169,20 @@ Status run_calibrate_lens(Context& context, const CalibrateLensArgs& args) {
     options.progress = [&progress](const std::string& what, double done) {
       progress.update(static_cast<std::uint64_t>(std::lround(100 * done)), what);
     };
-    result = interruptible(context.console(), [&] { return cal::calibrate_lens(*photographs, *pattern, options); });
+    result = interruptible(context.console(), [&] { return cal::calibrate_lens(photographs, pattern, options); });
   }
   if (!result) return fail(result.error());
   Calibration calibration;
   calibration.name = args.name;
-  calibration.comment = fmt::format("Lens of {} photographs of the pattern; mapping ± {:.4f} px.", photographs->size(),
+  calibration.comment = fmt::format("Lens of {} photographs of the pattern; mapping ± {:.4f} px.", photographs.size(),
                                     result->report.mapping_deviation_px);
   calibration.heads.push_back(result->head);
-  if (const Status checked = check_calibration(calibration); !checked) return checked;
-  if (const Status written = write_file(args.out, nodal::to_json(calibration)); !written) return written;
+  NODAL_TRY(check_calibration(calibration));
+  NODAL_TRY(write_file(args.out, nodal::to_json(calibration)));
   if (!args.report.empty()) {
-    const Result<std::string> page = interruptible(context.console(), [&] { return lens_report(*result, args.model); });
-    if (!page) return fail(page.error());
-    if (const Status written = write_file(args.report, *page); !written) return written;
+    NODAL_TRY_ASSIGN(const std::string page,
+                     interruptible(context.console(), [&] { return lens_report(*result, args.model); }));
+    NODAL_TRY(write_file(args.report, page));
   }
   tell(context.console(), *result, args);
   return {};

@@ -1,4 +1,5 @@
 #include "stitch/calibration/light/calibrate_light.h"
+#include "protocol/base/try.h"
 
 #include <fmt/format.h>
 
@@ -94,34 +95,32 @@ void tell(Console& console, const cal::LightReport& report, const CalibrateLight
 }
 
 Status run_calibrate_light(Context& context, const CalibrateLightArgs& args) {
-  const Result<std::string> text = read_file(args.file, kMaxCalibrationBytes);
-  if (!text) return fail(text.error());
-  const Result<Calibration> rig = parse_calibration(*text);
+  NODAL_TRY_ASSIGN(const std::string text, read_file(args.file, kMaxCalibrationBytes));
+  const Result<Calibration> rig = parse_calibration(text);
   if (!rig) return fail(rig.error().in(args.file));
   std::vector<std::string> names;
   for (const HeadCalibration& head : rig->heads) names.push_back(head.name);
-  Result<PictureSets> pictures =
-      interruptible(context.console(), [&] { return read_pictures(args.pictures, names, linear_heads(*rig)); });
-  if (!pictures) return fail(pictures.error());
-  if (!args.stops.empty() && args.stops.size() != pictures->sets.size()) {
+  NODAL_TRY_ASSIGN(PictureSets pictures, interruptible(context.console(), [&] {
+                     return read_pictures(args.pictures, names, linear_heads(*rig));
+                   }));
+  if (!args.stops.empty() && args.stops.size() != pictures.sets.size()) {
     return fail(Errc::kBadValue, fmt::format("--stops has {} numbers for {} sets of pictures; give one for each",
-                                             args.stops.size(), pictures->sets.size()));
+                                             args.stops.size(), pictures.sets.size()));
   }
   std::vector<cal::ExposedSet> sets;
-  for (std::size_t i = 0; i < pictures->sets.size(); ++i) {
+  for (std::size_t i = 0; i < pictures.sets.size(); ++i) {
     cal::ExposedSet set{fmt::format("set {}", i + 1), {}, {}};
-    for (DecodedImage& picture : pictures->sets[i]) {
+    for (DecodedImage& picture : pictures.sets[i]) {
       picture = media::convert_image(picture.view(), PixelFormat::kRgb24);
       set.frames.push_back(picture.view());
     }
     if (!args.stops.empty()) set.stops = args.stops[i];
     sets.push_back(std::move(set));
   }
-  const Result<cal::LightReport> report =
-      interruptible(context.console(), [&] { return cal::calibrate_light(*rig, sets, args.options); });
-  if (!report) return fail(report.error());
-  if (const Status written = write_file(args.out, nodal::to_json(report->calibration)); !written) return written;
-  tell(context.console(), *report, args);
+  NODAL_TRY_ASSIGN(const cal::LightReport report,
+                   interruptible(context.console(), [&] { return cal::calibrate_light(*rig, sets, args.options); }));
+  NODAL_TRY(write_file(args.out, nodal::to_json(report.calibration)));
+  tell(context.console(), report, args);
   return {};
 }
 

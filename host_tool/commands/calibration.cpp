@@ -11,6 +11,7 @@
 #include "host_tool/rig/not_recorded.h"
 #include "host_tool/rig/upload.h"
 #include "host_tool/rig/wire_json.h"
+#include "protocol/base/try.h"
 #include "protocol/calibration.h"
 #include "protocol/ssh_signature.h"
 
@@ -50,10 +51,9 @@ Result<std::string> parse_id(const std::string& text) {
 }
 
 Result<Calibration> read_calibration(const std::string& file, std::string* content) {
-  Result<std::string> text = read_file(file, kMaxCalibrationBytes);
-  if (!text) return fail(text.error());
-  Result<Calibration> calibration = parse_calibration(*text);
-  if (content != nullptr) *content = std::move(*text);
+  NODAL_TRY_ASSIGN(std::string text, read_file(file, kMaxCalibrationBytes));
+  Result<Calibration> calibration = parse_calibration(text);
+  if (content != nullptr) *content = std::move(text);
   if (!calibration) return fail(calibration.error().in(file));
   return calibration;
 }
@@ -68,14 +68,11 @@ Result<std::string> read_signature(const CalibrationArgs& args) {
 
 Status run_trial(Context& context, const CalibrationArgs& args) {
   std::string content;
-  const Result<Calibration> calibration = read_calibration(args.file, &content);
-  if (!calibration) return fail(calibration.error());
-  const Result<std::string> signature = read_signature(args);
-  if (!signature) return fail(signature.error());
-  const Result<TrialVerdict> verdict =
-      try_out(context, *calibration, kLiveSets, {kTrialLimit, *signature, args.allow_older}, std::move(content));
-  if (!verdict) return fail(verdict.error());
-  tell_verdict(context, *verdict);
+  NODAL_TRY_ASSIGN(const Calibration calibration, read_calibration(args.file, &content));
+  NODAL_TRY_ASSIGN(const std::string signature, read_signature(args));
+  NODAL_TRY_ASSIGN(const TrialVerdict verdict, try_out(context, calibration, kLiveSets,
+                                                       {kTrialLimit, signature, args.allow_older}, std::move(content)));
+  tell_verdict(context, verdict);
   return {};
 }
 
@@ -87,31 +84,25 @@ Status run_upload(Context& context, const CalibrationArgs& args) {
     if (content.empty() || !args.unchecked) return fail(calibration.error());
     context.console().warning(calibration.error().text() + "; sent nevertheless because of --unchecked");
   }
-  const Result<std::string> signature = read_signature(args);
-  if (!signature) return fail(signature.error());
+  NODAL_TRY_ASSIGN(const std::string signature, read_signature(args));
   const Reconnect connect = [&context] { return context.connect(); };
-  const Result<Uploaded> done = upload(connect, {content.begin(), content.end()}, kUploadAttempts, context.console(),
-                                       {std::nullopt, *signature, args.allow_older});
-  if (!done) return fail(done.error());
+  NODAL_TRY_ASSIGN(const Uploaded done, upload(connect, {content.begin(), content.end()}, kUploadAttempts,
+                                               context.console(), {std::nullopt, signature, args.allow_older}));
   const std::string id = calibration ? to_hex(calibration_id(*calibration)) : "";
-  context.console().document({{"id", id},
-                              {"bytes", done->bytes},
-                              {"resumed_at", done->resumed_at},
-                              {"links", done->links},
-                              {"in_force", true}});
+  context.console().document(
+      {{"id", id}, {"bytes", done.bytes}, {"resumed_at", done.resumed_at}, {"links", done.links}, {"in_force", true}});
   context.console().line(fmt::format("{} ({}) is in force, id {}", calibration ? calibration->name : args.file,
-                                     show_bytes(done->bytes), id.substr(0, 12)));
+                                     show_bytes(done.bytes), id.substr(0, 12)));
   return {};
 }
 
 Status list_calibrations(Context& context) {
   wire::Request request;
   request.mutable_calibration_list();
-  const Result<wire::Reply> reply = context.ask(request);
-  if (!reply) return fail(reply.error());
+  NODAL_TRY_ASSIGN(const wire::Reply reply, context.ask(request));
   Json list = Json::array();
   Table table({{""}, {"id"}, {"generation", Table::Align::kRight}, {"heads", Table::Align::kRight}, {"name"}});
-  for (const wire::CalibrationEntry& entry : reply->calibrations().entries()) {
+  for (const wire::CalibrationEntry& entry : reply.calibrations().entries()) {
     list.push_back(to_json(entry));
     table.row({entry.on_trial()   ? "* trial"
                : entry.in_force() ? "*"
@@ -119,7 +110,7 @@ Status list_calibrations(Context& context) {
                show_id(entry.id()), std::to_string(entry.generation()), std::to_string(entry.heads()), entry.name()});
   }
   Json document{{"calibrations", list}};
-  if (const auto& all = reply->calibrations(); all.has_signed_generation()) {
+  if (const auto& all = reply.calibrations(); all.has_signed_generation()) {
     document["signed_generation"] = all.signed_generation();
   }
   context.console().document(document);
@@ -128,7 +119,7 @@ Status list_calibrations(Context& context) {
     return {};
   }
   for (const std::string& line : table.lines()) context.console().line(line);
-  if (const auto& all = reply->calibrations(); all.has_signed_generation()) {
+  if (const auto& all = reply.calibrations(); all.has_signed_generation()) {
     context.console().line(fmt::format("the rig requires signatures; the next generation is {}",
                                        std::uint64_t{all.signed_generation()} + 1));
   }
@@ -139,43 +130,37 @@ Status show_calibration(Context& context, const CalibrationArgs& args) {
   wire::Request request;
   request.mutable_calibration_get();
   if (!args.id.empty()) {
-    const Result<std::string> id = parse_id(args.id);
-    if (!id) return fail(id.error());
-    request.mutable_calibration_get()->set_id(*id);
+    NODAL_TRY_ASSIGN(const std::string id, parse_id(args.id));
+    request.mutable_calibration_get()->set_id(id);
   }
-  const Result<wire::Reply> reply = context.ask(request);
-  if (!reply) return fail(reply.error());
-  const std::string& json = reply->calibration().json();
+  NODAL_TRY_ASSIGN(const wire::Reply reply, context.ask(request));
+  const std::string& json = reply.calibration().json();
   const Result<Calibration> calibration = parse_calibration(json);
   if (!calibration) return fail(calibration.error().in("the rig's calibration"));
   if (!args.out.empty()) {
-    if (const Status written = write_file(args.out, to_json(*calibration)); !written) return written;
+    NODAL_TRY(write_file(args.out, to_json(*calibration)));
     context.console().note("wrote " + args.out);
   }
   if (context.console().json()) {
     context.console().document(Json::parse(canonical_json(*calibration), nullptr, false));
     return {};
   }
-  const Result<CalibrationReport> report = report_on(*calibration);
-  if (!report) return fail(report.error());
-  show(context.console(), *report);
+  NODAL_TRY_ASSIGN(const CalibrationReport report, report_on(*calibration));
+  show(context.console(), report);
   return {};
 }
 
 /// Prints which calibration is in force after `use` and `rollback`.
 Status tell_in_force(Context& context, const wire::Request& request) {
-  Result<std::unique_ptr<RigConnection>> rig = context.connect();
-  if (!rig) return fail(rig.error());
+  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
   const auto show_activity = [&](const wire::RigStatus& status) { context.console().activity(status.activity()); };
-  const Result<wire::Reply> done = (*rig)->ask_long(request, show_activity);
-  if (!done) return fail(done.error());
+  NODAL_TRY_ASSIGN(const wire::Reply done, rig->ask_long(request, show_activity));
   context.console().finish_progress();
-  note_not_recorded(context.console(), *done);
+  note_not_recorded(context.console(), done);
   wire::Request list;
   list.mutable_calibration_list();
-  const Result<wire::Reply> reply = (*rig)->ask(list);
-  if (!reply) return fail(reply.error());
-  for (const wire::CalibrationEntry& entry : reply->calibrations().entries()) {
+  NODAL_TRY_ASSIGN(const wire::Reply reply, rig->ask(list));
+  for (const wire::CalibrationEntry& entry : reply.calibrations().entries()) {
     if (!entry.in_force()) continue;
     context.console().document(to_json(entry));
     context.console().line(
@@ -185,10 +170,9 @@ Status tell_in_force(Context& context, const wire::Request& request) {
 }
 
 Status run_use(Context& context, const CalibrationArgs& args) {
-  const Result<std::string> id = parse_id(args.id);
-  if (!id) return fail(id.error());
+  NODAL_TRY_ASSIGN(const std::string id, parse_id(args.id));
   wire::Request request;
-  request.mutable_calibration_use()->set_id(*id);
+  request.mutable_calibration_use()->set_id(id);
   request.mutable_calibration_use()->set_allow_older(args.allow_older);
   return tell_in_force(context, request);
 }
@@ -200,9 +184,8 @@ Status run_rollback(Context& context) {
 }
 
 Status run_check(Context& context, const CalibrationArgs& args) {
-  const Result<Calibration> calibration = read_calibration(args.file, nullptr);
-  if (!calibration) return fail(calibration.error());
-  const Result<CalibrationReport> report = report_on(*calibration);
+  NODAL_TRY_ASSIGN(const Calibration calibration, read_calibration(args.file, nullptr));
+  const Result<CalibrationReport> report = report_on(calibration);
   if (!report) return fail(report.error().in(args.file));
   context.console().document(to_json(*report));
   show(context.console(), *report);

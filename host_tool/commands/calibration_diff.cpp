@@ -2,6 +2,7 @@
 
 #include "host_tool/commands/command.h"
 #include "host_tool/console/files.h"
+#include "protocol/base/try.h"
 #include "protocol/calibration.h"
 #include "stitch/calibration/difference.h"
 
@@ -13,20 +14,16 @@ struct CalibrationDiffArgs {
 };
 
 Result<Calibration> read(const std::string& file) {
-  const Result<std::string> text = read_file(file, kMaxCalibrationBytes);
-  if (!text) return fail(text.error());
-  Result<Calibration> calibration = parse_calibration(*text);
+  NODAL_TRY_ASSIGN(const std::string text, read_file(file, kMaxCalibrationBytes));
+  Result<Calibration> calibration = parse_calibration(text);
   if (!calibration) return fail(calibration.error().in(file));
   return calibration;
 }
 
 Status run_calibration_diff(Context& context, const CalibrationDiffArgs& args) {
-  const Result<Calibration> a = read(args.a);
-  if (!a) return fail(a.error());
-  const Result<Calibration> b = read(args.b);
-  if (!b) return fail(b.error());
-  const Result<calibration::RigDifference> difference = calibration::difference_of(*a, *b);
-  if (!difference) return fail(difference.error());
+  NODAL_TRY_ASSIGN(const Calibration a, read(args.a));
+  NODAL_TRY_ASSIGN(const Calibration b, read(args.b));
+  NODAL_TRY_ASSIGN(const calibration::RigDifference difference, calibration::difference_of(a, b));
   Json heads = Json::array();
   const auto right = Table::Align::kRight;
   Table table({{"head"},
@@ -39,7 +36,7 @@ Status run_calibration_diff(Context& context, const CalibrationDiffArgs& args) {
                {"gain stops r g b", right},
                {"fall-off stops", right},
                {"response /255", right}});
-  for (const calibration::HeadDifference& d : difference->heads) {
+  for (const calibration::HeadDifference& d : difference.heads) {
     heads.push_back({{"name", d.name},
                      {"other", d.other},
                      {"turned_deg", d.turned_deg},
@@ -58,14 +55,14 @@ Status run_calibration_diff(Context& context, const CalibrationDiffArgs& args) {
                fmt::format("{:.3f}", d.vignetting_stops), fmt::format("{:.1f}", d.response_levels)});
   }
   Console& console = context.console();
-  console.document({{"rig_turn_deg", difference->rig_turn_deg},
-                    {"turned_rms_deg", difference->turned_rms_deg},
+  console.document({{"rig_turn_deg", difference.rig_turn_deg},
+                    {"turned_rms_deg", difference.turned_rms_deg},
                     {"heads", heads},
-                    {"notes", difference->notes}});
+                    {"notes", difference.notes}});
   for (const std::string& line : table.lines()) console.line(line);
   console.line(fmt::format("the whole rig is turned by {:.4f}°; after that the heads differ by {:.4f}° rms",
-                           difference->rig_turn_deg, difference->turned_rms_deg));
-  for (const std::string& note : difference->notes) console.note("note: " + note);
+                           difference.rig_turn_deg, difference.turned_rms_deg));
+  for (const std::string& note : difference.notes) console.note("note: " + note);
   return {};
 }
 

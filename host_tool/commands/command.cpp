@@ -19,6 +19,7 @@
 #include "host_tool/console/overwriting.h"
 #include "host_tool/console/quantities.h"
 #include "protocol/base/text.h"
+#include "protocol/base/try.h"
 #include "protocol/base/version.h"
 
 namespace nodal::host {
@@ -55,9 +56,8 @@ Result<std::unique_ptr<RigConnection>> Context::connect() {
   if (connect_by) return connect_by();
   const Result<Duration> patience = parse_duration(timeout);
   if (!patience) return fail(patience.error().in("--timeout"));
-  const Result<RigAddress> where = address();
-  if (!where) return fail(where.error());
-  return RigConnection::open(*where, *patience, open_link);
+  NODAL_TRY_ASSIGN(const RigAddress where, address());
+  return RigConnection::open(where, *patience, open_link);
 }
 
 Result<RigAddress> Context::address() const {
@@ -66,9 +66,8 @@ Result<RigAddress> Context::address() const {
 }
 
 Result<wire::Reply> Context::ask(const wire::Request& request) {
-  Result<std::unique_ptr<RigConnection>> rig_connection = connect();
-  if (!rig_connection) return fail(rig_connection.error());
-  return (*rig_connection)->ask(request);
+  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig_connection, connect());
+  return rig_connection->ask(request);
 }
 
 void show_setting(Console& console, Json document, const wire::Reply& reply) {

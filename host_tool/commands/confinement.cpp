@@ -15,6 +15,7 @@
 #include "hal/linux/link/link_helper.h"
 #include "host_tool/console/overwriting.h"
 #include "host_tool/input/project_pictures.h"
+#include "protocol/base/try.h"
 
 namespace nodal::host {
 namespace {
@@ -193,7 +194,7 @@ CommandRights rights_of(const CLI::App& command) {
 
 Status confine_command(Context& context, const CLI::App& command) {
   if (is_off()) return {};
-  if (const Status helped = give_helper(context); !helped) return helped;
+  NODAL_TRY(give_helper(context));
   const CommandRights rights = rights_of(command);
   hal::linux_os::Confinement wanted;
   wanted.read = rights.read;

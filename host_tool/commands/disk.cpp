@@ -6,23 +6,22 @@
 
 #include "host_tool/commands/command.h"
 #include "host_tool/console/quantities.h"
+#include "protocol/base/try.h"
 
 namespace nodal::host {
 namespace {
 
 Status run_disk_test(Context& context, const std::string& length) {
-  Result<std::unique_ptr<RigConnection>> rig = context.connect();
-  if (!rig) return fail(rig.error());
+  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
   wire::Request request;
   request.mutable_disk_test()->set_length_ns(static_cast<std::uint64_t>(parse_duration(length)->ns()));
-  Result<wire::Reply> reply = [&] {
+  NODAL_TRY_ASSIGN(wire::Reply reply, [&] {
     Progress bar(context.console(), "testing the disk", 100);
-    return (*rig)->ask_long(request, [&](const wire::RigStatus& status) {
+    return rig->ask_long(request, [&](const wire::RigStatus& status) {
       if (status.recording().has_disk_test_percent()) bar.update(status.recording().disk_test_percent(), "");
     });
-  }();
-  if (!reply) return fail(reply.error());
-  const wire::DiskTested& tested = reply->disk_test();
+  }());
+  const wire::DiskTested& tested = reply.disk_test();
   Console& console = context.console();
   Json modes = Json::array();
   console.line(fmt::format("{} written in {}: {}/s; the longest sync took {}", show_bytes(tested.bytes()),
@@ -51,9 +50,8 @@ Status run_disk_test(Context& context, const std::string& length) {
 Status run_disk_eject(Context& context) {
   wire::Request request;
   request.mutable_disk_eject();
-  const Result<wire::Reply> reply = context.ask(request);
-  if (!reply) return fail(reply.error());
-  const std::uint64_t take = reply->take().take();
+  NODAL_TRY_ASSIGN(const wire::Reply reply, context.ask(request));
+  const std::uint64_t take = reply.take().take();
   context.console().document({{"take", take == 0 ? Json() : Json(take)}, {"ejected", true}});
   const std::string ended = take == 0 ? "" : fmt::format("take {} is finished; ", take);
   context.console().line(

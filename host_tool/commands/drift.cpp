@@ -1,4 +1,5 @@
 #include "stitch/registration/drift.h"
+#include "protocol/base/try.h"
 
 #include <fmt/format.h>
 
@@ -30,20 +31,16 @@ struct DriftInput {
 };
 
 Result<DriftInput> input_from_rig(Context& context, const DriftArgs& args) {
-  Result<std::unique_ptr<RigConnection>> rig = context.connect();
-  if (!rig) return fail(rig.error());
-  if (const Status has = require_feature(**rig, "frame-sets", "nodal drift"); !has) return fail(has.error());
-  Result<Calibration> calibration = calibration_in_force(**rig);
-  if (!calibration) return fail(calibration.error());
-  Result<PictureSets> pictures = pull_frame_sets(**rig, *calibration, args.sets, context.console());
-  if (!pictures) return fail(pictures.error());
-  return DriftInput{std::move(*calibration), std::move(*pictures)};
+  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
+  NODAL_TRY(require_feature(*rig, "frame-sets", "nodal drift"));
+  NODAL_TRY_ASSIGN(Calibration calibration, calibration_in_force(*rig));
+  NODAL_TRY_ASSIGN(PictureSets pictures, pull_frame_sets(*rig, calibration, args.sets, context.console()));
+  return DriftInput{std::move(calibration), std::move(pictures)};
 }
 
 Result<DriftInput> input_from_files(const DriftArgs& args) {
-  Result<CalibratedPictures> read = read_calibrated_pictures(args.inputs);
-  if (!read) return fail(read.error());
-  return DriftInput{std::move(read->calibration), std::move(read->pictures)};
+  NODAL_TRY_ASSIGN(CalibratedPictures read, read_calibrated_pictures(args.inputs));
+  return DriftInput{std::move(read.calibration), std::move(read.pictures)};
 }
 
 /// The word of the JSON document.
@@ -132,9 +129,8 @@ std::string verdict(const DriftReport& report, bool live) {
 
 Status run_drift(Context& context, const DriftArgs& args) {
   const bool live = args.inputs.empty();
-  Result<DriftInput> input =
-      live ? input_from_rig(context, args) : interruptible(context.console(), [&] { return input_from_files(args); });
-  if (!input) return fail(input.error());
+  NODAL_TRY_ASSIGN(DriftInput input, live ? input_from_rig(context, args)
+                                          : interruptible(context.console(), [&] { return input_from_files(args); }));
   registration::DriftOptions options = args.options;
   Result<DriftReport> report = fail(Errc::kInternal, "");
   {
@@ -143,12 +139,12 @@ Status run_drift(Context& context, const DriftArgs& args) {
       bar.update(static_cast<std::uint64_t>(1000 * done), fmt::format("raymap {} wide", step.width));
     };
     report = interruptible(context.console(), [&] {
-      return registration::measure_drift(input->calibration, input->pictures.frames(), options);
+      return registration::measure_drift(input.calibration, input.pictures.frames(), options);
     });
   }
   if (!report) return fail(with_advice(report.error(), false));
   if (!args.out.empty()) {
-    if (const Status written = write_file(args.out, nodal::to_json(report->calibration)); !written) return written;
+    NODAL_TRY(write_file(args.out, nodal::to_json(report->calibration)));
   }
   context.console().document(drift_json(*report, options.tolerance_px));
   tell(context.console(), *report);

@@ -2,6 +2,7 @@
 
 #include "host_tool/console/files.h"
 #include "protocol/base/file_ending.h"
+#include "protocol/base/try.h"
 #include "stitch/mesh/mesh_file.h"
 
 namespace nodal::host {
@@ -44,11 +45,11 @@ Result<geometry::Envelope> read_envelope(const std::string& text) {
     return shape;
   }
   const bool glb = has_ending(text, ".glb");
-  const Result<std::string> bytes = read_file(text, glb ? mesh::kMaxMeshFileBytes : geometry::Envelope::kMaxObjBytes);
-  if (!bytes) return fail(bytes.error());
+  NODAL_TRY_ASSIGN(const std::string bytes,
+                   read_file(text, glb ? mesh::kMaxMeshFileBytes : geometry::Envelope::kMaxObjBytes));
   Result<geometry::Envelope> envelope =
-      glb ? mesh::decode_envelope({reinterpret_cast<const std::uint8_t*>(bytes->data()), bytes->size()})
-          : geometry::Envelope::from_obj(*bytes);
+      glb ? mesh::decode_envelope({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()})
+          : geometry::Envelope::from_obj(bytes);
   if (!envelope) return fail(envelope.error().in(text));
   return envelope;
 }

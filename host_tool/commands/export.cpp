@@ -1,4 +1,5 @@
 #include "stitch/interchange/export.h"
+#include "protocol/base/try.h"
 
 #include <fmt/format.h>
 
@@ -36,25 +37,23 @@ std::string path_of(const std::string& out, const interchange::ExportedFile& fil
 }
 
 Status run_export(Context& context, const ExportArgs& args) {
-  const Result<interchange::ExportFormat> format = interchange::export_format_named(args.format);
-  if (!format) return fail(format.error());
-  const Result<std::string> text = read_file(args.file, kMaxCalibrationBytes);
-  if (!text) return fail(text.error());
-  const Result<Calibration> rig = parse_calibration(*text);
+  NODAL_TRY_ASSIGN(const interchange::ExportFormat format, interchange::export_format_named(args.format));
+  NODAL_TRY_ASSIGN(const std::string text, read_file(args.file, kMaxCalibrationBytes));
+  const Result<Calibration> rig = parse_calibration(text);
   if (!rig) return fail(rig.error().in(args.file));
   if (!args.images.empty() && args.images.size() != rig->heads.size()) {
     return fail(Errc::kBadValue, fmt::format("--images names {} pictures; {} has {} heads", args.images.size(),
                                              args.file, rig->heads.size()));
   }
   const Result<interchange::ExportResult> result =
-      interchange::export_calibration(*rig, *format, {args.images, args.square_pixels});
+      interchange::export_calibration(*rig, format, {args.images, args.square_pixels});
   if (!result) return fail(result.error().in(args.file));
   std::string out = args.out;
   if (out.empty()) out = fs::path(args.file).stem().string() + "-" + args.format + extension_of(args.format);
   Json written = Json::array();
   for (const interchange::ExportedFile& file : result->files) {
     const std::string path = path_of(out, file, result->files.size());
-    if (const Status done = write_file(path, file.text); !done) return done;
+    NODAL_TRY(write_file(path, file.text));
     written.push_back(path);
   }
   Json heads = Json::array();

@@ -5,6 +5,7 @@
 #include "host_tool/commands/command.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/rig/wire_json.h"
+#include "protocol/base/try.h"
 
 namespace nodal::host {
 namespace {
@@ -63,31 +64,27 @@ void show(Console& console, const wire::ExposureState& state, const wire::Heads&
 }
 
 Status ask_and_show(Context& context, RigConnection& rig, const wire::Request& request) {
-  const Result<wire::Reply> reply = rig.ask(request);
-  if (!reply) return fail(reply.error());
+  NODAL_TRY_ASSIGN(const wire::Reply reply, rig.ask(request));
   wire::Request names;
   names.mutable_heads();
-  const Result<wire::Reply> heads = rig.ask(names);
-  if (!heads) return fail(heads.error());
-  show_setting(context.console(), to_json(reply->exposure()), *reply);
-  show(context.console(), reply->exposure(), heads->heads());
+  NODAL_TRY_ASSIGN(const wire::Reply heads, rig.ask(names));
+  show_setting(context.console(), to_json(reply.exposure()), reply);
+  show(context.console(), reply.exposure(), heads.heads());
   return {};
 }
 
 Status run_lock(Context& context, bool locked) {
-  Result<std::unique_ptr<RigConnection>> rig = context.connect();
-  if (!rig) return fail(rig.error());
+  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
   wire::Request request;
   request.mutable_exposure()->set_locked(locked);
-  return ask_and_show(context, **rig, request);
+  return ask_and_show(context, *rig, request);
 }
 
 Status show_exposure_control(Context& context) {
-  Result<std::unique_ptr<RigConnection>> rig = context.connect();
-  if (!rig) return fail(rig.error());
+  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
   wire::Request request;
   request.mutable_exposure();
-  return ask_and_show(context, **rig, request);
+  return ask_and_show(context, *rig, request);
 }
 
 /// The index of the head with this name; -1 for "none".
@@ -95,10 +92,9 @@ Result<std::int32_t> anchor_of(RigConnection& rig, const std::string& name) {
   if (name == "none") return -1;
   wire::Request request;
   request.mutable_heads();
-  const Result<wire::Reply> reply = rig.ask(request);
-  if (!reply) return fail(reply.error());
+  NODAL_TRY_ASSIGN(const wire::Reply reply, rig.ask(request));
   std::string known;
-  for (const wire::HeadState& head : reply->heads().heads()) {
+  for (const wire::HeadState& head : reply.heads().heads()) {
     if (head.name() == name) return static_cast<std::int32_t>(head.index());
     known += (known.empty() ? "" : ", ") + head.name();
   }
@@ -106,15 +102,13 @@ Result<std::int32_t> anchor_of(RigConnection& rig, const std::string& name) {
 }
 
 Status set_exposure_control(Context& context, const ExposureArgs& args) {
-  Result<std::unique_ptr<RigConnection>> rig = context.connect();
-  if (!rig) return fail(rig.error());
+  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
   wire::Request request;
   wire::ExposureRequest& settings = *request.mutable_exposure();
   if (!args.program.empty()) settings.set_program(args.program);
   if (!args.anchor.empty()) {
-    const Result<std::int32_t> anchor = anchor_of(**rig, args.anchor);
-    if (!anchor) return fail(anchor.error());
-    settings.set_anchor(*anchor);
+    NODAL_TRY_ASSIGN(const std::int32_t anchor, anchor_of(*rig, args.anchor));
+    settings.set_anchor(anchor);
   }
   if (const auto target = parse_stops(args.target)) settings.set_target_below(*target);
   if (const auto difference = parse_stops(args.difference)) settings.set_difference(*difference);
@@ -123,7 +117,7 @@ Status set_exposure_control(Context& context, const ExposureArgs& args) {
     settings.set_longest_ns(static_cast<std::uint64_t>(longest->duration().ns()));
   }
   if (const auto gain = parse_gain(args.gain)) settings.set_highest_gain_mdb(gain->mdb());
-  return ask_and_show(context, **rig, request);
+  return ask_and_show(context, *rig, request);
 }
 
 }  // namespace

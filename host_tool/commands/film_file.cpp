@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "host_tool/console/overwriting.h"
+#include "protocol/base/try.h"
 #include "protocol/base/version.h"
 #include "protocol/files/open_file.h"
 #include "protocol/take/limits.h"
@@ -93,7 +94,7 @@ Result<std::unique_ptr<FilmFile>> FilmFile::create(const std::string& name) {
   state->name = name;
   std::error_code unknown;
   state->created = !std::filesystem::exists(name, unknown);
-  if (const Status free = check_free(name); !free) return fail(free.error());
+  NODAL_TRY(check_free(name));
   if (state->created) {
     const Result<FilePtr> made = create_to_write(name);
     if (!made) return fail(made.error().code == Errc::kExists ? is_there(name) : made.error().in(name));
@@ -130,7 +131,7 @@ Status FilmFile::add(const take::VideoTrack& track, std::uint64_t now_ns, std::s
     if (::ftruncate(film.fd, 0) != 0 && errno != EINVAL) {  // EINVAL: a device or a pipe
       return fail(Errc::kIo, fmt::format("{}: {}", film.name, std::strerror(errno)));
     }
-    if (const Status begun = film.write(film.writer->head()); !begun) return begun;
+    NODAL_TRY(film.write(film.writer->head()));
   }
   if (track.width != film.width || track.height != film.height) {
     return fail(Errc::kBadFormat, fmt::format("{}: frame {} has {}x{} pixels, and the film has {}x{}", film.name,
@@ -142,7 +143,7 @@ Status FilmFile::add(const take::VideoTrack& track, std::uint64_t now_ns, std::s
   ++film.frames;
   const take::Block next{Duration::nanoseconds(film.newest_ns), frame};
   if (!film.open.empty() && take::MatroskaWriter::cluster_full(film.open_bytes, film.open.front().since_start, next)) {
-    if (const Status written = film.write_cluster(); !written) return written;
+    NODAL_TRY(film.write_cluster());
   }
   film.open.push_back({next.since_start, {frame.begin(), frame.end()}});
   film.open_bytes += frame.size();
@@ -158,8 +159,8 @@ Status FilmFile::end() {
   State& film = *state_;
   if (film.ended || !film.writer) return {};
   film.ended = true;
-  if (const Status written = film.write_cluster(); !written) return written;
-  if (const Status ended = film.write(film.writer->end()); !ended) return ended;
+  NODAL_TRY(film.write_cluster());
+  NODAL_TRY(film.write(film.writer->end()));
   return film.write(film.writer->sector(), take::MatroskaWriter::kSectorAt);
 }
 

@@ -3,6 +3,7 @@
 #include "host_tool/commands/command.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/rig/wire_json.h"
+#include "protocol/base/try.h"
 
 namespace nodal::host {
 namespace {
@@ -17,20 +18,18 @@ Status run_genlock(Context& context, wire::GenlockRequest::Action action, const 
   wire::GenlockRequest& genlock = *request.mutable_genlock();
   genlock.set_action(action);
   if (!args.rate.empty()) {
-    const Result<FrameRate> rate = parse_rate(args.rate);
-    if (!rate) return fail(rate.error());
-    genlock.set_rate_numerator(rate->numerator);
-    genlock.set_rate_denominator(rate->denominator);
+    NODAL_TRY_ASSIGN(const FrameRate rate, parse_rate(args.rate));
+    genlock.set_rate_numerator(rate.numerator);
+    genlock.set_rate_denominator(rate.denominator);
   }
   if (!args.pulse.empty()) {
     const Result<Duration> pulse = parse_duration(args.pulse);
     if (!pulse) return fail(pulse.error().in("--pulse"));
     genlock.set_pulse_width_ns(static_cast<std::uint64_t>(pulse->ns()));
   }
-  const Result<wire::Reply> reply = context.ask(request);
-  if (!reply) return fail(reply.error());
-  const wire::Genlock& now = reply->genlock();
-  show_setting(context.console(), to_json(now), *reply);
+  NODAL_TRY_ASSIGN(const wire::Reply reply, context.ask(request));
+  const wire::Genlock& now = reply.genlock();
+  show_setting(context.console(), to_json(now), reply);
   const std::string by = now.aligned() ? "heads run free and are moved" : counted(now.triggers(), "trigger");
   context.console().line(
       fmt::format("genlock {} at {}/{} Hz; {}", now.state(), now.rate_numerator(), now.rate_denominator(), by));

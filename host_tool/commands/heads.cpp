@@ -9,6 +9,7 @@
 #include "host_tool/rig/rig_input.h"
 #include "host_tool/rig/wire_json.h"
 #include "protocol/base/text.h"
+#include "protocol/base/try.h"
 
 namespace nodal::host {
 namespace {
@@ -61,9 +62,8 @@ void show(Console& console, const wire::Heads& heads, bool wide) {
 Result<wire::Heads> ask_heads(RigConnection& rig) {
   wire::Request request;
   request.mutable_heads();
-  const Result<wire::Reply> reply = rig.ask(request);
-  if (!reply) return fail(reply.error());
-  return reply->heads();
+  NODAL_TRY_ASSIGN(const wire::Reply reply, rig.ask(request));
+  return reply.heads();
 }
 
 Json heads_json(const wire::Heads& heads) {
@@ -73,12 +73,10 @@ Json heads_json(const wire::Heads& heads) {
 }
 
 Status run_heads(Context& context, bool wide) {
-  Result<std::unique_ptr<RigConnection>> rig = context.connect();
-  if (!rig) return fail(rig.error());
-  const Result<wire::Heads> heads = ask_heads(**rig);
-  if (!heads) return fail(heads.error());
-  context.console().document(heads_json(*heads));
-  show(context.console(), *heads, wide);
+  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
+  NODAL_TRY_ASSIGN(const wire::Heads heads, ask_heads(*rig));
+  context.console().document(heads_json(heads));
+  show(context.console(), heads, wide);
   return {};
 }
 
@@ -112,18 +110,15 @@ Result<Json> parse_devices(const std::string& text) {
 }
 
 Status run_scan(Context& context) {
-  Result<std::unique_ptr<RigConnection>> rig = context.connect();
-  if (!rig) return fail(rig.error());
+  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
   wire::Request request;
   request.mutable_devices();
-  const Result<wire::Reply> reply = (*rig)->ask_long(request, [](const wire::RigStatus&) {});
-  if (!reply) return fail(reply.error());
+  NODAL_TRY_ASSIGN(const wire::Reply reply, rig->ask_long(request, [](const wire::RigStatus&) {}));
   if (context.json) {
-    const Result<Json> document = parse_devices(reply->devices().json());
-    if (!document) return fail(document.error());
-    context.console().document(*document);
+    NODAL_TRY_ASSIGN(const Json document, parse_devices(reply.devices().json()));
+    context.console().document(document);
   }
-  for (const std::string& line : reply->devices().lines()) context.console().line(line);
+  for (const std::string& line : reply.devices().lines()) context.console().line(line);
   return {};
 }
 
@@ -138,53 +133,44 @@ struct SetArgs {
 Result<wire::HeadSetRequest> parse_settings(const SetArgs& args) {
   wire::HeadSetRequest settings;
   if (!args.exposure.empty()) {
-    const Result<Exposure> exposure = parse_exposure(args.exposure);
-    if (!exposure) return fail(exposure.error());
-    settings.set_exposure_ns(static_cast<std::uint64_t>(exposure->duration().ns()));
+    NODAL_TRY_ASSIGN(const Exposure exposure, parse_exposure(args.exposure));
+    settings.set_exposure_ns(static_cast<std::uint64_t>(exposure.duration().ns()));
   }
   if (!args.gain.empty()) {
-    const Result<Gain> gain = parse_gain(args.gain);
-    if (!gain) return fail(gain.error());
-    settings.set_gain_mdb(gain->mdb());
+    NODAL_TRY_ASSIGN(const Gain gain, parse_gain(args.gain));
+    settings.set_gain_mdb(gain.mdb());
   }
   if (!args.white_balance.empty()) {
-    const Result<WhiteBalance> balance = parse_white_balance(args.white_balance);
-    if (!balance) return fail(balance.error());
-    settings.set_red_q12(balance->red_q12);
-    settings.set_blue_q12(balance->blue_q12);
+    NODAL_TRY_ASSIGN(const WhiteBalance balance, parse_white_balance(args.white_balance));
+    settings.set_red_q12(balance.red_q12);
+    settings.set_blue_q12(balance.blue_q12);
   }
   if (!args.gamma.empty()) {
-    const Result<std::uint32_t> gamma = parse_gamma(args.gamma);
-    if (!gamma) return fail(gamma.error());
-    settings.set_gamma(*gamma);
+    NODAL_TRY_ASSIGN(const std::uint32_t gamma, parse_gamma(args.gamma));
+    settings.set_gamma(gamma);
   }
   return settings;
 }
 
 Status run_set(Context& context, const SetArgs& args) {
-  const Result<wire::HeadSetRequest> settings = parse_settings(args);
-  if (!settings) return fail(settings.error());
-  Result<std::unique_ptr<RigConnection>> rig = context.connect();
-  if (!rig) return fail(rig.error());
-  const Result<wire::Heads> heads = ask_heads(**rig);
-  if (!heads) return fail(heads.error());
+  NODAL_TRY_ASSIGN(const wire::HeadSetRequest settings, parse_settings(args));
+  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
+  NODAL_TRY_ASSIGN(const wire::Heads heads, ask_heads(*rig));
 
   wire::Request request;
-  *request.mutable_head_set() = *settings;
+  *request.mutable_head_set() = settings;
   std::string names;
   const bool all = std::ranges::find(args.heads, "all") != args.heads.end();
   for (const std::string& name : args.heads) {
     if (all) break;
-    const Result<std::uint32_t> index = find_head(*heads, name);
-    if (!index) return fail(index.error());
-    request.mutable_head_set()->add_heads(*index);
+    NODAL_TRY_ASSIGN(const std::uint32_t index, find_head(heads, name));
+    request.mutable_head_set()->add_heads(index);
     names += (names.empty() ? "" : ", ") + name;
   }
-  const Result<wire::Reply> reply = (*rig)->ask(request);
-  if (!reply) return fail(reply.error());
-  const std::string whom = all ? fmt::format("all {} heads", heads->heads_size()) : names;
+  NODAL_TRY_ASSIGN(const wire::Reply reply, rig->ask(request));
+  const std::string whom = all ? fmt::format("all {} heads", heads.heads_size()) : names;
   context.console().line(whom + ": set; takes effect with one of the next frames (see `nodal heads`)");
-  show_setting(context.console(), {{"heads", all ? Json("all") : Json(args.heads)}, {"done", true}}, *reply);
+  show_setting(context.console(), {{"heads", all ? Json("all") : Json(args.heads)}, {"done", true}}, reply);
   return {};
 }
 

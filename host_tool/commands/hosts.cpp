@@ -4,6 +4,7 @@
 #include "host_tool/commands/command.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/rig/not_recorded.h"
+#include "protocol/base/try.h"
 
 namespace nodal::host {
 namespace {
@@ -46,21 +47,19 @@ void show(Console& console, const wire::Hosts& hosts) {
 }
 
 Status run_hosts(Context& context, std::uint64_t end) {
-  Result<std::unique_ptr<RigConnection>> rig = context.connect();
-  if (!rig) return fail(rig.error());
+  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
   wire::Request request;
   if (end == 0) request.mutable_hosts();
   else request.mutable_host_end()->set_number(end);
-  const Result<wire::Reply> reply = (*rig)->ask(request);
-  if (!reply) return fail(reply.error());
+  NODAL_TRY_ASSIGN(const wire::Reply reply, rig->ask(request));
   if (end != 0) {
-    note_not_recorded(context.console(), *reply);
+    note_not_recorded(context.console(), reply);
     context.console().line(fmt::format("host {} is being disconnected", end));
     context.console().document({{"ended", end}, {"done", true}});
     return {};
   }
-  context.console().document(hosts_json(reply->hosts()));
-  show(context.console(), reply->hosts());
+  context.console().document(hosts_json(reply.hosts()));
+  show(context.console(), reply.hosts());
   return {};
 }
 

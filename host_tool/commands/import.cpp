@@ -1,4 +1,5 @@
 #include "stitch/interchange/import.h"
+#include "protocol/base/try.h"
 
 #include <fmt/format.h>
 
@@ -44,12 +45,11 @@ struct Residual {
 using Residuals = std::map<std::pair<std::size_t, std::size_t>, Residual>;
 
 Result<Residuals> residuals_of(const interchange::ImportResult& imported) {
-  const Result<std::vector<geometry::Head>> heads = geometry::make_heads(imported.calibration);
-  if (!heads) return fail(heads.error());
+  NODAL_TRY_ASSIGN(const std::vector<geometry::Head> heads, geometry::make_heads(imported.calibration));
   Residuals residuals;
   for (const interchange::ControlPoint& point : imported.control_points) {
-    const auto a = (*heads)[point.head_a].unproject(point.pixel_a);
-    const auto b = (*heads)[point.head_b].unproject(point.pixel_b);
+    const auto a = heads[point.head_a].unproject(point.pixel_a);
+    const auto b = heads[point.head_b].unproject(point.pixel_b);
     if (!a || !b) continue;  // outside the lens; the importer's notes report it
     residuals[std::minmax(point.head_a, point.head_b)].add(geometry::angle_between(*a, *b) * 180 / std::numbers::pi);
   }
@@ -75,10 +75,9 @@ Result<std::string> rig_toml_of(interchange::ImportResult& imported, const Impor
                                                    args.files.front(), imported.calibration.heads[i].name));
     }
   }
-  const Result<FoundPictures> pictures = project_pictures(args.files.front(), imported.images, args.places());
-  if (!pictures) return fail(pictures.error());
-  imported.notes.insert(imported.notes.end(), pictures->notes.begin(), pictures->notes.end());
-  return replay_rig_toml(imported.calibration, pictures->files, fs::path(args.files.front()).filename().string(),
+  NODAL_TRY_ASSIGN(const FoundPictures pictures, project_pictures(args.files.front(), imported.images, args.places()));
+  imported.notes.insert(imported.notes.end(), pictures.notes.begin(), pictures.notes.end());
+  return replay_rig_toml(imported.calibration, pictures.files, fs::path(args.files.front()).filename().string(),
                          args.rig_toml);
 }
 
@@ -147,9 +146,8 @@ void tell(Console& console, const interchange::ImportResult& imported, const Cal
 Result<interchange::ImportResult> imported_from(const ImportArgs& args) {
   std::vector<interchange::CameraFile> files;
   for (const std::string& path : args.files) {
-    Result<std::string> text = read_file(path, interchange::kMaxProjectBytes);
-    if (!text) return fail(text.error());
-    files.push_back({path, std::move(*text)});
+    NODAL_TRY_ASSIGN(std::string text, read_file(path, interchange::kMaxProjectBytes));
+    files.push_back({path, std::move(text)});
   }
   const std::string& first = args.files.front();
   const std::string name = args.name.empty() ? fs::path(first).stem().string() : args.name;
@@ -160,20 +158,18 @@ Result<interchange::ImportResult> imported_from(const ImportArgs& args) {
 }
 
 Status run_import(Context& context, const ImportArgs& args) {
-  Result<interchange::ImportResult> imported = imported_from(args);
-  if (!imported) return fail(imported.error());
-  const Result<CalibrationReport> report = report_on(imported->calibration);
+  NODAL_TRY_ASSIGN(interchange::ImportResult imported, imported_from(args));
+  const Result<CalibrationReport> report = report_on(imported.calibration);
   if (!report) return fail(report.error().in(args.files.front()));
-  const Result<Residuals> residuals = residuals_of(*imported);
+  const Result<Residuals> residuals = residuals_of(imported);
   if (!residuals) return fail(residuals.error().in(args.files.front()));
 
   if (!args.rig_toml.empty()) {
-    const Result<std::string> toml = rig_toml_of(*imported, args);
-    if (!toml) return fail(toml.error());
-    if (const Status written = write_file(args.rig_toml, *toml); !written) return written;
+    NODAL_TRY_ASSIGN(const std::string toml, rig_toml_of(imported, args));
+    NODAL_TRY(write_file(args.rig_toml, toml));
   }
-  if (const Status written = write_file(args.out, to_json(imported->calibration)); !written) return written;
-  tell(context.console(), *imported, *report, *residuals, args);
+  NODAL_TRY(write_file(args.out, to_json(imported.calibration)));
+  tell(context.console(), imported, *report, *residuals, args);
   return {};
 }
 

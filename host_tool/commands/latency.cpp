@@ -8,6 +8,7 @@
 #include "host_tool/console/quantities.h"
 #include "host_tool/input/control_latency.h"
 #include "host_tool/input/live_frames.h"
+#include "protocol/base/try.h"
 
 namespace nodal::host {
 namespace {
@@ -24,21 +25,18 @@ Json latency_json(const LatencyBounds& bounds) {
 
 Status run_latency(Context& context, const std::string& name) {
   Console& console = context.console();
-  Result<std::unique_ptr<RigConnection>> rig = context.connect();
-  if (!rig) return fail(rig.error());
-  if (const Status there = require_feature(**rig, "frame-sets", "`nodal heads latency`"); !there) return there;
+  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
+  NODAL_TRY(require_feature(*rig, "frame-sets", "`nodal heads latency`"));
   // A rig without it would keep an exposure that is set for the measurement only.
-  if (const Status there = require_feature(**rig, "temporary-settings", "`nodal heads latency`"); !there) return there;
+  NODAL_TRY(require_feature(*rig, "temporary-settings", "`nodal heads latency`"));
   wire::Request request;
   request.mutable_heads();
-  const Result<wire::Reply> reply = (*rig)->ask(request);
-  if (!reply) return fail(reply.error());
-  const Result<std::uint32_t> index = find_head(reply->heads(), name);
-  if (!index) return fail(index.error());
-  const auto head = std::ranges::find(reply->heads().heads(), *index, &wire::HeadState::index);
+  NODAL_TRY_ASSIGN(const wire::Reply reply, rig->ask(request));
+  NODAL_TRY_ASSIGN(const std::uint32_t index, find_head(reply.heads(), name));
+  const auto head = std::ranges::find(reply.heads().heads(), index, &wire::HeadState::index);
 
   const Result<ControlLatency> measured = measure_control_latency(
-      **rig, *head, [&](int step) { console.progress(fmt::format("step {} of at most {}", step, kLatencySteps)); });
+      *rig, *head, [&](int step) { console.progress(fmt::format("step {} of at most {}", step, kLatencySteps)); });
   console.finish_progress();
   if (!measured) return fail(measured.error());
   const bool agrees =

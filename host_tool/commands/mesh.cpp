@@ -6,6 +6,7 @@
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
 #include "protocol/base/angles.h"
+#include "protocol/base/try.h"
 #include "stitch/mesh/mesh_file.h"
 #include "stitch/mesh/of_layout.h"
 
@@ -30,14 +31,13 @@ Status run_mesh(Context& context, const MeshArgs& args) {
   if (!name) return fail(name.error().in("--layout"));
   const auto layout = geometry::make_layout(*name, size.width, size.height);
   if (!layout) return fail(layout.error().in("--layout"));
-  const Result<geometry::Envelope> envelope = read_envelope(args.envelope);
-  if (!envelope) return fail(envelope.error());
+  NODAL_TRY_ASSIGN(const geometry::Envelope envelope, read_envelope(args.envelope));
   const auto made =
-      interruptible(console, [&] { return mesh::mesh_of_layout(**layout, *envelope, args.error_deg * kPi / 180); });
+      interruptible(console, [&] { return mesh::mesh_of_layout(**layout, envelope, args.error_deg * kPi / 180); });
   if (!made) return fail(made.error().in("--error"));
   const auto bytes = mesh::encode_mesh(made->mesh, *format, args.texture);
   if (!bytes) return fail(bytes.error().in(args.out));
-  if (const Status written = write_file(args.out, *bytes); !written) return written;
+  NODAL_TRY(write_file(args.out, *bytes));
   const double error_deg = made->error * 180 / kPi, ratio = mesh::edge_ratio(made->mesh);
   console.document({{"out", args.out},
                     {"layout", name->text()},

@@ -10,6 +10,7 @@
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/offload/take_copy.h"
+#include "protocol/base/try.h"
 #include "protocol/upload.h"
 
 namespace nodal::host {
@@ -27,10 +28,9 @@ Result<std::vector<std::uint64_t>> wanted_takes(RigConnection& rig, const Offloa
   if (!options.all_new) return options.takes;
   wire::Request request;
   request.mutable_take_list();
-  const Result<wire::Reply> reply = rig.ask(request);
-  if (!reply) return fail(reply.error());
+  NODAL_TRY_ASSIGN(const wire::Reply reply, rig.ask(request));
   std::vector<std::uint64_t> takes;
-  for (const wire::TakeEntry& take : reply->takes().takes()) {
+  for (const wire::TakeEntry& take : reply.takes().takes()) {
     if (take.state() == "complete") takes.push_back(take.number());
   }
   return takes;
@@ -48,50 +48,46 @@ Error advised(Error error) {
 /// cannot be deleted.
 Status offload(Context& context, RigConnection& rig, std::uint64_t take, const OffloadOptions& options, Json& json) {
   const bool without_heads = !options.only.empty();
-  auto copy = TakeCopy::begin(rig, take, options.to);
-  if (!copy) return fail(copy.error());
-  const bool was_there = copy->complete();
+  NODAL_TRY_ASSIGN(auto copy, TakeCopy::begin(rig, take, options.to));
+  const bool was_there = copy.complete();
   if (!was_there) {
-    Progress progress(context.console(), fmt::format("take {}", take), copy->bytes(without_heads));
-    const Status copied =
-        copy->run(without_heads, [&](std::uint64_t bytes, const std::string& file) { progress.update(bytes, file); });
-    if (!copied) return fail(copied.error());
+    Progress progress(context.console(), fmt::format("take {}", take), copy.bytes(without_heads));
+    NODAL_TRY(
+        copy.run(without_heads, [&](std::uint64_t bytes, const std::string& file) { progress.update(bytes, file); }));
   }
-  json["id"] = to_hex(copy->id());
-  json["folder"] = copy->folder().string();
-  json["bytes"] = copy->bytes(without_heads);
-  json["fetched"] = copy->fetched();
+  json["id"] = to_hex(copy.id());
+  json["folder"] = copy.folder().string();
+  json["bytes"] = copy.bytes(without_heads);
+  json["fetched"] = copy.fetched();
   json["whole"] = !without_heads;
   json["deleted"] = false;
   std::string what =
-      was_there ? "was there already" : fmt::format("{} copied and verified", show_bytes(copy->bytes(without_heads)));
+      was_there ? "was there already" : fmt::format("{} copied and verified", show_bytes(copy.bytes(without_heads)));
   if (options.delete_after) {
     wire::Request request;
     request.mutable_take_delete()->set_take(take);
-    request.mutable_take_delete()->set_manifest_sha256(sha256_to_wire(copy->id()));
+    request.mutable_take_delete()->set_manifest_sha256(sha256_to_wire(copy.id()));
     const Result<wire::Reply> deleted = rig.ask(request);
     if (!deleted) {
-      context.console().line(fmt::format("take {}: {}: {}", take, what, copy->folder().string()));
+      context.console().line(fmt::format("take {}: {}: {}", take, what, copy.folder().string()));
       return fail(deleted.error().in("it is not deleted"));
     }
     what += ", deleted from the rig";
     json["deleted"] = true;
   }
-  context.console().line(fmt::format("take {}: {}: {}", take, what, copy->folder().string()));
+  context.console().line(fmt::format("take {}: {}: {}", take, what, copy.folder().string()));
   return {};
 }
 
 Status run_offload(Context& context, const OffloadOptions& options) {
   watch_interrupts();
-  auto rig = context.connect();
-  if (!rig) return fail(rig.error());
-  const auto takes = wanted_takes(**rig, options);
-  if (!takes) return fail(takes.error());
+  NODAL_TRY_ASSIGN(auto rig, context.connect());
+  NODAL_TRY_ASSIGN(const auto takes, wanted_takes(*rig, options));
   Json done = Json::array(), failed = Json::array();
   std::optional<Error> problem;
-  for (const std::uint64_t take : *takes) {
+  for (const std::uint64_t take : takes) {
     Json json{{"take", take}};
-    const Status copied = offload(context, **rig, take, options, json);
+    const Status copied = offload(context, *rig, take, options, json);
     if (json.contains("id")) done.push_back(json);
     if (copied) continue;
     Error error = advised(copied.error().in(fmt::format("take {}", take)));
@@ -105,7 +101,7 @@ Status run_offload(Context& context, const OffloadOptions& options) {
   }
   context.console().document({{"takes", done}, {"failed", failed}});  // also what was done before an error
   if (problem) return fail(*problem);
-  if (takes->empty()) context.console().line("there are no finished takes; `nodal take list` lists them");
+  if (takes.empty()) context.console().line("there are no finished takes; `nodal take list` lists them");
   return {};
 }
 

@@ -1,4 +1,5 @@
 #include "stitch/registration/pairs.h"
+#include "protocol/base/try.h"
 
 #include <fmt/format.h>
 
@@ -53,25 +54,23 @@ void tell(Console& console, const registration::PairFit& fit, const PairsArgs& a
 }
 
 Status run_pairs(Context& context, const PairsArgs& args) {
-  const Result<std::string> text = read_file(args.calibration, kMaxCalibrationBytes);
-  if (!text) return fail(text.error());
-  const Result<Calibration> prior = parse_calibration(*text);
+  NODAL_TRY_ASSIGN(const std::string text, read_file(args.calibration, kMaxCalibrationBytes));
+  const Result<Calibration> prior = parse_calibration(text);
   if (!prior) return fail(prior.error().in(args.calibration));
   if (!args.cpfind && args.inputs.size() != 1) {
     return fail(Errc::kBadValue, "give one file with point pairs, or --cpfind and a picture of each head");
   }
-  const auto pairs = args.cpfind ? find_pairs(args.inputs, *prior) : read_pairs(args.inputs.front(), *prior);
-  if (!pairs) return fail(pairs.error());
+  NODAL_TRY_ASSIGN(const auto pairs,
+                   args.cpfind ? find_pairs(args.inputs, *prior) : read_pairs(args.inputs.front(), *prior));
   if (!args.csv.empty()) {
-    if (const Status written = write_file(args.csv, pairs_csv(*pairs, *prior)); !written) return written;
+    NODAL_TRY(write_file(args.csv, pairs_csv(pairs, *prior)));
   }
-  const Result<registration::PairFit> fit = interruptible(context.console(), [&] {
-    return registration::fit_to_pairs(*prior, *pairs,
-                                      args.focals ? registration::Free::kFocals : registration::Free::kRotations);
-  });
-  if (!fit) return fail(fit.error());
-  if (const Status written = write_file(args.out, to_json(fit->calibration)); !written) return written;
-  tell(context.console(), *fit, args);
+  NODAL_TRY_ASSIGN(const registration::PairFit fit, interruptible(context.console(), [&] {
+                     return registration::fit_to_pairs(
+                         *prior, pairs, args.focals ? registration::Free::kFocals : registration::Free::kRotations);
+                   }));
+  NODAL_TRY(write_file(args.out, to_json(fit.calibration)));
+  tell(context.console(), fit, args);
   return {};
 }
 

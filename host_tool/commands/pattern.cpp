@@ -1,5 +1,6 @@
 #include "stitch/calibration/lens/pattern.h"
 #include "protocol/base/file_ending.h"
+#include "protocol/base/try.h"
 
 #include <fmt/format.h>
 
@@ -53,23 +54,21 @@ Result<Size> parse_pattern_size(std::string_view text) {
 }
 
 Status run_pattern(Context& context, const PatternArgs& args) {
-  const Result<Size> size = parse_pattern_size(args.size);
-  if (!size) return fail(size.error());
-  calibration::PatternSpec spec = size->spec;
+  NODAL_TRY_ASSIGN(const Size size, parse_pattern_size(args.size));
+  calibration::PatternSpec spec = size.spec;
   spec.seed = args.seed;
-  const Result<calibration::PatternRaster> pattern = calibration::make_pattern(spec);
-  if (!pattern) return fail(pattern.error());
-  const media::GreyRaster raster{pattern->width, pattern->height, pattern->values};
-  const bool paper = size->width_mm > 0;
+  NODAL_TRY_ASSIGN(const calibration::PatternRaster pattern, calibration::make_pattern(spec));
+  const media::GreyRaster raster{pattern.width, pattern.height, pattern.values};
+  const bool paper = size.width_mm > 0;
   const std::string about = fmt::format("nodal pattern --size {} --seed {}", args.size, args.seed);
   Result<std::vector<std::uint8_t>> bytes = fail(Errc::kInternal, "");
   if (has_ending(args.out, ".pdf")) {
     // A page for a screen has one pixel per point; margins would only reduce the pattern.
-    bytes = paper ? media::grey_pdf(raster, size->width_mm, size->height_mm, args.margin_mm, about)
+    bytes = paper ? media::grey_pdf(raster, size.width_mm, size.height_mm, args.margin_mm, about)
                   : media::grey_pdf(raster, spec.width * 25.4 / 72, spec.height * 25.4 / 72, 0, about);
   } else if (has_ending(args.out, ".png")) {
-    const double printed_mm = std::min((size->width_mm - 2 * args.margin_mm) / spec.width,
-                                       (size->height_mm - 2 * args.margin_mm) / spec.height);
+    const double printed_mm = std::min((size.width_mm - 2 * args.margin_mm) / spec.width,
+                                       (size.height_mm - 2 * args.margin_mm) / spec.height);
     const int pixels_per_meter = paper ? static_cast<int>(std::lround(1000 / printed_mm)) : 0;
     bytes = media::png_file({raster.width, raster.height, 1, 8, raster.values},
                             {SampleMeaning::srgb(), pixels_per_meter, about, {}, 6});
@@ -77,7 +76,7 @@ Status run_pattern(Context& context, const PatternArgs& args) {
     return fail(Errc::kBadValue, fmt::format("--out {}: end it in .png or .pdf", args.out));
   }
   if (!bytes) return fail(bytes.error());
-  if (const Status written = write_file(args.out, *bytes); !written) return written;
+  NODAL_TRY(write_file(args.out, *bytes));
   context.console().document({{"out", args.out},
                               {"width", spec.width},
                               {"height", spec.height},

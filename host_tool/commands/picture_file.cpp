@@ -12,6 +12,7 @@
 #include "protocol/base/decoded_image.h"
 #include "protocol/base/file_ending.h"
 #include "protocol/base/image.h"
+#include "protocol/base/try.h"
 
 namespace nodal::host {
 namespace {
@@ -108,8 +109,7 @@ Result<std::uint64_t> most_raymap_bytes(const wire::RaymapHeader& header) {
 Status check_raymap(const ReceivedRaymap& raymap) {
   const wire::RaymapHeader& header = raymap.header;
   const std::size_t size = raymap.bytes.size();
-  const Result<std::uint64_t> wanted = most_raymap_bytes(header);
-  if (!wanted) return fail(wanted.error());
+  NODAL_TRY_ASSIGN(const std::uint64_t wanted, most_raymap_bytes(header));
   if (header.coding() == "jpeg") {
     const auto& b = raymap.bytes;
     if (size < 4 || b[0] != 0xFF || b[1] != 0xD8) {
@@ -120,8 +120,8 @@ Status check_raymap(const ReceivedRaymap& raymap) {
     }
     return {};
   }
-  if (size != *wanted) {
-    return fail(Errc::kTruncated, fmt::format("raymap of set {}: {} bytes instead of {}", header.set(), size, *wanted));
+  if (size != wanted) {
+    return fail(Errc::kTruncated, fmt::format("raymap of set {}: {} bytes instead of {}", header.set(), size, wanted));
   }
   return {};
 }

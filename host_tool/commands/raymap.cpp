@@ -17,6 +17,7 @@
 #include "host_tool/rig/wire_json.h"
 #include "protocol/base/file_ending.h"
 #include "protocol/base/frame_time.h"
+#include "protocol/base/try.h"
 
 namespace nodal::host {
 namespace {
@@ -79,7 +80,7 @@ class Assembly {
   /// Adds a piece; returns the complete raymap after its last piece.
   Result<std::optional<ReceivedRaymap>> add(const BulkPiece& piece) {
     if (piece.first) {
-      if (const Status good = begin(piece); !good) return fail(good.error());
+      NODAL_TRY(begin(piece));
     }
     bytes_.add(piece);
     if (!piece.last) return std::nullopt;
@@ -88,16 +89,14 @@ class Assembly {
 
  private:
   Status begin(const BulkPiece& piece) {
-    Result<wire::RaymapHeader> header = parse_clean<wire::RaymapHeader>(piece.meta, "header of a raymap");
-    if (!header) return fail(header.error());
-    header_ = std::move(*header);
+    NODAL_TRY_ASSIGN(wire::RaymapHeader header, parse_clean<wire::RaymapHeader>(piece.meta, "header of a raymap"));
+    header_ = std::move(header);
     if ((header_.coding() == "jpeg") != jpeg_) {
       return fail(Errc::kBadFormat,
                   "the rig sent a raymap of coding '" + header_.coding() + "', which was not asked for");
     }
-    const Result<std::uint64_t> most = most_raymap_bytes(header_);
-    if (!most) return fail(most.error());
-    return bytes_.begin(piece, *most, "a raymap");
+    NODAL_TRY_ASSIGN(const std::uint64_t most, most_raymap_bytes(header_));
+    return bytes_.begin(piece, most, "a raymap");
   }
 
   bool jpeg_;  ///< whether JPEG was requested
@@ -124,7 +123,7 @@ Result<RaymapSink> make_sink(const RaymapArgs& args, Console& console) {
   const std::string end(ending_of(sink.format));
   sink.pattern = !args.out.empty() ? args.out : (many ? "raymap-%06d." : "raymap.") + end;
   if (sink.pattern == "-") {
-    if (const Status good = check_pipe(console); !good) return fail(good.error());
+    NODAL_TRY(check_pipe(console));
     return sink;
   }
   if (const Result<std::string> name = numbered_name(sink.pattern, 1); !name) return fail(name.error().in("--out"));
@@ -178,9 +177,8 @@ class Pull {
 
   /// Runs until there are enough raymaps, the time is up, Ctrl-C, or the rig closes the stream.
   Status run() {
-    const Result<Duration> period = frame_period(rig_);
-    if (!period) return fail(period.error());
-    const Duration remind_after = kRemindAfter.at(*period);
+    NODAL_TRY_ASSIGN(const Duration period, frame_period(rig_));
+    const Duration remind_after = kRemindAfter.at(period);
     const double until =
         args_.seconds.empty() ? 0 : now_s() + static_cast<double>(parse_duration(args_.seconds)->ns()) / 1e9;
     while (!enough() && (until == 0 || now_s() < until) && !console_.output_gone()) {
@@ -199,14 +197,13 @@ class Pull {
                                   show_duration(static_cast<std::uint64_t>(remind_after.ns()))));
         continue;
       }
-      const Result<bool> more = take(**event);
-      if (!more) return fail(more.error());
-      if (!*more) break;
+      NODAL_TRY_ASSIGN(const bool more, take(**event));
+      if (!more) break;
     }
     rig_.stop_stream(stream_);
     console_.finish_progress();
     if (sink_.film) {
-      if (const Status ended = sink_.film->end(); !ended) return ended;
+      NODAL_TRY(sink_.film->end());
     }
     return conclude(args_.seconds.empty() || now_s() < until);
   }
@@ -246,23 +243,21 @@ class Pull {
     tally_.dropped = piece->dropped;
     if (piece->first) floor_.restart(rig_.now());
     begun_ = !piece->last;
-    const Result<std::optional<ReceivedRaymap>> raymap = assembly_.add(*piece);
-    if (!raymap) return fail(raymap.error());
-    if (!*raymap) return true;
-    if (const Status kept = keep(**raymap); !kept) return fail(kept.error());
+    NODAL_TRY_ASSIGN(const std::optional<ReceivedRaymap> raymap, assembly_.add(*piece));
+    if (!raymap) return true;
+    NODAL_TRY(keep(*raymap));
     return true;
   }
 
   Status keep(const ReceivedRaymap& raymap) {
-    if (const Status good = check_raymap(raymap); !good) return good;
+    NODAL_TRY(check_raymap(raymap));
     if (args_.complete && std::popcount(raymap.header.heads_mask()) < heads_) {
       ++tally_.incomplete;
       return {};
     }
     tally_.add(raymap);
-    const Result<std::string> stored = sink_.store(raymap, tally_.pulled, console_);
-    if (!stored) return fail(stored.error());
-    name_ = *stored;
+    NODAL_TRY_ASSIGN(const std::string stored, sink_.store(raymap, tally_.pulled, console_));
+    name_ = stored;
     tell_frame(console_, raymap, name_, tally_.dropped);
     progress_.update(tally_.pulled,
                      fmt::format("{:.2f}/s, {} dropped, set {}", tally_.rate(), tally_.dropped, raymap.header.set()));
@@ -288,9 +283,8 @@ class Pull {
 Result<int> count_heads(RigConnection& rig) {
   wire::Request request;
   request.mutable_heads();
-  const Result<wire::Reply> reply = rig.ask(request);
-  if (!reply) return fail(reply.error());
-  return reply->heads().heads_size();
+  NODAL_TRY_ASSIGN(const wire::Reply reply, rig.ask(request));
+  return reply.heads().heads_size();
 }
 
 /// Requests raymaps; repeats the request every second while the rig is still compiling its blend table.
@@ -306,31 +300,26 @@ Result<StreamId> start_pull(RigConnection& rig, const wire::Request& request, Co
     if (started.error().code != Errc::kNotReady) return fail(started.error());
     wire::Request how;
     how.mutable_status();
-    const Result<wire::Reply> status = rig.ask(how);
-    if (!status) return fail(status.error());
-    floor.see(status->status().activity(), rig.now());
-    if (status->status().activity().empty() || floor.stalled(rig.now())) return fail(started.error());
-    console.activity(status->status().activity());
-    if (const Status rested = rig.rest(kAskAgainAfter); !rested) return fail(rested.error());
-    if (interrupted()) return fail(Errc::kCancelled, "stopped while the rig was " + status->status().activity());
+    NODAL_TRY_ASSIGN(const wire::Reply status, rig.ask(how));
+    floor.see(status.status().activity(), rig.now());
+    if (status.status().activity().empty() || floor.stalled(rig.now())) return fail(started.error());
+    console.activity(status.status().activity());
+    NODAL_TRY(rig.rest(kAskAgainAfter));
+    if (interrupted()) return fail(Errc::kCancelled, "stopped while the rig was " + status.status().activity());
   }
 }
 
 Status run_raymap(Context& context, const RaymapArgs& args) {
-  const Result<RaymapSink> sink = make_sink(args, context.console());
-  if (!sink) return fail(sink.error());
-  Result<std::unique_ptr<RigConnection>> rig = context.connect();
-  if (!rig) return fail(rig.error());
-  const Result<int> heads = args.complete ? count_heads(**rig) : 0;
-  if (!heads) return fail(heads.error());
+  NODAL_TRY_ASSIGN(const RaymapSink sink, make_sink(args, context.console()));
+  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
+  NODAL_TRY_ASSIGN(const int heads, args.complete ? count_heads(*rig) : 0);
   wire::Request request;
   wire::PullRequest& wanted = *request.mutable_pull();
-  wanted.set_coding(sink->format == RaymapFormat::kJpg ? wire::PullRequest::JPEG : wire::PullRequest::RAW);
+  wanted.set_coding(sink.format == RaymapFormat::kJpg ? wire::PullRequest::JPEG : wire::PullRequest::RAW);
   wanted.set_count(0);  // this end counts and stops: dropped raymaps must not count
   wanted.set_lossless(args.lossless);
-  const Result<StreamId> stream = start_pull(**rig, request, context.console());
-  if (!stream) return fail(stream.error());
-  return Pull(**rig, *stream, args, *sink, *heads, context.console()).run();
+  NODAL_TRY_ASSIGN(const StreamId stream, start_pull(*rig, request, context.console()));
+  return Pull(*rig, stream, args, sink, heads, context.console()).run();
 }
 
 }  // namespace

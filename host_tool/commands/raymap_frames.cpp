@@ -12,6 +12,7 @@
 #include "host_tool/console/interrupt.h"
 #include "host_tool/input/kept_metadata.h"
 #include "host_tool/input/pictures.h"
+#include "protocol/base/try.h"
 #include "stitch/media/gpano.h"
 #include "stitch/media/xmp/xmp.h"
 
@@ -33,11 +34,10 @@ struct FrameInput {
 
 /// `from_metadata`: a part of a sphere is placed on the sphere where the file's metadata say.
 Result<FrameInput> read_frame(const std::string& file, bool from_metadata) {
-  Result<DecodedImage> picture = read_deep_picture(file);
-  if (!picture) return fail(picture.error());
-  const std::optional<media::SphereArea> area = media::parse_xmp(picture->metadata.xmp).area;
-  if (!area || !from_metadata) return FrameInput{std::move(*picture), area.has_value()};
-  Result<DecodedImage> whole = media::whole_sphere(std::move(*picture), *area);
+  NODAL_TRY_ASSIGN(DecodedImage picture, read_deep_picture(file));
+  const std::optional<media::SphereArea> area = media::parse_xmp(picture.metadata.xmp).area;
+  if (!area || !from_metadata) return FrameInput{std::move(picture), area.has_value()};
+  Result<DecodedImage> whole = media::whole_sphere(std::move(picture), *area);
   if (!whole) return fail(whole.error().in(file));
   return FrameInput{std::move(*whole), true};
 }
@@ -117,10 +117,10 @@ Status run_frame_job(Context& context, const FrameOptions& options,
   const Stopwatch whole;
   double resampling_seconds = 0;
   const bool piped = options.out == "-";
-  if (const Status good = piped ? check_pipe(console) : Status{}; !good) return good;
+  NODAL_TRY(piped ? check_pipe(console) : Status{});
   const Result<RaymapFormat> format = piped ? RaymapFormat::kJpg : raymap_format_of_name(options.out);
   if (!format) return fail(format.error().in("--out"));
-  if (const Status good = check_names(options); !good) return good;
+  NODAL_TRY(check_names(options));
   const std::size_t count = count_of(options);
   std::optional<FrameJob> job;
   geometry::RaymapSize size;  // of the first
@@ -131,16 +131,14 @@ Status run_frame_job(Context& context, const FrameOptions& options,
     for (std::size_t k = 0; k < count; ++k) {
       if (interrupted()) return fail(Errc::kCancelled, fmt::format("stopped after {} of {} pictures", k, count));
       if (k < options.inputs.size()) {
-        Result<FrameInput> read =
-            interruptible(console, [&] { return read_frame(options.inputs[k], options.from.empty()); });
-        if (!read) return fail(read.error());
-        input = std::move(*read);
+        NODAL_TRY_ASSIGN(FrameInput read,
+                         interruptible(console, [&] { return read_frame(options.inputs[k], options.from.empty()); }));
+        input = std::move(read);
       }
       const DecodedImage& picture = input->picture;
       if (!job) {
-        Result<FrameJob> begun = begin(*input);
-        if (!begun) return fail(begun.error());
-        job.emplace(std::move(*begun));
+        NODAL_TRY_ASSIGN(FrameJob begun, begin(*input));
+        job.emplace(std::move(begun));
         size = {picture.width, picture.height};
         tell_alpha(console, options.inputs[k], picture);
       }
@@ -150,19 +148,18 @@ Status run_frame_job(Context& context, const FrameOptions& options,
                                 "one size",
                                 options.inputs[k], picture.width, picture.height, size.width, size.height));
       }
-      const auto file = interruptible(console, [&] {
-        const Stopwatch watch;
-        DecodedImage result = job->paint(picture, k);
-        resampling_seconds += watch.seconds();
-        return encode(std::move(result), picture, *format, job->layout, options.quality);
-      });
-      if (!file) return fail(file.error());
+      NODAL_TRY_ASSIGN(const auto file, interruptible(console, [&] {
+                         const Stopwatch watch;
+                         DecodedImage result = job->paint(picture, k);
+                         resampling_seconds += watch.seconds();
+                         return encode(std::move(result), picture, *format, job->layout, options.quality);
+                       }));
       if (piped) {
-        console.bytes({reinterpret_cast<const char*>(file->data()), file->size()});
+        console.bytes({reinterpret_cast<const char*>(file.data()), file.size()});
         continue;
       }
       last = numbered_name(options.out, k).value();
-      if (const Status written = write_file(last, *file); !written) return written;
+      NODAL_TRY(write_file(last, file));
       bar.update(k + 1, last);
     }
   }
@@ -215,23 +212,21 @@ Status run_frames(Context& context, const FrameOptions& options,
   std::optional<view::Resampler> resampler;
   view::Resampler::Plan plan;
   return run_frame_job(context, options, [&](const FrameInput& first) -> Result<FrameJob> {
-    const Result<geometry::LayoutName> from = layout_of(options, first);
-    if (!from) return fail(from.error());
+    NODAL_TRY_ASSIGN(const geometry::LayoutName from, layout_of(options, first));
     const geometry::RaymapSize size{first.picture.width, first.picture.height};
-    auto layout = geometry::make_layout(*from, size.width, size.height);
+    auto layout = geometry::make_layout(from, size.width, size.height);
     if (!layout) return fail(layout.error().in(options.inputs.front()));
     source = std::move(*layout);
-    if (!source->scattered()) warn_of_shape(context.console(), options.inputs.front(), *from, size);
-    const Result<Outcome> made = outcome(*from, size);
-    if (!made) return fail(made.error());
+    if (!source->scattered()) warn_of_shape(context.console(), options.inputs.front(), from, size);
+    NODAL_TRY_ASSIGN(const Outcome made, outcome(from, size));
     const Stopwatch watch;
     interruptible(context.console(), [&] {
       resampler.emplace(*source, filter, workers);
-      plan = resampler->plan(made->target, workers);
+      plan = resampler->plan(made.target, workers);
     });
-    return FrameJob{{made->target.width, made->target.height},
-                    made->layout,
-                    [&, target_of = made->target_of](const DecodedImage& raymap, std::size_t k) {
+    return FrameJob{{made.target.width, made.target.height},
+                    made.layout,
+                    [&, target_of = made.target_of](const DecodedImage& raymap, std::size_t k) {
                       if (target_of && k > 0) plan = resampler->plan(target_of(k), workers);
                       return resampler->resample(raymap.view(), plan, workers);
                     },

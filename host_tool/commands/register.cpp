@@ -1,3 +1,4 @@
+#include "protocol/base/try.h"
 #include "stitch/registration/registration.h"
 
 #include <fmt/format.h>
@@ -74,14 +75,13 @@ struct RegisterInput : CalibratedPictures {
 /// Pictures without a calibration.
 Result<RegisterInput> input_from_pictures(Context& context, const RegisterArgs& args) {
   Console& console = context.console();
-  const Result<OwnPictureSets> own = own_pictures(args.inputs);
-  if (!own) return fail(own.error());
-  for (const std::string& note : own->notes) console.note("note: " + note);
+  NODAL_TRY_ASSIGN(const OwnPictureSets own, own_pictures(args.inputs));
+  for (const std::string& note : own.notes) console.note("note: " + note);
   Result<FirstCalibration> first = fail(Errc::kInternal, "");
   {
     Progress bar(console, "matching", 1000);
     first = interruptible(console, [&] {
-      return first_calibration(own->sets[own->sets.size() / 2], own->names, [&](double done, const std::string& what) {
+      return first_calibration(own.sets[own.sets.size() / 2], own.names, [&](double done, const std::string& what) {
         bar.update(static_cast<std::uint64_t>(1000 * done), what);
       });
     });
@@ -98,17 +98,13 @@ Result<RegisterInput> input_from_pictures(Context& context, const RegisterArgs& 
 }
 
 Result<RegisterInput> input_from_rig(Context& context, const RegisterArgs& args) {
-  Result<std::unique_ptr<RigConnection>> rig = context.connect();
-  if (!rig) return fail(rig.error());
-  if (const Status has = require_feature(**rig, "frame-sets", "registering a running rig"); !has)
-    return fail(has.error());
-  Result<Calibration> prior = calibration_in_force(**rig);
-  if (!prior) return fail(prior.error());
-  Result<PictureSets> pictures = pull_frame_sets(**rig, *prior, args.sets, context.console());
-  if (!pictures) return fail(pictures.error());
+  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
+  NODAL_TRY(require_feature(*rig, "frame-sets", "registering a running rig"));
+  NODAL_TRY_ASSIGN(Calibration prior, calibration_in_force(*rig));
+  NODAL_TRY_ASSIGN(PictureSets pictures, pull_frame_sets(*rig, prior, args.sets, context.console()));
   RegisterInput input;
-  input.calibration = std::move(*prior);
-  input.pictures = std::move(*pictures);
+  input.calibration = std::move(prior);
+  input.pictures = std::move(pictures);
   return input;
 }
 
@@ -117,21 +113,20 @@ Result<RegisterInput> read_register_input(Context& context, const RegisterArgs& 
     return fail(Errc::kMissingField, "no pictures; give one a head");
   if (args.inputs.empty()) return input_from_rig(context, args);
   if (args.nominal.rig.empty() && is_picture(args.inputs.front())) return input_from_pictures(context, args);
-  Result<CalibratedPictures> read = interruptible(context.console(), [&] {
-    return args.nominal.rig.empty() ? read_calibrated_pictures(args.inputs)
-                                    : read_nominal_pictures(args.nominal, args.inputs);
-  });
-  if (!read) return fail(read.error());
+  NODAL_TRY_ASSIGN(CalibratedPictures read, interruptible(context.console(), [&] {
+                     return args.nominal.rig.empty() ? read_calibrated_pictures(args.inputs)
+                                                     : read_nominal_pictures(args.nominal, args.inputs);
+                   }));
   RegisterInput input;
-  static_cast<CalibratedPictures&>(input) = std::move(*read);
+  static_cast<CalibratedPictures&>(input) = std::move(read);
   if (args.rig_toml.empty()) return input;
   std::vector<std::string> names;
   for (const HeadCalibration& head : input.calibration.heads) names.push_back(head.name);
   const std::size_t others = args.nominal.rig.empty() ? 1 : 0;  // the calibration is the first argument
-  const auto sets =
-      picture_files({args.inputs.begin() + static_cast<std::ptrdiff_t>(others), args.inputs.end()}, names);
-  if (!sets) return fail(sets.error());
-  input.files = sets->front();
+  NODAL_TRY_ASSIGN(
+      const auto sets,
+      picture_files({args.inputs.begin() + static_cast<std::ptrdiff_t>(others), args.inputs.end()}, names));
+  input.files = sets.front();
   return input;
 }
 
@@ -218,16 +213,14 @@ Status run_register(Context& context, const RegisterArgs& args) {
   if (!args.rig_toml.empty() && args.inputs.empty()) {
     return fail(Errc::kMissingField, "--rig-toml: heads replay picture files; give pictures");
   }
-  Result<RegisterInput> input = read_register_input(context, args);
-  if (!input) return fail(input.error());
+  NODAL_TRY_ASSIGN(RegisterInput input, read_register_input(context, args));
   if (!args.pairs.empty()) {
-    const auto pairs = read_pairs(args.pairs, input->calibration);
-    if (!pairs) return fail(pairs.error());
+    NODAL_TRY_ASSIGN(const auto pairs, read_pairs(args.pairs, input.calibration));
     Result<registration::PairFit> fit = interruptible(context.console(), [&] {
-      return registration::fit_to_pairs(input->calibration, *pairs, registration::Free::kRotations);
+      return registration::fit_to_pairs(input.calibration, pairs, registration::Free::kRotations);
     });
     if (!fit) return fail(fit.error().in(args.pairs));
-    input->calibration = std::move(fit->calibration);
+    input.calibration = std::move(fit->calibration);
     for (const std::string& warning : fit->warnings) context.console().note(args.pairs + ": " + warning);
   }
   Options options = args.options;
@@ -241,7 +234,7 @@ Status run_register(Context& context, const RegisterArgs& args) {
   options.gauge = !args.gauge.empty()   ? kGauge.at(args.gauge)
                   : args.inputs.empty() ? registration::Gauge::kMost
                                         : registration::Gauge::kFirstHead;
-  options.search = !args.no_search && !input->matched;
+  options.search = !args.no_search && !input.matched;
   options.lens_far_off = !args.nominal.rig.empty();  // a data sheet gives a field of view, but no lens
   Result<Report> report = fail(Errc::kInternal, "");
   const auto wall = std::chrono::steady_clock::now();
@@ -253,23 +246,22 @@ Status run_register(Context& context, const RegisterArgs& args) {
                  fmt::format("raymap {} wide, differ by {:.3f} levels", step.width, std::sqrt(step.objective)));
     };
     report = interruptible(context.console(), [&] {
-      return registration::register_heads(input->calibration, input->pictures.frames(), options);
+      return registration::register_heads(input.calibration, input.pictures.frames(), options);
     });
   }
   if (!report) return fail(with_advice(report.error(), !args.nominal.rig.empty()));
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall).count();
-  if (const Status written = write_file(args.out, to_json(report->calibration)); !written) return written;
+  NODAL_TRY(write_file(args.out, to_json(report->calibration)));
   if (!args.rig_toml.empty()) {
-    const Result<std::string> toml = replay_rig_toml(report->calibration, input->files, args.out, args.rig_toml);
-    if (!toml) return fail(toml.error());
-    if (const Status written = write_file(args.rig_toml, *toml); !written) return written;
+    NODAL_TRY_ASSIGN(const std::string toml,
+                     replay_rig_toml(report->calibration, input.files, args.out, args.rig_toml));
+    NODAL_TRY(write_file(args.rig_toml, toml));
   }
   if (!args.report.empty()) {
-    const Result<std::string> page = interruptible(context.console(), [&] {
-      return registration_report(input->calibration, input->pictures.frames().front(), *report);
-    });
-    if (!page) return fail(page.error());
-    if (const Status written = write_file(args.report, *page); !written) return written;
+    NODAL_TRY_ASSIGN(const std::string page, interruptible(context.console(), [&] {
+                       return registration_report(input.calibration, input.pictures.frames().front(), *report);
+                     }));
+    NODAL_TRY(write_file(args.report, page));
   }
   Json document = register_json(*report);
   document["out"] = args.out;
@@ -278,9 +270,8 @@ Status run_register(Context& context, const RegisterArgs& args) {
   context.console().document(document);
   tell(context.console(), *report, options.free != registration::Free::kRotations, args.out, seconds);
   if (!args.trial) return {};
-  const Result<TrialVerdict> verdict = try_out(context, report->calibration, args.sets, {*limit});
-  if (!verdict) return fail(verdict.error());
-  tell_verdict(context, *verdict);
+  NODAL_TRY_ASSIGN(const TrialVerdict verdict, try_out(context, report->calibration, args.sets, {*limit}));
+  tell_verdict(context, verdict);
   return {};
 }
 

@@ -19,6 +19,7 @@
 #include "host_tool/rig/wire_json.h"
 #include "protocol/base/file_ending.h"
 #include "protocol/base/stops.h"
+#include "protocol/base/try.h"
 #include "stitch/media/gpano.h"
 #include "stitch/media/jpeg_writer.h"
 #include "stitch/parallel/workers.h"
@@ -47,12 +48,11 @@ Result<RaymapConfig> wanted_raymap(const media::TakeFolder& folder, const Render
   const std::string layout = args.layout.empty() ? raymap->layout : args.layout;
   const Result<geometry::LayoutName> name = layout_named(layout);
   if (!name) return fail(name.error().in("--layout"));
-  const Result<geometry::LayoutName> before = geometry::LayoutName::parse(raymap->layout);
-  if (!before) return fail(before.error());
+  NODAL_TRY_ASSIGN(const geometry::LayoutName before, geometry::LayoutName::parse(raymap->layout));
   if (args.quality != 0) raymap->jpeg_quality = args.quality;
   if (args.layout.empty() && args.width == 0) return raymap;
   // As fine as the rig's own, unless a width is given.
-  const double natural = name->width_for_resolution(raymap->width / before->width_for_resolution(1));
+  const double natural = name->width_for_resolution(raymap->width / before.width_for_resolution(1));
   const geometry::RaymapSize size = name->size_for_width(args.width > 0 ? args.width : natural);
   raymap->layout = name->text();
   raymap->width = size.width;
@@ -100,7 +100,7 @@ class Sender {
     const std::string comment =
         fmt::format("nodal render set={} calibration={}", set.evidence.number(), to_hex(calibration));
     const ImageView shown = shown_.in_8_bits(rendered.pixels.view(), rendered.linear);
-    if (const Status written = writer_->write(shown, comment, raymap.bytes); !written) return fail(written.error());
+    NODAL_TRY(writer_->write(shown, comment, raymap.bytes));
     return raymap;
   }
 
@@ -171,7 +171,7 @@ Status check_memory(Console& console, const render::TakeRender& render, const Ra
   const std::optional<RenderCost> cost = interruptible(
       console, [&] { return cost_of(render.calibrations(), raymap, parallel::Workers(threads).threads()); });
   if (!cost) return {};
-  if (const Status fits = check_cost(*cost, raymap, free); !fits) return fits;
+  NODAL_TRY(check_cost(*cost, raymap, free));
   if (is_worth_saying(*cost, free)) {
     console.note(
         fmt::format("a raymap of {}x{} pixels needs about {} of memory and {:.0f} s to prepare; --width makes it "
@@ -185,17 +185,14 @@ Status run_render(Context& context, RenderArgs args) {
   watch_interrupts();
   Console& console = context.console();
   const auto begin = std::chrono::steady_clock::now();
-  const Result<media::TakeFolder> folder = open_take(context, args.folder);
-  if (!folder) return fail(folder.error());
-  const Result<RaymapConfig> raymap = wanted_raymap(*folder, args);
-  if (!raymap) return fail(raymap.error());
+  NODAL_TRY_ASSIGN(const media::TakeFolder folder, open_take(context, args.folder));
+  NODAL_TRY_ASSIGN(const RaymapConfig raymap, wanted_raymap(folder, args));
   render::RenderOptions options;
-  options.raymap = *raymap;
+  options.raymap = raymap;
   options.threads = args.threads;
   if (!args.calibration.empty()) {
-    const Result<std::string> text = read_file(args.calibration, kMaxCalibrationBytes);
-    if (!text) return fail(text.error());
-    Result<Calibration> calibration = parse_calibration(*text);
+    NODAL_TRY_ASSIGN(const std::string text, read_file(args.calibration, kMaxCalibrationBytes));
+    Result<Calibration> calibration = parse_calibration(text);
     if (!calibration) return fail(calibration.error().in(args.calibration));
     options.calibration = std::move(*calibration);
   }
@@ -205,26 +202,26 @@ Status run_render(Context& context, RenderArgs args) {
     return fail(Errc::kBadValue, fmt::format("--from {} --to {}: the end must be behind the beginning",
                                              args.from.empty() ? "0s" : args.from, args.to));
   }
-  const auto render = render::TakeRender::make(*folder, options);
+  const auto render = render::TakeRender::make(folder, options);
   if (!render) return fail(render.error());
-  if (const Status fits = check_memory(console, **render, *raymap, args.threads); !fits) {
+  if (const Status fits = check_memory(console, **render, raymap, args.threads); !fits) {
     return fail(fits.error().in(args.folder));
   }
 
-  const bool many = folder->manifest().sets * static_cast<std::uint64_t>(raymap->raymaps_a_set()) > 1;
+  const bool many = folder.manifest().sets * static_cast<std::uint64_t>(raymap.raymaps_a_set()) > 1;
   if (args.out.empty()) args.out = many ? "raymaps.mkv" : "raymap.jpg";
   Result<RaymapSink> sink = make_sink(args.out);
   if (!sink) return fail(sink.error());
   if (many && !is_film(args.out) && !has_number(args.out)) {
     return fail(Errc::kBadValue, fmt::format("--out {}: the take has {}, and every raymap needs a name of its own; put "
                                              "%06d into it, or make a film (.mkv)",
-                                             args.out, counted(folder->manifest().sets, "set")));
+                                             args.out, counted(folder.manifest().sets, "set")));
   }
-  Sender sender(*raymap, sink->format == RaymapFormat::kJpg);
+  Sender sender(raymap, sink->format == RaymapFormat::kJpg);
   Rendered done;
   {
-    const double period = static_cast<double>(folder->about().rate.period().ns());
-    const auto recorded = static_cast<double>(folder->manifest().sets + folder->manifest().deleted_sets);
+    const double period = static_cast<double>(folder.about().rate.period().ns());
+    const auto recorded = static_cast<double>(folder.manifest().sets + folder.manifest().deleted_sets);
     const auto sets_before = [&](Duration time) {
       return static_cast<std::uint64_t>(std::ceil(std::min(static_cast<double>(time.ns()) / period, recorded)));
     };
@@ -236,21 +233,19 @@ Status run_render(Context& context, RenderArgs args) {
     render::RenderedRaymap rendered;
     for (;;) {
       const auto next = [&] { return (*render)->next(rendered, compiled); };
-      const Result<bool> more = done.raymaps == 0 ? interruptible(console, next) : next();
-      if (!more) return fail(more.error());
-      if (!*more || interrupted()) break;
+      NODAL_TRY_ASSIGN(const bool more, done.raymaps == 0 ? interruptible(console, next) : next());
+      if (!more || interrupted()) break;
       const media::TakeSet& set = (*render)->set();
-      const Result<ReceivedRaymap> made = sender.send(rendered, set, (*render)->calibration(), (*render)->rate());
-      if (!made) return fail(made.error());
+      NODAL_TRY_ASSIGN(const ReceivedRaymap made,
+                       sender.send(rendered, set, (*render)->calibration(), (*render)->rate()));
       if (is_film(args.out) && !sink->film) sink = RaymapSink::film_of(args.out);
       if (!sink) return fail(sink.error());
-      if (sink->film && done.raymaps == 0) sink->film->set_utc_offset(folder->about().utc_offset_ns());
-      const Result<std::string> stored = sink->store(*made, ++done.raymaps, console);
-      if (!stored) return fail(stored.error());
-      done.last = *stored;
+      if (sink->film && done.raymaps == 0) sink->film->set_utc_offset(folder.about().utc_offset_ns());
+      NODAL_TRY_ASSIGN(const std::string stored, sink->store(made, ++done.raymaps, console));
+      done.last = stored;
       if (rendered.field.value_or(0) == 0) done.undecodable += rendered.undecodable_heads;
-      if (rendered.heads != (1U << folder->about().heads.size()) - 1) ++done.incomplete;
-      Json json = to_json(made->header);
+      if (rendered.heads != (1U << folder.about().heads.size()) - 1) ++done.incomplete;
+      Json json = to_json(made.header);
       json["file"] = done.last;
       json["index"] = set.evidence.index();
       console.document({{"raymap", json}});
@@ -258,14 +253,14 @@ Status run_render(Context& context, RenderArgs args) {
     }
   }
   if (sink->film) {
-    if (const Status ended = sink->film->end(); !ended) return ended;
+    NODAL_TRY(sink->film->end());
   }
   if (interrupted()) {
     return fail(Errc::kCancelled, fmt::format("stopped after {}; the newest is in {}", counted(done.raymaps, "raymap"),
                                               done.last.empty() ? args.out : done.last));
   }
   if (done.raymaps == 0) {
-    const take::Manifest& manifest = folder->manifest();
+    const take::Manifest& manifest = folder.manifest();
     std::string deleted;
     if (manifest.deleted_sets != 0) {
       deleted = fmt::format(" without the {} that the rig deleted to make room", counted(manifest.deleted_sets, "set"));
@@ -279,14 +274,14 @@ Status run_render(Context& context, RenderArgs args) {
                       {"incomplete", done.incomplete},
                       {"undecodable_pictures", done.undecodable},
                       {"calibration", to_hex((*render)->calibration())},
-                      {"layout", raymap->layout},
-                      {"width", raymap->width},
-                      {"height", raymap->height},
+                      {"layout", raymap.layout},
+                      {"width", raymap.width},
+                      {"height", raymap.height},
                       {"out", args.out},
                       {"seconds", seconds}}}});
   tell_losses(console, **render, done);
-  console.line(fmt::format("{}: {} of {}x{}, {} ({:.1f} s)", args.out, counted(done.raymaps, "raymap"), raymap->width,
-                           raymap->height, raymap->layout, seconds));
+  console.line(fmt::format("{}: {} of {}x{}, {} ({:.1f} s)", args.out, counted(done.raymaps, "raymap"), raymap.width,
+                           raymap.height, raymap.layout, seconds));
   return {};
 }
 

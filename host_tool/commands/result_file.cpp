@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "protocol/base/try.h"
 #include "stitch/media/colour/colour.h"
 #include "stitch/media/gpano.h"
 #include "stitch/media/image_file.h"
@@ -19,7 +20,7 @@ Result<std::vector<std::uint8_t>> encode_jpeg(const DecodedImage& picture, const
   media::JpegWriter writer(
       {picture.format, picture.width, picture.height, file.quality, xmp, std::nullopt, file.kept.exif});
   std::vector<std::uint8_t> jpeg;
-  if (const Status written = writer.write(picture.view(), file.comment, jpeg); !written) return fail(written.error());
+  NODAL_TRY(writer.write(picture.view(), file.comment, jpeg));
   return jpeg;
 }
 

@@ -4,6 +4,7 @@
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/rig/wire_json.h"
+#include "protocol/base/try.h"
 
 namespace nodal::host {
 namespace {
@@ -141,31 +142,30 @@ std::string one_line(const wire::RigStatus& status) {
 Status run_status(Context& context, const StatusArgs& args) {
   const Result<Duration> interval = parse_duration(args.interval);
   if (!interval) return fail(interval.error().in("--interval"));
-  Result<std::unique_ptr<RigConnection>> rig = context.connect();
-  if (!rig) return fail(rig.error());
+  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
   Console& console = context.console();
   wire::Request request;
   request.mutable_status();
   const bool endless = args.watch && args.count == 0;  // then Ctrl-C is its normal end
   for (std::uint64_t shown = 0;;) {
-    const Result<wire::Reply> reply = (*rig)->ask(request);
+    const Result<wire::Reply> reply = rig->ask(request);
     if (!reply) {
       if (endless && interrupted()) return {};
       return fail(reply.error());
     }
     const wire::RigStatus& status = reply->status();
-    console.document(to_json(status, (*rig)->rig().rig_name(), (*rig)->address()));
+    console.document(to_json(status, rig->rig().rig_name(), rig->address()));
     if (args.watch && !console.out_is_terminal()) {
       console.line(one_line(status));
     } else {
       if (args.watch) console.home();
-      show(console, status, (*rig)->rig().rig_name(), (*rig)->address());
+      show(console, status, rig->rig().rig_name(), rig->address());
       if (args.watch) console.line(console.paint(Colour::kDim, "  Ctrl-C ends"));
     }
     ++shown;
     if (!args.watch || shown == args.count || console.output_gone()) return {};
     // No stream is open: this only waits, and detects at once if the link closes.
-    const Status waited = (*rig)->rest(*interval);
+    const Status waited = rig->rest(*interval);
     if (endless && interrupted()) return {};
     if (!waited) return fail(waited.error());
   }

@@ -17,6 +17,7 @@
 #include "host_tool/input/own_pictures.h"
 #include "host_tool/input/stitch_input.h"
 #include "host_tool/report/registration_report.h"
+#include "protocol/base/try.h"
 #include "stitch/geometry/raymap/layout.h"
 #include "stitch/offline/best_blend.h"
 #include "stitch/offline/offline_blend.h"
@@ -95,7 +96,7 @@ std::string beside(const std::string& out, const std::string& ending) {
 }
 
 Status check_names(const std::string& out, const std::vector<std::vector<std::string>>& sets) {
-  if (const Status good = check_output(out, sets, sets.size()); !good) return good;
+  NODAL_TRY(check_output(out, sets, sets.size()));
   if (sets.size() == 1 || has_number(out)) return {};
   return fail(Errc::kBadValue, fmt::format("--out {}: there are {} sets of pictures, and every raymap needs a name of "
                                            "its own; put %04d into it",
@@ -104,28 +105,27 @@ Status check_names(const std::string& out, const std::vector<std::vector<std::st
 
 /// Pictures without a calibration: finds one, and writes it and its report beside the raymap.
 Status calibrate(Console& console, Job& job) {
-  const Result<OwnPictureSets> own = own_pictures(job.args.inputs);
-  if (!own) return fail(own.error());
-  if (const Status good = check_names(job.args.out, own->sets); !good) return good;
-  const std::vector<std::string>& files = own->sets[own->sets.size() / 2];
+  NODAL_TRY_ASSIGN(const OwnPictureSets own, own_pictures(job.args.inputs));
+  NODAL_TRY(check_names(job.args.out, own.sets));
+  const std::vector<std::string>& files = own.sets[own.sets.size() / 2];
   Progress bar(console, "calibrating", 1000);
   // Matching takes about as long as the registration.
   const auto show = [&](double from, double done, const std::string& what) {
     bar.update(static_cast<std::uint64_t>(1000 * (from + done / 2)), what);
   };
   Result<FirstCalibration> first =
-      first_calibration(files, own->names, [&](double done, const std::string& what) { show(0, done, what); });
+      first_calibration(files, own.names, [&](double done, const std::string& what) { show(0, done, what); });
   if (!first) {
-    for (const std::string& note : own->notes) console.note("note: " + note);
+    for (const std::string& note : own.notes) console.note("note: " + note);
     return fail(first.error());
   }
   job.confidence = first->confidence;
   job.lens = first->lens;
-  job.input.notes = own->notes;
+  job.input.notes = own.notes;
   job.input.notes.insert(job.input.notes.end(), first->notes.begin(), first->notes.end());
-  if (own->sets.size() > 1) {
-    job.input.notes.push_back(fmt::format("the calibration is from set {} of {}, with {}", own->sets.size() / 2 + 1,
-                                          own->sets.size(), files.front()));
+  if (own.sets.size() > 1) {
+    job.input.notes.push_back(fmt::format("the calibration is from set {} of {}, with {}", own.sets.size() / 2 + 1,
+                                          own.sets.size(), files.front()));
   }
   Result<registration::Report> report =
       refined(*first, [&](double done, const std::string& what) { show(0.5, done, what); });
@@ -134,14 +134,13 @@ Status calibrate(Console& console, Job& job) {
     registration::FrameSet frames;
     for (const DecodedImage& image : first->images) frames.push_back(image.view());
     job.reported = true;
-    const Result<std::string> page = registration_report(first->calibration, frames, *report);
-    if (!page) return fail(page.error());
-    if (const Status written = write_file(beside(job.args.out, ".report.html"), *page); !written) return written;
+    NODAL_TRY_ASSIGN(const std::string page, registration_report(first->calibration, frames, *report));
+    NODAL_TRY(write_file(beside(job.args.out, ".report.html"), page));
   } else {
     job.input.notes.push_back("the pictures' light is not matched: " + report.error().message);
   }
   job.input.calibration = report ? report->calibration : first->calibration;
-  for (const std::vector<std::string>& set : own->sets) {
+  for (const std::vector<std::string>& set : own.sets) {
     job.input.sets.emplace_back();
     for (const std::size_t head : first->heads) job.input.sets.back().push_back(set[head]);
   }
@@ -173,19 +172,18 @@ Result<Job> make_job(Console& console, const StitchArgs& args) {
     return fail(Errc::kBadValue, "--bits 16: a JPEG has 8 bits; let --out end in .png, .tif or .raw");
   }
   if (args.nominal.rig.empty() && is_picture(args.inputs.front())) {
-    if (const Status found = calibrate(console, job); !found) return fail(found.error());
+    NODAL_TRY(calibrate(console, job));
   } else {
     const auto places = args.pictures_anywhere ? PicturePlaces::kAnywhere : PicturePlaces::kBesideProject;
-    Result<StitchInput> input = read_stitch_input(args.nominal, args.inputs, places);
-    if (!input) return fail(input.error());
-    job.input = std::move(*input);
+    NODAL_TRY_ASSIGN(StitchInput input, read_stitch_input(args.nominal, args.inputs, places));
+    job.input = std::move(input);
     if (args.bits == 16 && job.input.imported) take_for_srgb(job.input);
   }
   if (args.distance > 0) {
     job.input.calibration.distance = args.distance;
     if (const Status good = check_calibration(job.input.calibration); !good) return fail(good.error().in("--distance"));
   }
-  if (const Status good = check_names(args.out, job.input.sets); !good) return fail(good.error());
+  NODAL_TRY(check_names(args.out, job.input.sets));
   const Result<double> resolution = offline::resolution_of(job.input.calibration);
   if (!resolution) return fail(resolution.error().in(args.inputs.front()));
   const double natural = layout->width_for_resolution(*resolution);
@@ -212,7 +210,7 @@ class Stitcher {
 
   /// `progress`: as for OfflineBlend::make.
   Result<DecodedImage> stitch(std::span<const ImageView> pictures, const std::function<void(double)>& progress) {
-    if (const Status made = make(pictures.front().format, progress); !made) return fail(made.error());
+    NODAL_TRY(make(pictures.front().format, progress));
     return best(job_.args) ? best_->blend(pictures) : board_->blend(pictures);
   }
 
@@ -253,11 +251,10 @@ void tell_alpha(Console& console, const std::vector<std::string>& files, const s
 Status run_stitch(Context& context, const StitchArgs& args) {
   Console& console = context.console();
   const auto begin = std::chrono::steady_clock::now();
-  const Result<Job> job = interruptible(console, [&] { return make_job(console, args); });
-  if (!job) return fail(job.error());
-  for (const std::string& note : job->input.notes) console.note("note: " + note);
-  const std::size_t count = job->input.sets.size();
-  Stitcher stitcher(*job);
+  NODAL_TRY_ASSIGN(const Job job, interruptible(console, [&] { return make_job(console, args); }));
+  for (const std::string& note : job.input.notes) console.note("note: " + note);
+  const std::size_t count = job.input.sets.size();
+  Stitcher stitcher(job);
   std::string last;
   {
     Progress bar(console, "stitching", 1000 * (count + 1));
@@ -267,32 +264,29 @@ Status run_stitch(Context& context, const StitchArgs& args) {
     for (std::size_t i = 0; i < count; ++i) {
       if (interrupted()) return fail(Errc::kCancelled, fmt::format("stopped after {} of {} raymaps", i, count));
       const bool rgb = args.bits == 16 || best(args);
-      auto pictures = interruptible(console, [&] { return read_set(job->input.sets[i], job->input.calibration, rgb); });
-      if (!pictures) return fail(pictures.error());
-      if (i == 0) tell_alpha(console, job->input.sets[i], *pictures);
-      const Result<std::string> name = numbered_name(args.out, i);
-      if (!name) return fail(name.error());
-      auto file = interruptible(console, [&]() -> Result<std::vector<std::uint8_t>> {
-        std::vector<ImageView> views;
-        for (const DecodedImage& picture : *pictures) views.push_back(picture.view());
-        const Result<DecodedImage> raymap = stitcher.stitch(views, compiled);
-        if (!raymap) return fail(raymap.error());
-        return encode(*job, *raymap, pictures->front());
-      });
-      if (!file) return fail(file.error());
-      if (const Status written = write_file(*name, *file); !written) return written;
-      last = *name;
-      bar.update(1000 * (i + 2), *name);
+      NODAL_TRY_ASSIGN(auto pictures,
+                       interruptible(console, [&] { return read_set(job.input.sets[i], job.input.calibration, rgb); }));
+      if (i == 0) tell_alpha(console, job.input.sets[i], pictures);
+      NODAL_TRY_ASSIGN(const std::string name, numbered_name(args.out, i));
+      NODAL_TRY_ASSIGN(auto file, interruptible(console, [&]() -> Result<std::vector<std::uint8_t>> {
+                         std::vector<ImageView> views;
+                         for (const DecodedImage& picture : pictures) views.push_back(picture.view());
+                         NODAL_TRY_ASSIGN(const DecodedImage raymap, stitcher.stitch(views, compiled));
+                         return encode(job, raymap, pictures.front());
+                       }));
+      NODAL_TRY(write_file(name, file));
+      last = name;
+      bar.update(1000 * (i + 2), name);
     }
   }
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  Json document{{"raymaps", count},           {"out", last},
-                {"layout", job->args.layout}, {"width", job->size.width},
-                {"height", job->size.height}, {"calibration", to_hex(calibration_id(job->input.calibration))},
+  Json document{{"raymaps", count},          {"out", last},
+                {"layout", job.args.layout}, {"width", job.size.width},
+                {"height", job.size.height}, {"calibration", to_hex(calibration_id(job.input.calibration))},
                 {"seconds", seconds}};
-  if (!job->confidence.empty()) {
-    document["confidence"] = job->confidence;
-    const FoundLens& lens = job->lens;
+  if (!job.confidence.empty()) {
+    document["confidence"] = job.confidence;
+    const FoundLens& lens = job.lens;
     document["lens"] = {{"seen_px", {lens.seen.from_px, lens.seen.to_px}},
                         {"seen_deg", {lens.seen.from_deg, lens.seen.to_deg}},
                         {"known_px", {lens.known.from_px, lens.known.to_px}},
@@ -300,16 +294,16 @@ Status run_stitch(Context& context, const StitchArgs& args) {
                         {"known_everywhere", lens.whole},
                         {"assumed_elsewhere", lens.family}};
     document["calibration_file"] = beside(args.out, ".rig.json");
-    document["notes"] = job->input.notes;
+    document["notes"] = job.input.notes;
   }
   console.document(document);
-  if (!job->confidence.empty()) {
-    console.line(job->confidence);
-    const std::string report = job->reported ? ", how well it fits: " + beside(args.out, ".report.html") : "";
+  if (!job.confidence.empty()) {
+    console.line(job.confidence);
+    const std::string report = job.reported ? ", how well it fits: " + beside(args.out, ".report.html") : "";
     console.line(fmt::format("calibration: {}{}", beside(args.out, ".rig.json"), report));
   }
-  console.line(fmt::format("{}: {}x{}, {}, from {} heads ({:.1f} s)", count == 1 ? last : args.out, job->size.width,
-                           job->size.height, job->args.layout, job->input.calibration.heads.size(), seconds));
+  console.line(fmt::format("{}: {}x{}, {}, from {} heads ({:.1f} s)", count == 1 ? last : args.out, job.size.width,
+                           job.size.height, job.args.layout, job.input.calibration.heads.size(), seconds));
   return {};
 }
 

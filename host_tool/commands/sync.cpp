@@ -8,6 +8,7 @@
 #include "host_tool/rig/frame_period.h"
 #include "host_tool/rig/rig_input.h"
 #include "host_tool/rig/stream_wait.h"
+#include "protocol/base/try.h"
 
 namespace nodal::host {
 namespace {
@@ -20,19 +21,17 @@ struct SyncArgs {
 Result<std::vector<std::string>> head_names(RigConnection& rig) {
   wire::Request request;
   request.mutable_heads();
-  const Result<wire::Reply> reply = rig.ask(request);
-  if (!reply) return fail(reply.error());
+  NODAL_TRY_ASSIGN(const wire::Reply reply, rig.ask(request));
   std::vector<std::string> names;
-  for (const wire::HeadState& head : reply->heads().heads()) names.push_back(head.name());
+  for (const wire::HeadState& head : reply.heads().heads()) names.push_back(head.name());
   return names;
 }
 
 /// Collects the timing data of sets until there are enough, Ctrl-C, or the rig closes the stream.
 Status collect(RigConnection& rig, StreamId stream, const SyncArgs& args, Console& console, SyncReport& report) {
-  const Result<Duration> within = patience_for_sets(rig);
-  if (!within) return fail(within.error());
+  NODAL_TRY_ASSIGN(const Duration within, patience_for_sets(rig));
   Progress progress(console, "set", args.sets);
-  StreamWait wait(rig, stream, *within, "the sets' timing; `nodal status` says whether there are sets");
+  StreamWait wait(rig, stream, within, "the sets' timing; `nodal status` says whether there are sets");
   while (report.sets() < args.sets) {
     const Result<Event> event = wait.next();
     if (interrupted()) break;
@@ -43,12 +42,11 @@ Status collect(RigConnection& rig, StreamId stream, const SyncArgs& args, Consol
     }
     const auto* piece = std::get_if<BulkPiece>(&*event);
     if (piece == nullptr || !piece->first) continue;
-    const auto header = parse_clean<wire::RaymapHeader>(piece->meta, "timing data of a set");
-    if (!header) return fail(header.error());
-    report.add(*header);
+    NODAL_TRY_ASSIGN(const auto header, parse_clean<wire::RaymapHeader>(piece->meta, "timing data of a set"));
+    report.add(header);
     wait.restart();
     report.set_dropped(piece->dropped);
-    progress.update(report.sets(), header->genlock());
+    progress.update(report.sets(), header.genlock());
   }
   rig.stop_stream(stream);
   return {};
@@ -56,16 +54,13 @@ Status collect(RigConnection& rig, StreamId stream, const SyncArgs& args, Consol
 
 Status run_sync(Context& context, const SyncArgs& args) {
   Console& console = context.console();
-  Result<std::unique_ptr<RigConnection>> rig = context.connect();
-  if (!rig) return fail(rig.error());
-  Result<std::vector<std::string>> names = head_names(**rig);
-  if (!names) return fail(names.error());
+  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
+  NODAL_TRY_ASSIGN(std::vector<std::string> names, head_names(*rig));
   wire::Request request;
   request.mutable_pull()->set_coding(wire::PullRequest::EVIDENCE);
-  const Result<wire::Reply> started = (*rig)->ask(request);
-  if (!started) return fail(started.error());
-  SyncReport report(std::move(*names));
-  const Status collected = collect(**rig, StreamId{started->pull().stream()}, args, console, report);
+  NODAL_TRY_ASSIGN(const wire::Reply started, rig->ask(request));
+  SyncReport report(std::move(names));
+  const Status collected = collect(*rig, StreamId{started.pull().stream()}, args, console, report);
   console.finish_progress();
   if (!collected) return fail(collected.error());
   if (report.sets() == 0 && interrupted()) return fail(Errc::kCancelled, "stopped by a signal before the first set");
@@ -73,7 +68,7 @@ Status run_sync(Context& context, const SyncArgs& args) {
   console.document(report.json());
   for (const std::string& line : report.lines()) console.line(line);
   if (!args.svg.empty()) {
-    if (const Status written = write_file(args.svg, report.svg()); !written) return fail(written.error());
+    NODAL_TRY(write_file(args.svg, report.svg()));
     console.note("drawn in " + args.svg);
   }
   if (interrupted() && report.sets() < args.sets) {

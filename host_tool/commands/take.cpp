@@ -13,6 +13,7 @@
 #include "host_tool/offload/take_fetch.h"
 #include "host_tool/rig/not_recorded.h"
 #include "host_tool/rig/wire_json.h"
+#include "protocol/base/try.h"
 #include "protocol/take/evidence.h"
 
 namespace nodal::host {
@@ -84,17 +85,15 @@ Result<std::string> store_thumbnail(RigConnection& rig, const wire::TakeEntry& t
   if (!bytes && bytes.error().code == Errc::kNotFound) return std::string();
   if (!bytes) return fail(bytes.error());
   const std::string name = fmt::format("{}/{}.jpg", folder, take::take_folder(take.number()));
-  if (const Status written = write_file(name, *bytes); !written) return fail(written.error());
+  NODAL_TRY(write_file(name, *bytes));
   return name;
 }
 
 Status list_takes(Context& context, const TakeOptions& options) {
   wire::Request request;
   request.mutable_take_list();
-  const Result<std::unique_ptr<RigConnection>> rig = context.connect();
-  if (!rig) return fail(rig.error());
-  const Result<wire::Reply> reply = (*rig)->ask(request);
-  if (!reply) return fail(reply.error());
+  NODAL_TRY_ASSIGN(const std::unique_ptr<RigConnection> rig, context.connect());
+  NODAL_TRY_ASSIGN(const wire::Reply reply, rig->ask(request));
   if (!options.thumbnails.empty()) {
     std::error_code error;
     std::filesystem::create_directories(options.thumbnails, error);
@@ -108,12 +107,11 @@ Status list_takes(Context& context, const TakeOptions& options) {
                {"lost", Table::Align::kRight},
                {"size", Table::Align::kRight},
                {"state"}});
-  for (const wire::TakeEntry& take : reply->takes().takes()) {
+  for (const wire::TakeEntry& take : reply.takes().takes()) {
     list.push_back(take_json(take));
     if (!options.thumbnails.empty()) {
-      const Result<std::string> stored = store_thumbnail(**rig, take, options.thumbnails);
-      if (!stored) return fail(stored.error());
-      list.back()["thumbnail"] = stored->empty() ? Json() : Json(*stored);
+      NODAL_TRY_ASSIGN(const std::string stored, store_thumbnail(*rig, take, options.thumbnails));
+      list.back()["thumbnail"] = stored.empty() ? Json() : Json(stored);
     }
     std::string state = take.state();
     if (!take.ended().empty() && take.ended() != "stopped") state += ", " + take.ended();
@@ -137,14 +135,12 @@ Status list_takes(Context& context, const TakeOptions& options) {
 /// Sends the request; the line names the take that the rig answers with. `for_a_set`: the answer comes after the next frame sets,
 /// which at a low rate takes longer than --timeout.
 Status ask_about_take(Context& context, const wire::Request& request, const char* done, bool for_a_set = false) {
-  Result<std::unique_ptr<RigConnection>> rig = context.connect();
-  if (!rig) return fail(rig.error());
-  const Result<wire::Reply> reply =
-      for_a_set ? (*rig)->ask_long(request, [](const wire::RigStatus&) {}) : (*rig)->ask(request);
-  if (!reply) return fail(reply.error());
-  note_not_recorded(context.console(), *reply);
-  context.console().document({{"take", reply->take().take()}});
-  context.console().line(fmt::format(fmt::runtime(done), reply->take().take()));
+  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
+  NODAL_TRY_ASSIGN(const wire::Reply reply,
+                   for_a_set ? rig->ask_long(request, [](const wire::RigStatus&) {}) : rig->ask(request));
+  note_not_recorded(context.console(), reply);
+  context.console().document({{"take", reply.take().take()}});
+  context.console().line(fmt::format(fmt::runtime(done), reply.take().take()));
   return {};
 }
 

@@ -19,6 +19,7 @@
 #include "host_tool/console/quantities.h"
 #include "host_tool/offload/take_files.h"
 #include "protocol/base/raymap_rate.h"
+#include "protocol/base/try.h"
 #include "protocol/calibration.h"
 #include "protocol/files/open_file.h"
 #include "protocol/take/tally.h"
@@ -103,15 +104,14 @@ class Films {
     Film& film = films_[stream.head ? static_cast<int>(*stream.head) : -1];
     if (!film.file || !same(film.stream, stream) || !take::same_rate(film.rate, rate_)) {
       if (film.file) {
-        if (const Status ended = film.file->end(); !ended) return ended;
+        NODAL_TRY(film.file->end());
       }
       ++film.part;
       std::string name = stream.head ? fmt::format("cam{}", *stream.head) : "raymaps";
       if (film.part > 1) name += fmt::format("-part{}", film.part);
       names_.insert(name + ".mkv");
-      auto made = FilmFile::create((to_ / (name + ".mkv")).string());
-      if (!made) return fail(made.error());
-      film.file = std::move(*made);
+      NODAL_TRY_ASSIGN(auto made, FilmFile::create((to_ / (name + ".mkv")).string()));
+      film.file = std::move(made);
       film.file->set_utc_offset(about_.utc_offset_ns());
       film.stream = stream;
       film.rate = rate_;
@@ -120,7 +120,7 @@ class Films {
   }
   Status end() {
     for (auto& [head, film] : films_) {
-      if (const Status ended = film.file->end(); !ended) return ended;
+      NODAL_TRY(film.file->end());
     }
     return {};
   }
@@ -175,10 +175,9 @@ Status add_raymaps(media::TakeSegment& segment, Films& films) {
   for (std::size_t k = 0; k < segment.streams().size(); ++k) {
     if (segment.streams()[k].head) continue;
     for (const take::wire::Raymap& raymap : segment.evidence().raymaps) {
-      const Status read = segment.read(static_cast<std::uint32_t>(k), raymap.at(), raymap.bytes(), bytes);
-      if (!read) return read;
+      NODAL_TRY(segment.read(static_cast<std::uint32_t>(k), raymap.at(), raymap.bytes(), bytes));
       const auto at = static_cast<std::uint64_t>(std::max<std::int64_t>(0, raymap.mid_exposure_ns()));
-      if (const Status added = films.add(segment.streams()[k], at, bytes); !added) return added;
+      NODAL_TRY(films.add(segment.streams()[k], at, bytes));
     }
   }
   return {};
@@ -203,8 +202,7 @@ Result<std::vector<std::string>> films_and_tables(const fs::path& to) {
 
 Status run_export(Context& context, const ExportArgs& args) {
   watch_interrupts();
-  const Result<media::TakeFolder> folder = media::TakeFolder::open(take_files(args.folder));
-  if (!folder) return fail(folder.error());
+  NODAL_TRY_ASSIGN(const media::TakeFolder folder, media::TakeFolder::open(take_files(args.folder)));
   const fs::path to = args.to;
   std::error_code error;
   fs::create_directories(to, error);
@@ -212,37 +210,34 @@ Status run_export(Context& context, const ExportArgs& args) {
   if (fs::equivalent(to, args.folder, error)) {
     return fail(Errc::kBadValue, fmt::format("--to {}: is the take itself; name another folder", args.to));
   }
-  const Result<std::vector<std::string>> before = films_and_tables(to);
-  if (!before) return fail(before.error());
+  NODAL_TRY_ASSIGN(const std::vector<std::string> before, films_and_tables(to));
   std::string calibration;
-  if (folder->has(take::kCalibrationFile)) {
-    const auto text = folder->text(take::kCalibrationFile, kMaxCalibrationBytes);
-    if (!text) return fail(text.error());
-    calibration = *text;
+  if (folder.has(take::kCalibrationFile)) {
+    NODAL_TRY_ASSIGN(const auto text, folder.text(take::kCalibrationFile, kMaxCalibrationBytes));
+    calibration = text;
   }
-  Films films(to, folder->about(), std::move(calibration));
+  Films films(to, folder.about(), std::move(calibration));
   Csv sets(to / "sets.csv",
            "index,number,mid_exposure_ns,since_start_ns,genlock,pulse,spread_ns,drift_ppb,not_recorded_before");
   Csv frames(to / "frames.csv",
              "index,head,name,placeholder,offset_ns,exposure_ns,gain_mdb,red_q12,blue_q12,gamma,sequence,quality");
-  Progress bar(context.console(), "exporting", folder->manifest().sets);
-  media::TakeSets all(*folder);
+  Progress bar(context.console(), "exporting", folder.manifest().sets);
+  media::TakeSets all(folder);
   media::TakeSet set;
   std::vector<std::uint8_t> bytes;
   std::optional<std::int64_t> first;
   std::optional<std::uint32_t> segment;
   std::uint64_t done = 0;
   for (;;) {
-    const Result<bool> more = all.next(set);
-    if (!more) return fail(more.error());
-    if (!*more) break;
+    NODAL_TRY_ASSIGN(const bool more, all.next(set));
+    if (!more) break;
     if (interrupted()) return fail(Errc::kCancelled, fmt::format("stopped; {} is not complete", args.to));
     const take::wire::Set& told = set.evidence;
     if (!first) first = told.mid_exposure_ns();
     if (segment != all.segment().evidence().begin.segment()) {
       segment = all.segment().evidence().begin.segment();
       films.begin_segment(all.segment().evidence().begin);
-      if (const Status added = add_raymaps(all.segment(), films); !added) return added;
+      NODAL_TRY(add_raymaps(all.segment(), films));
     }
     sets.row(told.index(), told.number(), told.mid_exposure_ns(), told.mid_exposure_ns() - *first, told.genlock(),
              told.has_pulse() ? std::to_string(told.pulse()) : std::string(), told.spread_ns(),
@@ -250,26 +245,26 @@ Status run_export(Context& context, const ExportArgs& args) {
     for (const take::wire::Frame& frame : told.frames()) {
       const media::TakeStream& stream = all.segment().streams()[frame.file()];
       const std::uint32_t head = *stream.head;
-      frames.row(told.index(), head, folder->about().heads[head], frame.placeholder(), frame.offset_ns(),
+      frames.row(told.index(), head, folder.about().heads[head], frame.placeholder(), frame.offset_ns(),
                  frame.exposure_ns(), frame.gain_mdb(), frame.red_q12(), frame.blue_q12(), frame.gamma(),
                  frame.sequence(), frame.quality());
-      if (const Status read = all.segment().read(frame.file(), frame.at(), frame.bytes(), bytes); !read) return read;
+      NODAL_TRY(all.segment().read(frame.file(), frame.at(), frame.bytes(), bytes));
       const auto at = static_cast<std::uint64_t>(std::max<std::int64_t>(0, told.mid_exposure_ns()));
-      if (const Status added = films.add(stream, at, bytes); !added) return added;
+      NODAL_TRY(films.add(stream, at, bytes));
     }
     bar.update(++done, args.to);
   }
   for (const Status& ended : {films.end(), sets.end(), frames.end()}) {
     if (!ended) return ended;
   }
-  context.console().document({{"take", folder->manifest().number},
+  context.console().document({{"take", folder.manifest().number},
                               {"to", args.to},
-                              {"sets", folder->manifest().sets},
+                              {"sets", folder.manifest().sets},
                               {"films", films.names().size()},
                               {"tables", {"sets.csv", "frames.csv"}}});
   context.console().line(fmt::format("{}: {} with {}, sets.csv and frames.csv", args.to,
-                                     counted(films.names().size(), "film"), counted(folder->manifest().sets, "set")));
-  for (const std::string& name : *before) {
+                                     counted(films.names().size(), "film"), counted(folder.manifest().sets, "set")));
+  for (const std::string& name : before) {
     if (films.names().contains(name) || name == "sets.csv" || name == "frames.csv") continue;
     context.console().note(fmt::format("{}: {} was there before, and is not of this take", args.to, name));
   }

@@ -10,6 +10,7 @@
 
 #include "host_tool/commands/take_argument.h"
 #include "host_tool/console/quantities.h"
+#include "protocol/base/try.h"
 #include "protocol/take/tally.h"
 
 namespace nodal::host {
@@ -146,24 +147,22 @@ std::string stored_as(const media::TakeStream& stream) {
 }
 
 Status run_show(Context& context, const std::string& name) {
-  const Result<media::TakeFolder> folder = open_take(context, name);
-  if (!folder) return fail(folder.error());
-  const take::TakeDocument& about = folder->about();
-  const take::Manifest& manifest = folder->manifest();
+  NODAL_TRY_ASSIGN(const media::TakeFolder folder, open_take(context, name));
+  const take::TakeDocument& about = folder.about();
+  const take::Manifest& manifest = folder.manifest();
 
   std::array<HeadSummary, kMaxHeads> heads;
   std::map<std::uint64_t, std::int64_t> starts;  // of marked sets, ns after the take's first that is there
   for (const take::Manifest::Mark& mark : manifest.marks) starts[mark.set] = -1;
-  media::TakeSets sets(*folder);
+  media::TakeSets sets(folder);
   media::TakeSet set;
   SeamSummary seams;
   GapSummary gaps(about.rate);
   std::optional<std::uint32_t> segment;
   std::int64_t first = 0;
   for (bool begun = false;; begun = true) {
-    const Result<bool> more = sets.next(set);
-    if (!more) return fail(more.error());
-    if (!*more) break;
+    NODAL_TRY_ASSIGN(const bool more, sets.next(set));
+    if (!more) break;
     if (!begun) first = set.mid_exposure.ns();
     const take::Segment& evidence = sets.segment().evidence();
     if (segment != evidence.begin.segment()) gaps.add(evidence);

@@ -12,6 +12,7 @@
 #include "host_tool/offload/local_file.h"
 #include "host_tool/offload/take_files.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/try.h"
 #include "protocol/take/digest.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
@@ -91,34 +92,32 @@ Status run_verify(Context& context, const std::string& name) {
   const fs::path folder = name;
   std::error_code error;
   if (!fs::is_directory(folder, error)) return fail(Errc::kNotFound, name + ": there is no such folder");
-  const auto text = media::read_manifest_file(*take_files(folder));
-  if (!text) return fail(text.error());
-  const auto manifest = take::parse_manifest({reinterpret_cast<const char*>(text->data()), text->size()},
-                                             (folder / take::kManifestFile).string());
-  if (!manifest) return fail(manifest.error());
-  const std::string id = nodal::to_hex(sha256(*text));
+  NODAL_TRY_ASSIGN(const auto text, media::read_manifest_file(*take_files(folder)));
+  NODAL_TRY_ASSIGN(const auto manifest, take::parse_manifest({reinterpret_cast<const char*>(text.data()), text.size()},
+                                                             (folder / take::kManifestFile).string()));
+  const std::string id = nodal::to_hex(sha256(text));
   std::vector<std::string> wrong;
   {
-    Verifier verifier(context.console(), folder, *manifest);
-    for (const take::Manifest::File& file : manifest->files) {
+    Verifier verifier(context.console(), folder, manifest);
+    for (const take::Manifest::File& file : manifest.files) {
       if (std::string problem = verifier.check(file); !problem.empty()) wrong.push_back(std::move(problem));
       if (interrupted()) {
         return fail(Errc::kCancelled, "interrupted; what was checked so far says nothing about the rest");
       }
     }
   }
-  context.console().document({{"take", manifest->number},
+  context.console().document({{"take", manifest.number},
                               {"id", id},
-                              {"files", manifest->files.size()},
-                              {"bytes", manifest->bytes()},
-                              {"sets", manifest->sets},
+                              {"files", manifest.files.size()},
+                              {"bytes", manifest.bytes()},
+                              {"sets", manifest.sets},
                               {"whole", wrong.empty()},
                               {"problems", wrong}});
   for (const std::string& problem : wrong) context.console().line(context.console().paint(Colour::kBad, problem));
   if (!wrong.empty()) context.answer = ExitCode::kJudged;
   context.console().line(
-      fmt::format("take {}: {}, {}, {}: {}; id {}", manifest->number, counted(manifest->files.size(), "file"),
-                  show_bytes(manifest->bytes()), counted(manifest->sets, "set"),
+      fmt::format("take {}: {}, {}, {}: {}; id {}", manifest.number, counted(manifest.files.size(), "file"),
+                  show_bytes(manifest.bytes()), counted(manifest.sets, "set"),
                   wrong.empty() ? "whole" : fmt::format("{} damaged; copy them again", wrong.size()), id));
   return {};
 }

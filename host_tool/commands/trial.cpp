@@ -9,6 +9,7 @@
 #include "host_tool/rig/frame_period.h"
 #include "host_tool/rig/upload.h"
 #include "protocol/base/frame_time.h"
+#include "protocol/base/try.h"
 #include "stitch/registration/drift.h"
 
 namespace nodal::host {
@@ -35,8 +36,7 @@ class TrialUnderWay {
     wire::Request request;
     request.mutable_trial_end()->set_id(id_);
     request.mutable_trial_end()->set_keep(keep);
-    const Result<wire::Reply> done = rig_.ask(request);
-    if (!done) return fail(done.error());
+    NODAL_TRY(rig_.ask(request));
     ended_ = true;
     return {};
   }
@@ -51,32 +51,25 @@ class TrialUnderWay {
 
 Result<TrialVerdict> try_out(Context& context, const Calibration& tried, int sets, UploadTerms terms,
                              std::string document) {
-  Result<std::unique_ptr<RigConnection>> rig = context.connect();
-  if (!rig) return fail(rig.error());
+  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
   for (const char* feature : {"calibration-trial", "frame-sets"}) {
-    if (const Status has = require_feature(**rig, feature, "a trial"); !has) return fail(has.error());
+    NODAL_TRY(require_feature(*rig, feature, "a trial"));
   }
-  const Result<Calibration> before = calibration_in_force(**rig);
-  if (!before) return fail(before.error());
+  NODAL_TRY_ASSIGN(const Calibration before, calibration_in_force(*rig));
   if (document.empty()) document = to_json(tried);
-  const Result<Duration> period = frame_period(**rig);
-  if (!period) return fail(period.error());
-  terms.trial = FrameTime{terms.trial.value_or(kTrialLimit), kTrialPeriods}.at(*period);
+  NODAL_TRY_ASSIGN(const Duration period, frame_period(*rig));
+  terms.trial = FrameTime{terms.trial.value_or(kTrialLimit), kTrialPeriods}.at(period);
   const Reconnect connect = [&context] { return context.connect(); };
-  const Result<Uploaded> uploaded =
-      upload(connect, {document.begin(), document.end()}, kTrialUploadAttempts, context.console(), terms);
-  if (!uploaded) return fail(uploaded.error());
-  TrialUnderWay trial(**rig, tried);
-  const Result<PictureSets> pictures = pull_frame_sets(**rig, tried, sets, context.console());
-  if (!pictures) return fail(pictures.error());
+  NODAL_TRY(upload(connect, {document.begin(), document.end()}, kTrialUploadAttempts, context.console(), terms));
+  TrialUnderWay trial(*rig, tried);
+  NODAL_TRY_ASSIGN(const PictureSets pictures, pull_frame_sets(*rig, tried, sets, context.console()));
   // A signal here ends the program; for the rig that is a lost link, and the rig reverts by itself.
-  const auto objectives = interruptible(context.console(), [&] {
-    return registration::objectives_of({*before, tried}, pictures->frames(), {});
-  });
-  if (!objectives) return fail(objectives.error());
-  TrialVerdict verdict{objectives->front(), objectives->back(), false};
+  NODAL_TRY_ASSIGN(const auto objectives, interruptible(context.console(), [&] {
+                     return registration::objectives_of({before, tried}, pictures.frames(), {});
+                   }));
+  TrialVerdict verdict{objectives.front(), objectives.back(), false};
   verdict.kept = verdict.after < verdict.before * (1 - kLeastFall);
-  if (const Status ended = trial.end(verdict.kept); !ended) return fail(ended.error());
+  NODAL_TRY(trial.end(verdict.kept));
   return verdict;
 }
 

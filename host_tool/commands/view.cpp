@@ -8,6 +8,7 @@
 #include "host_tool/commands/layout_option.h"
 #include "host_tool/commands/raymap_frames.h"
 #include "host_tool/console/files.h"
+#include "protocol/base/try.h"
 #include "stitch/geometry/envelope/envelope.h"
 #include "stitch/mesh/mesh_file.h"
 #include "stitch/mesh/rasteriser.h"
@@ -80,11 +81,9 @@ Status run_mesh_view(Context& context, const ViewArgs& args, const view::CameraS
 /// A camera path whose keys all have a field of view that the camera can show.
 Result<view::CameraPath> read_path(const std::string& file, const view::CameraSpec& of) {
   constexpr std::uint64_t kMostBytes = 16 << 20;
-  const Result<std::string> text = read_file(file, kMostBytes);
-  if (!text) return fail(text.error());
-  Result<view::CameraPath> path = view::CameraPath::parse(*text);
-  if (!path) return path;
-  for (const view::CameraKey& key : path->keys()) {
+  NODAL_TRY_ASSIGN(const std::string text, read_file(file, kMostBytes));
+  NODAL_TRY_ASSIGN(view::CameraPath path, view::CameraPath::parse(text));
+  for (const view::CameraKey& key : path.keys()) {
     view::CameraSpec spec = of;
     spec.fov_deg = key.fov_deg;
     const Result<view::Camera> camera = view::Camera::make(spec);
@@ -122,9 +121,8 @@ Status run_view(Context& context, const ViewArgs& args) {
   view::Target target{spec.width, spec.height, [&](double x, double y) { return camera->ray(x, y); }, 0, true};
   std::optional<geometry::Envelope> envelope;
   if (!args.envelope.empty()) {
-    Result<geometry::Envelope> read = read_envelope(args.envelope);
-    if (!read) return fail(read.error());
-    envelope.emplace(std::move(*read));
+    NODAL_TRY_ASSIGN(geometry::Envelope read, read_envelope(args.envelope));
+    envelope.emplace(std::move(read));
     const Eigen::Vector3d eye = args.eye.empty() ? Eigen::Vector3d::Zero() : parse_eye(args.eye).value();
     if (const Status inside = envelope->check_eye(eye); !inside) return fail(inside.error().in("--eye"));
     target.ray = [&, eye](double x, double y) -> std::optional<geometry::Ray> {

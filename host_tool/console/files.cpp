@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "host_tool/console/overwriting.h"
+#include "protocol/base/try.h"
 #include "protocol/files/open_file.h"
 
 namespace nodal::host {
@@ -142,7 +143,7 @@ Status write_file(const std::string& path, std::span<const std::uint8_t> bytes, 
     return wrong == 0 ? Status{} : system_error(path, wrong);
   }
   if (has_bytes(path, info, bytes)) return {};
-  if (const Status free = check_free(path); !free) return free;
+  NODAL_TRY(check_free(path));
   std::string temporary = path + ".XXXXXX";
   Descriptor file(::mkstemp(temporary.data()));
   if (file.get() < 0) return system_error(path, errno);
@@ -162,10 +163,9 @@ Status write_file(const std::string& path, std::string_view text) {
 }
 
 Result<std::string> numbered_name(const std::string& pattern, std::uint64_t number) {
-  const Result<std::optional<Conversion>> conversion = find_conversion(pattern);
-  if (!conversion) return fail(conversion.error());
-  if (!*conversion) return unescaped(pattern);
-  const Conversion& at = **conversion;
+  NODAL_TRY_ASSIGN(const std::optional<Conversion> conversion, find_conversion(pattern));
+  if (!conversion) return unescaped(pattern);
+  const Conversion& at = *conversion;
   return unescaped(pattern.substr(0, at.at)) + fmt::format("{:0{}}", number, at.digits) +
          unescaped(pattern.substr(at.at + at.length));
 }

@@ -8,6 +8,7 @@
 #include "host_tool/console/quantities.h"
 #include "host_tool/input/live_frames.h"
 #include "host_tool/rig/frame_period.h"
+#include "protocol/base/try.h"
 
 namespace nodal::host {
 namespace {
@@ -33,12 +34,10 @@ class Measurement {
   Measurement(RigConnection& rig, const wire::HeadState& head) : rig_(rig), head_(head) {}
 
   Status prepare() {
-    const Result<Duration> period = frame_period(rig_);
-    if (!period) return fail(period.error());
-    period_ns_ = static_cast<double>(period->ns());
-    const Result<Duration> within = patience_for_sets(rig_);
-    if (!within) return fail(within.error());
-    within_ = *within;
+    NODAL_TRY_ASSIGN(const Duration period, frame_period(rig_));
+    period_ns_ = static_cast<double>(period.ns());
+    NODAL_TRY_ASSIGN(const Duration within, patience_for_sets(rig_));
+    within_ = within;
     result_.exposure_ns = head_.exposure_ns();
     const std::uint64_t half = head_.exposure_ns() / 2;
     const std::uint64_t twice = 2 * head_.exposure_ns();
@@ -56,24 +55,22 @@ class Measurement {
   }
 
   Result<ControlLatency> run(const std::function<void(int)>& progress) {
-    const Result<double> before = settled(result_.exposure_ns);
-    if (!before) return fail(before.error());
-    const Result<double> after = settled(result_.stepped_ns);
-    if (!after) return fail(after.error());
-    result_.brightness = *before;
-    result_.stepped_brightness = *after;
-    if (std::abs(*before - *after) < kLeastLevels) {
+    NODAL_TRY_ASSIGN(const double before, settled(result_.exposure_ns));
+    NODAL_TRY_ASSIGN(const double after, settled(result_.stepped_ns));
+    result_.brightness = before;
+    result_.stepped_brightness = after;
+    if (std::abs(before - after) < kLeastLevels) {
       return fail(
           Errc::kWrongState,
           fmt::format("head '{}': its picture has a brightness of {:.1f} of 255 with {}, and {:.1f} with {}; with "
                       "more light, or less if it is overexposed, the difference is visible",
-                      head_.name(), *before, show_exposure(result_.exposure_ns), *after,
+                      head_.name(), before, show_exposure(result_.exposure_ns), after,
                       show_exposure(result_.stepped_ns)));
     }
     bool stepped = true;
     for (result_.steps = 1; result_.steps <= kLatencySteps; ++result_.steps) {
       stepped = !stepped;
-      if (const Status done = step(stepped, result_.steps % 3); !done) return fail(done.error());
+      NODAL_TRY(step(stepped, result_.steps % 3));
       progress(result_.steps);
       if (result_.steps >= kFewestLatencySteps && result_.seen.exact() && result_.stated.exact()) break;
     }
@@ -97,13 +94,12 @@ class Measurement {
     request.mutable_head_set()->add_heads(head_.index());
     request.mutable_head_set()->set_exposure_ns(exposure_ns);
     request.mutable_head_set()->set_temporary(true);
-    const Result<wire::Reply> reply = rig_.ask(request);
-    if (!reply) return fail(reply.error());
-    if (reply->done().at_ns() == 0) {
+    NODAL_TRY_ASSIGN(const wire::Reply reply, rig_.ask(request));
+    if (reply.done().at_ns() == 0) {
       return fail(Errc::kUnsupported, fmt::format("{} at {} does not say when a head got its settings; update nodald",
                                                   rig_.rig().software(), rig_.address()));
     }
-    return static_cast<double>(reply->done().at_ns());
+    return static_cast<double>(reply.done().at_ns());
   }
 
   double begin_of(const HeadSample& sample) const {
@@ -113,12 +109,10 @@ class Measurement {
 
   /// The brightness some frames after the exposure was set.
   Result<double> settled(std::uint64_t exposure_ns) {
-    const Result<double> at = set(exposure_ns);
-    if (!at) return fail(at.error());
+    NODAL_TRY_ASSIGN(const double at, set(exposure_ns));
     for (int i = 0; i < kSettleTries; ++i) {
-      const Result<std::optional<HeadSample>> sample = sample_head(rig_, head_.index(), within_);
-      if (!sample) return fail(sample.error());
-      if (*sample && begin_of(**sample) > *at + kSettleFrames * period_ns_) return (*sample)->brightness;
+      NODAL_TRY_ASSIGN(const std::optional<HeadSample> sample, sample_head(rig_, head_.index(), within_));
+      if (sample && begin_of(*sample) > at + kSettleFrames * period_ns_) return sample->brightness;
     }
     return no_frames();
   }
@@ -131,11 +125,9 @@ class Measurement {
   /// One change, to the stepped exposure or back. Frames are sampled from `later` periods after it on, so that all frames are
   /// sampled in some step, also over a link that carries every third frame set.
   Status step(bool stepped, int later) {
-    const Result<double> at = set(stepped ? result_.stepped_ns : result_.exposure_ns);
-    if (!at) return fail(at.error());
+    NODAL_TRY_ASSIGN(const double at, set(stepped ? result_.stepped_ns : result_.exposure_ns));
     if (later > 0) {
-      if (const Status rested = rig_.rest(Duration::nanoseconds(std::llround(later * period_ns_))); !rested)
-        return rested;
+      NODAL_TRY(rig_.rest(Duration::nanoseconds(std::llround(later * period_ns_))));
     }
     const double middle = (result_.brightness + result_.stepped_brightness) / 2;
     const bool dark_is_new = stepped == (result_.stepped_brightness < result_.brightness);
@@ -143,14 +135,13 @@ class Measurement {
         std::sqrt(static_cast<double>(result_.exposure_ns) * static_cast<double>(result_.stepped_ns));
     const bool short_is_new = stepped == (result_.stepped_ns < result_.exposure_ns);
     for (int i = 0; i < kSettleTries; ++i) {
-      const Result<std::optional<HeadSample>> sample = sample_head(rig_, head_.index(), within_);
-      if (!sample) return fail(sample.error());
-      if (!*sample) continue;
-      if (begin_of(**sample) < *at) continue;
-      const auto frame = frame_after(begin_of(**sample), *at, period_ns_);
+      NODAL_TRY_ASSIGN(const std::optional<HeadSample> sample, sample_head(rig_, head_.index(), within_));
+      if (!sample) continue;
+      if (begin_of(*sample) < at) continue;
+      const auto frame = frame_after(begin_of(*sample), at, period_ns_);
       if (!frame) return {};  // this request was too close to a frame's begin; the next step has another phase
-      const bool seen = ((*sample)->brightness < middle) == dark_is_new;
-      const bool stated = (static_cast<double>((*sample)->exposure_ns) < middle_ns) == short_is_new;
+      const bool seen = (sample->brightness < middle) == dark_is_new;
+      const bool stated = (static_cast<double>(sample->exposure_ns) < middle_ns) == short_is_new;
       if (seen) result_.seen.has_new(*frame);
       else result_.seen.has_old(*frame);
       if (stated) result_.stated.has_new(*frame);
@@ -178,10 +169,9 @@ class Measurement {
 Result<ControlLatency> measure_control_latency(RigConnection& rig, const wire::HeadState& head,
                                                const std::function<void(int)>& progress) {
   Measurement measurement(rig, head);
-  if (const Status prepared = measurement.prepare(); !prepared) return fail(prepared.error());
-  Result<ControlLatency> measured = measurement.run(progress);
-  if (!measured) return measured;
-  if (const Status restored = measurement.restore(); !restored) return fail(restored.error());
+  NODAL_TRY(measurement.prepare());
+  NODAL_TRY_ASSIGN(ControlLatency measured, measurement.run(progress));
+  NODAL_TRY(measurement.restore());
   return measured;
 }
 

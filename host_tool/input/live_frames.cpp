@@ -11,6 +11,7 @@
 #include "host_tool/rig/rig_input.h"
 #include "host_tool/rig/stream_wait.h"
 #include "protocol/base/sha256.h"
+#include "protocol/base/try.h"
 #include "stitch/decode/frame_decoder.h"
 #include "stitch/media/image_file.h"
 
@@ -47,15 +48,13 @@ Result<std::uint64_t> picture_bytes(const wire::HeadPicture& head) {
 
 /// Reads the header; returns the total bytes of its pictures, which is the set's limit.
 Result<std::uint64_t> read_header(const BulkPiece& first, wire::FrameSetHeader& header) {
-  Result<wire::FrameSetHeader> read = parse_clean<wire::FrameSetHeader>(first.meta, "header of a frame set");
-  if (!read) return fail(read.error());
-  header = std::move(*read);
+  NODAL_TRY_ASSIGN(wire::FrameSetHeader read, parse_clean<wire::FrameSetHeader>(first.meta, "header of a frame set"));
+  header = std::move(read);
   std::uint64_t sum = 0;
   std::uint64_t decoded = 0;
   for (const wire::HeadPicture& head : header.heads()) {
-    const Result<std::uint64_t> bytes = picture_bytes(head);
-    if (!bytes) return fail(bytes.error());
-    sum += *bytes;
+    NODAL_TRY_ASSIGN(const std::uint64_t bytes, picture_bytes(head));
+    sum += bytes;
     decoded += packed_size(PixelFormat::kI420, static_cast<int>(head.width()), static_cast<int>(head.height()));
   }
   if (decoded > kMaxSetBytes) {
@@ -68,28 +67,25 @@ Result<std::uint64_t> read_header(const BulkPiece& first, wire::FrameSetHeader& 
 Result<ReceivedSet> receive_set(RigConnection& rig, Duration within) {
   wire::Request request;
   request.mutable_frame_set();
-  const Result<wire::Reply> started = rig.ask(request);
-  if (!started) return fail(started.error());
-  const StreamId stream = started->pull().stream();
+  NODAL_TRY_ASSIGN(const wire::Reply started, rig.ask(request));
+  const StreamId stream = started.pull().stream();
   ReceivedSet set;
   BulkItemBytes bytes;
   bool begun = false;
   bool whole = false;
   StreamWait wait(rig, stream, within, "a frame set");
   while (true) {
-    const Result<Event> event = wait.next();
-    if (!event) return fail(event.error());
-    if (const auto* piece = std::get_if<BulkPiece>(&*event)) {
+    NODAL_TRY_ASSIGN(const Event event, wait.next());
+    if (const auto* piece = std::get_if<BulkPiece>(&event)) {
       if (piece->first) {
         if (begun) return fail(Errc::kProtocol, "the rig sent a second frame set; one was asked for");
         begun = true;
-        const Result<std::uint64_t> most = read_header(*piece, set.header);
-        if (!most) return fail(most.error());
-        if (const Status good = bytes.begin(*piece, *most, "a frame set"); !good) return fail(good.error());
+        NODAL_TRY_ASSIGN(const std::uint64_t most, read_header(*piece, set.header));
+        NODAL_TRY(bytes.begin(*piece, most, "a frame set"));
       }
       bytes.add(*piece);
       whole = piece->last;
-    } else if (const auto* closed = std::get_if<StreamClosed>(&*event)) {
+    } else if (const auto* closed = std::get_if<StreamClosed>(&event)) {
       if (closed->error) return fail(*closed->error);
       if (!whole) return fail(Errc::kTruncated, "the rig ended a frame set before it was complete");
       set.bytes = bytes.take();
@@ -99,16 +95,15 @@ Result<ReceivedSet> receive_set(RigConnection& rig, Duration within) {
 }
 
 Result<DecodedImage> picture_of(const ReceivedSet& set, const wire::HeadPicture& head) {
-  const Result<std::uint64_t> bytes = picture_bytes(head);
-  if (!bytes) return fail(bytes.error());
-  if (head.offset() > set.bytes.size() || set.bytes.size() - head.offset() < *bytes) {
+  NODAL_TRY_ASSIGN(const std::uint64_t bytes, picture_bytes(head));
+  if (head.offset() > set.bytes.size() || set.bytes.size() - head.offset() < bytes) {
     return fail(Errc::kTruncated, "head '" + head.name() + "': its picture is incomplete");
   }
   const std::uint8_t* const begin = set.bytes.data() + head.offset();
   const PixelFormat delivered = *pixel_format_named(head.format());
   const int width = static_cast<int>(head.width());
   const int height = static_cast<int>(head.height());
-  ImageView frame{delivered, width, height, {}, static_cast<std::size_t>(*bytes)};
+  ImageView frame{delivered, width, height, {}, static_cast<std::size_t>(bytes)};
   if (delivered == PixelFormat::kMjpeg) {
     frame.planes[0].data = begin;
   } else {
@@ -121,7 +116,7 @@ Result<DecodedImage> picture_of(const ReceivedSet& set, const wire::HeadPicture&
   decode::FrameDecoder decoder(delivered, to, width, height);
   DecodedImage picture{to, width, height, {}};
   if (!decoder.needed(frame)) {
-    picture.bytes.assign(begin, begin + *bytes);
+    picture.bytes.assign(begin, begin + bytes);
     return picture;
   }
   if (is_bayer(delivered) && std::min(width, height) < 4) {
@@ -185,9 +180,8 @@ Result<std::vector<DecodedImage>> pictures_of(const ReceivedSet& set, const Cali
   for (const HeadCalibration& head : calibration.heads) {
     const wire::HeadPicture* const found = picture_named(set.header, head.name);
     NODAL_ASSERT(found != nullptr);
-    Result<DecodedImage> picture = picture_of(set, *found);
-    if (!picture) return fail(picture.error());
-    pictures.push_back(std::move(*picture));
+    NODAL_TRY_ASSIGN(DecodedImage picture, picture_of(set, *found));
+    pictures.push_back(std::move(picture));
   }
   return pictures;
 }
@@ -209,15 +203,14 @@ Result<std::optional<HeadSample>> sample_head(RigConnection& rig, std::uint32_t 
   Result<ReceivedSet> set = receive_set(rig, within);
   // Older rigs refuse while they send another set; newer ones let the request wait.
   for (int tries = 1; !set && set.error().code == Errc::kBusy && tries < kBusyTries; ++tries) {
-    if (const Status rested = rig.rest(kBusyRest); !rested) return fail(rested.error());
+    NODAL_TRY(rig.rest(kBusyRest));
     set = receive_set(rig, within);
   }
   if (!set) return fail(set.error());
   const auto found = std::ranges::find(set->header.heads(), head, &wire::HeadPicture::index);
   if (found == set->header.heads().end()) return std::nullopt;
-  const Result<DecodedImage> picture = picture_of(*set, *found);
-  if (!picture) return fail(picture.error());
-  return HeadSample{set->header.mid_exposure_ns(), found->exposure_ns(), mean_of(*picture)};
+  NODAL_TRY_ASSIGN(const DecodedImage picture, picture_of(*set, *found));
+  return HeadSample{set->header.mid_exposure_ns(), found->exposure_ns(), mean_of(picture)};
 }
 
 Status require_feature(const RigConnection& rig, const std::string& feature, const std::string& what) {
@@ -230,9 +223,8 @@ Status require_feature(const RigConnection& rig, const std::string& feature, con
 Result<Calibration> calibration_in_force(RigConnection& rig) {
   wire::Request request;
   request.mutable_calibration_get();
-  const Result<wire::Reply> reply = rig.ask(request);
-  if (!reply) return fail(reply.error());
-  Result<Calibration> calibration = parse_calibration(reply->calibration().json());
+  NODAL_TRY_ASSIGN(const wire::Reply reply, rig.ask(request));
+  Result<Calibration> calibration = parse_calibration(reply.calibration().json());
   if (!calibration) return fail(calibration.error().in("the rig's calibration"));
   return calibration;
 }
@@ -240,26 +232,23 @@ Result<Calibration> calibration_in_force(RigConnection& rig) {
 Result<PictureSets> pull_frame_sets(RigConnection& rig, const Calibration& calibration, int sets, Console& console) {
   const Sha256 id = calibration_id(calibration);
   const std::string wanted(id.begin(), id.end());
-  const Result<Duration> within = patience_for_sets(rig);
-  if (!within) return fail(within.error());
+  NODAL_TRY_ASSIGN(const Duration within, patience_for_sets(rig));
   PictureSets pictures;
   Missed missed(calibration);
   while (pictures.sets.size() < static_cast<std::size_t>(sets)) {
     if (missed.sets() > 0 || !pictures.sets.empty()) {
-      if (const Status rested = rig.rest(kBetweenSets); !rested) return fail(rested.error());
+      NODAL_TRY(rig.rest(kBetweenSets));
     }
-    Result<ReceivedSet> set = receive_set(rig, *within);
-    if (!set) return fail(set.error());
-    if (set->header.calibration_id() != wanted) {
+    NODAL_TRY_ASSIGN(ReceivedSet set, receive_set(rig, within));
+    if (set.header.calibration_id() != wanted) {
       return fail(Errc::kWrongState, "another calibration came into force meanwhile; begin again");
     }
-    if (missed.counts(set->header)) {
+    if (missed.counts(set.header)) {
       if (missed.sets() < kTries) continue;
       return fail(missed.error());
     }
-    Result<std::vector<DecodedImage>> all = pictures_of(*set, calibration);
-    if (!all) return fail(all.error());
-    pictures.sets.push_back(std::move(*all));
+    NODAL_TRY_ASSIGN(std::vector<DecodedImage> all, pictures_of(set, calibration));
+    pictures.sets.push_back(std::move(all));
     console.progress(fmt::format("frame set {} of {}", pictures.sets.size(), sets));
     missed = Missed(calibration);
   }

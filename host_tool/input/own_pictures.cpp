@@ -12,6 +12,7 @@
 #include "host_tool/input/picture_folders.h"
 #include "host_tool/input/pictures.h"
 #include "protocol/base/angles.h"
+#include "protocol/base/try.h"
 #include "stitch/autocalibration/autocalibration.h"
 #include "stitch/geometry/lens/lens.h"
 #include "stitch/media/exif/exif.h"
@@ -148,14 +149,13 @@ Result<OwnPictureSets> own_pictures(const std::vector<std::string>& arguments) {
   std::vector<std::string> files;
   for (const std::string& argument : arguments) {
     if (!is_folder(argument)) {
-      if (const Result<ImageHeader> header = read_picture_header(argument); !header) return fail(header.error());
+      NODAL_TRY(read_picture_header(argument));
       files.push_back(argument);
       continue;
     }
-    const Result<PictureFolder> found = sequences ? sequence_in(argument) : pictures_in(argument);
-    if (!found) return fail(found.error());
-    const std::vector<std::string>& inside = found->files;
-    if (!found->left_out.empty()) own.notes.push_back(found->left_out);
+    NODAL_TRY_ASSIGN(const PictureFolder found, sequences ? sequence_in(argument) : pictures_in(argument));
+    const std::vector<std::string>& inside = found.files;
+    if (!found.left_out.empty()) own.notes.push_back(found.left_out);
     if (!sequences) {
       files.insert(files.end(), inside.begin(), inside.end());
       continue;
@@ -170,7 +170,7 @@ Result<OwnPictureSets> own_pictures(const std::vector<std::string>& arguments) {
     for (std::size_t n = 0; n < inside.size(); ++n) own.sets[n].push_back(inside[n]);
   }
   if (!sequences) {
-    if (const Status left = leave_out_copies(files, own.notes); !left) return fail(left.error());
+    NODAL_TRY(leave_out_copies(files, own.notes));
   }
   own.names = head_names(sequences ? arguments : files);
   if (!sequences) own.sets = {std::move(files)};
@@ -179,11 +179,10 @@ Result<OwnPictureSets> own_pictures(const std::vector<std::string>& arguments) {
 
 Result<FirstCalibration> first_calibration(const std::vector<std::string>& files, const std::vector<std::string>& names,
                                            const OwnProgress& progress) {
-  Result<std::vector<DecodedImage>> read = read_all(files, [&](std::size_t n) {
-    progress(0.3 * static_cast<double>(n) / static_cast<double>(files.size()), "reading " + files[n]);
-  });
-  if (!read) return fail(read.error());
-  std::vector<DecodedImage> images = std::move(*read), grey;
+  NODAL_TRY_ASSIGN(std::vector<DecodedImage> read, read_all(files, [&](std::size_t n) {
+                     progress(0.3 * static_cast<double>(n) / static_cast<double>(files.size()), "reading " + files[n]);
+                   }));
+  std::vector<DecodedImage> images = std::move(read), grey;
   for (const DecodedImage& image : images) grey.push_back(media::convert_image(image.view(), PixelFormat::kGrey8));
   autocalibration::Options options;
   options.files = files;
@@ -199,12 +198,11 @@ Result<FirstCalibration> first_calibration(const std::vector<std::string>& files
     if (exif.orientation != 1) turned.push_back(files[n]);
   }
   options.progress = [&](double done) { progress(0.3 + 0.7 * done, "matching the pictures"); };
-  Result<autocalibration::Found> found = autocalibration::autocalibrate(grey, names, options);
-  if (!found) return fail(found.error());
+  NODAL_TRY_ASSIGN(autocalibration::Found found, autocalibration::autocalibrate(grey, names, options));
   FirstCalibration first;
-  first.calibration = std::move(found->calibration);
+  first.calibration = std::move(found.calibration);
   std::vector<bool> used(files.size());
-  for (const std::size_t n : found->placed) {
+  for (const std::size_t n : found.placed) {
     used[n] = true;
     first.heads.push_back(n);
     first.placed.push_back(files[n]);
@@ -220,24 +218,24 @@ Result<FirstCalibration> first_calibration(const std::vector<std::string>& files
                     "file stores them, and the calibration is for those",
                     turned.size(), files.size(), turned.front()));
   }
-  for (const auto& [a, b] : found->doubtful) {
+  for (const auto& [a, b] : found.doubtful) {
     first.notes.push_back(
         fmt::format("{} and {} overlap, but what they show there does not line up: one of them may be turned by some "
                     "degrees, or they see near things from different places",
                     first.placed[a], first.placed[b]));
   }
-  first.points = std::make_shared<const std::vector<autocalibration::Match>>(std::move(found->points));
-  first.lens = lens_of(*found, first.calibration.heads.front());
+  first.points = std::make_shared<const std::vector<autocalibration::Match>>(std::move(found.points));
+  first.lens = lens_of(found, first.calibration.heads.front());
   first.lens.note = lens_note(first.lens);
   if (!first.lens.note.empty()) {
     first.notes.push_back(first.lens.note);
     first.calibration.comment = "Lens and rotations from the pictures alone: " + first.lens.note + ".";
   }
-  if (const std::string note = up_note(found->up); !note.empty()) first.notes.push_back(note);
+  if (const std::string note = up_note(found.up); !note.empty()) first.notes.push_back(note);
   first.confidence = fmt::format(
       "{} of {} pictures placed by {} points that two of them show; the points, which are {}, agree within {:.1f} px "
       "(median)",
-      first.placed.size(), files.size(), found->matches, text_of(first.lens.seen), found->error_px);
+      first.placed.size(), files.size(), found.matches, text_of(first.lens.seen), found.error_px);
   return first;
 }
 

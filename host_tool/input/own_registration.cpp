@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "host_tool/input/own_pictures.h"
+#include "protocol/base/try.h"
 #include "stitch/autocalibration/point_check.h"
 #include "stitch/autocalibration/tsai_form.h"
 
@@ -104,19 +105,16 @@ Report Attempts::with_best_aspect(Report best, Free free) {
 Result<Report> refined(const FirstCalibration& first, const OwnProgress& progress) {
   registration::FrameSet frames;
   for (const DecodedImage& image : first.images) frames.push_back(image.view());
-  const Result<registration::LitFrames> lit =
-      registration::LitFrames::of(first.calibration, {frames}, registration::Colour::kLuminance, 0);
-  if (!lit) return fail(lit.error());
-  Result<std::vector<double>> points = autocalibration::point_errors(first.calibration, *first.points);
-  if (!points) return fail(points.error());
-  Attempts attempts(first, *lit, std::move(*points), progress);
-  Result<Report> light = attempts.light();
-  if (!light) return light;
+  NODAL_TRY_ASSIGN(const registration::LitFrames lit,
+                   registration::LitFrames::of(first.calibration, {frames}, registration::Colour::kLuminance, 0));
+  NODAL_TRY_ASSIGN(std::vector<double> points, autocalibration::point_errors(first.calibration, *first.points));
+  Attempts attempts(first, lit, std::move(points), progress);
+  NODAL_TRY_ASSIGN(Report light, attempts.light());
   const bool anamorphic = first.calibration.heads.front().aspect != 1;
   for (const Free free : {Free::kLens, Free::kFocals, Free::kRotations}) {
     if (!first.lens.mostly && free != Free::kRotations) continue;
     const Result<Report> tried = attempts.tried(free);
-    if (!attempts.better(tried, *light)) continue;
+    if (!attempts.better(tried, light)) continue;
     Result<Report> fine = attempts.fine(tried->calibration, free);
     if (!attempts.good(fine)) return tried;
     Report best = std::move(*fine);

@@ -17,6 +17,7 @@
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
 #include "protocol/base/file_ending.h"
+#include "protocol/base/try.h"
 #include "stitch/interchange/export.h"
 #include "stitch/interchange/import.h"
 
@@ -62,23 +63,21 @@ Result<PointPair> pair_of(const std::vector<std::string>& cells, const Calibrati
   std::array<double, 4> at{};
   const std::array<std::size_t, 4> places{1, 2, 4, 5};
   for (std::size_t k = 0; k < 4; ++k) {
-    const Result<double> value = number_of(cells[places[k]]);
-    if (!value) return fail(value.error());
-    at[k] = *value;
+    NODAL_TRY_ASSIGN(const double value, number_of(cells[places[k]]));
+    at[k] = value;
   }
   return PointPair{*a, {at[0], at[1]}, *b, {at[2], at[3]}};
 }
 
 Result<std::vector<PointPair>> pairs_of_project(const std::string& text, const Calibration& rig) {
-  const Result<interchange::ImportResult> project = interchange::import_project(text, "pairs");
-  if (!project) return fail(project.error());
-  if (project->calibration.heads.size() != rig.heads.size()) {
+  NODAL_TRY_ASSIGN(const interchange::ImportResult project, interchange::import_project(text, "pairs"));
+  if (project.calibration.heads.size() != rig.heads.size()) {
     return fail(Errc::kHeadMismatch, fmt::format("it has {} images, the calibration {} heads; both must be of one rig, "
                                                  "in one order",
-                                                 project->calibration.heads.size(), rig.heads.size()));
+                                                 project.calibration.heads.size(), rig.heads.size()));
   }
   std::vector<PointPair> pairs;
-  for (const interchange::ControlPoint& point : project->control_points) {
+  for (const interchange::ControlPoint& point : project.control_points) {
     if (point.head_a == point.head_b) continue;  // a point of a straight line
     pairs.push_back({point.head_a, point.pixel_a, point.head_b, point.pixel_b});
   }
@@ -151,10 +150,9 @@ Result<std::vector<PointPair>> parse_pairs_csv(const std::string& text, const Ca
 }
 
 Result<std::vector<PointPair>> read_pairs(const std::string& file, const Calibration& rig) {
-  const Result<std::string> text = read_file(file, interchange::kMaxProjectBytes);
-  if (!text) return fail(text.error());
+  NODAL_TRY_ASSIGN(const std::string text, read_file(file, interchange::kMaxProjectBytes));
   const bool project = has_ending(file, ".pto") || has_ending(file, ".pts") || has_ending(file, ".ptv");
-  Result<std::vector<PointPair>> pairs = project ? pairs_of_project(*text, rig) : parse_pairs_csv(*text, rig);
+  Result<std::vector<PointPair>> pairs = project ? pairs_of_project(text, rig) : parse_pairs_csv(text, rig);
   if (!pairs) return fail(pairs.error().in(file));
   if (pairs->size() > kMaxPointPairs) {
     return fail(Errc::kTooLarge, fmt::format("{}: {} point pairs; at most {} are fitted, so leave some out", file,
@@ -189,10 +187,9 @@ Result<std::vector<PointPair>> find_pairs(const std::vector<std::string>& pictur
   const auto project = interchange::export_calibration(rig, interchange::ExportFormat::kHugin, options);
   if (!project) return fail(project.error().in("for cpfind"));
   const std::string in = workshop.file("in.pto"), out = workshop.file("out.pto");
-  if (Status written = write_file(in, project->files.front().text); !written) return fail(written.error());
-  const Result<int> code = run_quietly({"cpfind", "--fullscale", "-o", out, in});
-  if (!code) return fail(code.error());
-  if (*code != 0) return fail(Errc::kNotDetermined, fmt::format("cpfind failed with code {}", *code));
+  NODAL_TRY(write_file(in, project->files.front().text));
+  NODAL_TRY_ASSIGN(const int code, run_quietly({"cpfind", "--fullscale", "-o", out, in}));
+  if (code != 0) return fail(Errc::kNotDetermined, fmt::format("cpfind failed with code {}", code));
   Result<std::vector<PointPair>> pairs = read_pairs(out, rig);
   if (!pairs && pairs.error().code == Errc::kMissingField) {
     return fail(Errc::kNotDetermined, "cpfind finds nothing that two heads share; give point pairs by hand (--pairs)");

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "protocol/base/try.h"
 #include "stitch/media/colour/colour.h"
 #include "stitch/media/exif/exif.h"
 #include "stitch/media/image_file.h"
@@ -16,13 +17,12 @@ namespace {
 /// A file's picture with its own numbers; with 16 bits a sample if it has them.
 Result<DecodedImage> decode_as_stored(const std::string& file) {
   const bool tiff = media::is_tiff(file);
-  const Result<ImageHeader> header = tiff ? media::read_tiff_header(file) : media::read_image_header(file);
-  if (!header) return fail(header.error());
-  Result<DecodedImage> picture = tiff ? media::read_tiff(file, header->deep) : media::read_image(file, header->deep);
-  if (!picture) return picture;
-  const SampleMeaning& said = picture->meaning;
-  if (said.icc.empty() && said.curve == SampleMeaning::Curve::kUnsaid && media::exif_of(picture->metadata).adobe_rgb) {
-    picture->meaning = media::adobe_rgb();
+  NODAL_TRY_ASSIGN(const ImageHeader header, tiff ? media::read_tiff_header(file) : media::read_image_header(file));
+  NODAL_TRY_ASSIGN(DecodedImage picture,
+                   tiff ? media::read_tiff(file, header.deep) : media::read_image(file, header.deep));
+  const SampleMeaning& said = picture.meaning;
+  if (said.icc.empty() && said.curve == SampleMeaning::Curve::kUnsaid && media::exif_of(picture.metadata).adobe_rgb) {
+    picture.meaning = media::adobe_rgb();
   }
   return picture;
 }
@@ -31,7 +31,7 @@ Result<DecodedImage> as_srgb(DecodedImage&& picture, const std::string& file) {
   if (has_chroma(picture.format) && media::needs_conversion(picture.meaning)) {
     picture = in_format(std::move(picture), PixelFormat::kRgb24);
   }
-  if (const Status done = media::in_srgb(picture, file); !done) return fail(done.error());
+  NODAL_TRY(media::in_srgb(picture, file));
   return std::move(picture);
 }
 
@@ -46,17 +46,15 @@ DecodedImage in_format(DecodedImage picture, PixelFormat format) {
 }
 
 Result<DecodedImage> read_deep_picture(const std::string& file) {
-  Result<DecodedImage> stored = decode_as_stored(file);
-  if (!stored) return stored;
-  const bool coded = has_chroma(stored->format);
-  return as_srgb(coded ? in_format(std::move(*stored), PixelFormat::kRgb24) : std::move(*stored), file);
+  NODAL_TRY_ASSIGN(DecodedImage stored, decode_as_stored(file));
+  const bool coded = has_chroma(stored.format);
+  return as_srgb(coded ? in_format(std::move(stored), PixelFormat::kRgb24) : std::move(stored), file);
 }
 
 Result<DecodedImage> read_picture(const std::string& file, std::optional<PixelFormat> as, bool of_linear_head) {
-  Result<DecodedImage> stored = decode_as_stored(file);
-  if (!stored) return stored;
-  if (of_linear_head && stored->meaning.is_linear()) stored->meaning.curve = SampleMeaning::Curve::kUnsaid;
-  Result<DecodedImage> picture = as_srgb(std::move(*stored), file);
+  NODAL_TRY_ASSIGN(DecodedImage stored, decode_as_stored(file));
+  if (of_linear_head && stored.meaning.is_linear()) stored.meaning.curve = SampleMeaning::Curve::kUnsaid;
+  Result<DecodedImage> picture = as_srgb(std::move(stored), file);
   if (!picture) return picture;
   if (is_linear16(picture->format)) picture = media::shown_in_8_bits(*picture);
   if (as) picture = in_format(std::move(*picture), *as);

@@ -8,6 +8,7 @@
 #include <system_error>
 
 #include "protocol/base/text.h"
+#include "protocol/base/try.h"
 
 namespace nodal::host {
 namespace {
@@ -98,12 +99,11 @@ Result<FoundPictures> project_pictures(const std::string& project, const std::ve
   std::size_t moved = 0;
   std::string first;
   for (const std::string& image : images) {
-    Result<ProjectPicture> picture = project_picture(project, image, places);
-    if (!picture) return fail(picture.error());
-    if (picture->moved && moved++ == 0) {
-      first = fmt::format("'{}' is {}", printable(image, kLongestName), printable(picture->file, kLongestName));
+    NODAL_TRY_ASSIGN(ProjectPicture picture, project_picture(project, image, places));
+    if (picture.moved && moved++ == 0) {
+      first = fmt::format("'{}' is {}", printable(image, kLongestName), printable(picture.file, kLongestName));
     }
-    pictures.files.push_back(std::move(picture->file));
+    pictures.files.push_back(std::move(picture.file));
   }
   if (moved > 0) {
     pictures.notes.push_back(

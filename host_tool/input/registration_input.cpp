@@ -12,6 +12,7 @@
 #include "host_tool/input/picture_folders.h"
 #include "host_tool/input/pictures.h"
 #include "protocol/base/angles.h"
+#include "protocol/base/try.h"
 #include "stitch/autocalibration/image_circle.h"
 #include "stitch/calibration/lens/region.h"
 #include "stitch/geometry/rotation.h"
@@ -86,9 +87,8 @@ Result<std::vector<std::vector<std::string>>> sequences_of(const std::vector<std
   std::vector<std::vector<std::string>> sets;
   for (std::size_t h = 0; h < names.size(); ++h) {
     const auto own = std::ranges::find(folders, names[h], folder_name);
-    const Result<PictureFolder> inside = sequence_in(*own);
-    if (!inside) return fail(inside.error());
-    const std::vector<std::string>& pictures = inside->files;
+    NODAL_TRY_ASSIGN(const PictureFolder inside, sequence_in(*own));
+    const std::vector<std::string>& pictures = inside.files;
     if (h == 0) sets.resize(pictures.size());
     if (pictures.size() != sets.size()) {
       return fail(Errc::kBadValue,
@@ -132,9 +132,8 @@ Result<std::vector<std::vector<std::string>>> picture_files(const std::vector<st
       }
       files.emplace_back();
       for (const std::string& name : names) {
-        Result<std::string> file = picture_of(argument, name);
-        if (!file) return fail(file.error());
-        files.back().push_back(std::move(*file));
+        NODAL_TRY_ASSIGN(std::string file, picture_of(argument, name));
+        files.back().push_back(std::move(file));
       }
     }
   } else {
@@ -153,16 +152,14 @@ Result<std::vector<std::vector<std::string>>> picture_files(const std::vector<st
 
 Result<PictureSets> read_pictures(const std::vector<std::string>& arguments, const std::vector<std::string>& names,
                                   const std::vector<bool>& of_linear_heads) {
-  const auto files = picture_files(arguments, names);
-  if (!files) return fail(files.error());
+  NODAL_TRY_ASSIGN(const auto files, picture_files(arguments, names));
   PictureSets pictures;
-  for (const auto& set : *files) {
+  for (const auto& set : files) {
     pictures.sets.emplace_back();
     for (std::size_t h = 0; h < set.size(); ++h) {
       const bool linear = h < of_linear_heads.size() && of_linear_heads[h];
-      Result<DecodedImage> picture = read_picture(set[h], std::nullopt, linear);
-      if (!picture) return fail(picture.error());
-      pictures.sets.back().push_back(std::move(*picture));
+      NODAL_TRY_ASSIGN(DecodedImage picture, read_picture(set[h], std::nullopt, linear));
+      pictures.sets.back().push_back(std::move(picture));
     }
   }
   return pictures;
@@ -170,9 +167,8 @@ Result<PictureSets> read_pictures(const std::vector<std::string>& arguments, con
 
 Result<CalibratedPictures> read_calibrated_pictures(const std::vector<std::string>& arguments) {
   const std::string& file = arguments.front();
-  const Result<std::string> text = read_file(file, kMaxCalibrationBytes);
-  if (!text) return fail(text.error());
-  Result<Calibration> calibration = parse_calibration(*text);
+  NODAL_TRY_ASSIGN(const std::string text, read_file(file, kMaxCalibrationBytes));
+  Result<Calibration> calibration = parse_calibration(text);
   if (!calibration) return fail(calibration.error().in(file));
   const std::vector<std::string> rest(arguments.begin() + 1, arguments.end());
   if (rest.empty()) {
@@ -181,9 +177,8 @@ Result<CalibratedPictures> read_calibrated_pictures(const std::vector<std::strin
   }
   std::vector<std::string> names;
   for (const HeadCalibration& head : calibration->heads) names.push_back(head.name);
-  Result<PictureSets> pictures = read_pictures(rest, names, linear_heads(*calibration));
-  if (!pictures) return fail(pictures.error());
-  return CalibratedPictures{std::move(*calibration), std::move(*pictures)};
+  NODAL_TRY_ASSIGN(PictureSets pictures, read_pictures(rest, names, linear_heads(*calibration)));
+  return CalibratedPictures{std::move(*calibration), std::move(pictures)};
 }
 
 Result<Nominal> parse_nominal(const std::string& text) {
@@ -263,7 +258,7 @@ Result<Calibration> nominal_rig(const Nominal& nominal, const std::vector<Decode
   if (pictures.size() != heads) {
     return fail(Errc::kBadValue, fmt::format("--nominal: {} pictures for {} heads", pictures.size(), heads));
   }
-  if (const Status good = check_nominal(nominal); !good) return fail(good.error());
+  NODAL_TRY(check_nominal(nominal));
   Calibration rig;
   rig.name = fmt::format("nominal {}x{:g}", nominal.heads, nominal.view_deg);
   rig.comment = "From the data sheet.";
@@ -312,12 +307,10 @@ Result<CalibratedPictures> read_nominal_pictures(const NominalWords& words, cons
   std::vector<std::string> names;
   names.reserve(static_cast<std::size_t>(nominal->heads));
   for (int h = 0; h < nominal->heads; ++h) names.push_back("cam" + std::to_string(h));
-  Result<PictureSets> pictures = read_pictures(arguments, names);
-  if (!pictures) return fail(pictures.error());
-  if (pictures->sets.empty()) return fail(Errc::kMissingField, "no pictures; give one a head");
-  Result<Calibration> prior = nominal_rig(*nominal, pictures->sets.front());
-  if (!prior) return fail(prior.error());
-  return CalibratedPictures{std::move(*prior), std::move(*pictures)};
+  NODAL_TRY_ASSIGN(PictureSets pictures, read_pictures(arguments, names));
+  if (pictures.sets.empty()) return fail(Errc::kMissingField, "no pictures; give one a head");
+  NODAL_TRY_ASSIGN(Calibration prior, nominal_rig(*nominal, pictures.sets.front()));
+  return CalibratedPictures{std::move(prior), std::move(pictures)};
 }
 
 }  // namespace nodal::host

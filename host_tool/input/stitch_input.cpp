@@ -10,6 +10,7 @@
 #include "host_tool/console/files.h"
 #include "host_tool/input/picture_folders.h"
 #include "host_tool/input/pictures.h"
+#include "protocol/base/try.h"
 #include "stitch/interchange/import.h"
 #include "stitch/media/image_file.h"
 
@@ -27,21 +28,20 @@ struct Project {
 };
 
 Result<Project> read_project(const std::string& file, PicturePlaces places) {
-  const Result<std::string> text = read_file(file, std::max(kMaxCalibrationBytes, interchange::kMaxProjectBytes));
-  if (!text) return fail(text.error());
-  if (text->find("\"nodal_calibration\"") != std::string::npos) {
-    Result<Calibration> own = parse_calibration(*text);
+  NODAL_TRY_ASSIGN(const std::string text,
+                   read_file(file, std::max(kMaxCalibrationBytes, interchange::kMaxProjectBytes)));
+  if (text.find("\"nodal_calibration\"") != std::string::npos) {
+    Result<Calibration> own = parse_calibration(text);
     if (!own) return fail(own.error().in(file));
     return Project{std::move(*own), {}, {}, {}, false};
   }
-  Result<interchange::ImportResult> imported = interchange::import_project(*text, fs::path(file).stem().string());
+  Result<interchange::ImportResult> imported = interchange::import_project(text, fs::path(file).stem().string());
   if (!imported) return fail(imported.error().in(file));
   Project project{std::move(imported->calibration), {}, std::move(imported->notes), {}, true};
   if (std::ranges::any_of(imported->images, &std::string::empty)) return project;
-  Result<FoundPictures> pictures = project_pictures(file, imported->images, places);
-  if (!pictures) return fail(pictures.error());
-  project.pictures = std::move(pictures->files);
-  project.picture_notes = std::move(pictures->notes);
+  NODAL_TRY_ASSIGN(FoundPictures pictures, project_pictures(file, imported->images, places));
+  project.pictures = std::move(pictures.files);
+  project.picture_notes = std::move(pictures.notes);
   return project;
 }
 
@@ -75,38 +75,33 @@ PixelFormat common_format(const std::vector<DecodedImage>& pictures, bool rgb) {
 Result<StitchInput> read_stitch_input(const NominalWords& nominal, const std::vector<std::string>& arguments,
                                       PicturePlaces places) {
   if (!nominal.rig.empty()) {
-    Result<CalibratedPictures> rig = read_nominal_pictures(nominal, arguments);
-    if (!rig) return fail(rig.error());
-    auto sets = picture_files(arguments, names_of(rig->calibration));
-    if (!sets) return fail(sets.error());
-    return StitchInput{std::move(rig->calibration), std::move(*sets), {}, true};
+    NODAL_TRY_ASSIGN(CalibratedPictures rig, read_nominal_pictures(nominal, arguments));
+    NODAL_TRY_ASSIGN(auto sets, picture_files(arguments, names_of(rig.calibration)));
+    return StitchInput{std::move(rig.calibration), std::move(sets), {}, true};
   }
   const std::string& file = arguments.front();
   // Pictures that the command line names replace those of the project, which are then not read, wherever they are.
   const bool named = arguments.size() > 1;
-  Result<Project> project = read_project(file, named ? PicturePlaces::kAnywhere : places);
-  if (!project) return fail(project.error());
+  NODAL_TRY_ASSIGN(Project project, read_project(file, named ? PicturePlaces::kAnywhere : places));
   std::vector<std::string> pictures(arguments.begin() + 1, arguments.end());
   if (pictures.empty()) {
-    pictures = project->pictures;
-    std::ranges::move(project->picture_notes, std::back_inserter(project->notes));
+    pictures = project.pictures;
+    std::ranges::move(project.picture_notes, std::back_inserter(project.notes));
   }
-  const std::size_t heads = project->calibration.heads.size();
+  const std::size_t heads = project.calibration.heads.size();
   if (pictures.empty()) {
     return fail(Errc::kMissingField, fmt::format("no pictures; give one for each of the {} heads of {}", heads, file));
   }
-  auto sets = picture_files(pictures, names_of(project->calibration));
-  if (!sets) return fail(sets.error());
-  tell_copies(sets->front(), project->notes);
-  return StitchInput{std::move(project->calibration), std::move(*sets), std::move(project->notes), project->imported};
+  NODAL_TRY_ASSIGN(auto sets, picture_files(pictures, names_of(project.calibration)));
+  tell_copies(sets.front(), project.notes);
+  return StitchInput{std::move(project.calibration), std::move(sets), std::move(project.notes), project.imported};
 }
 
 Result<std::vector<DecodedImage>> read_set(const std::vector<std::string>& files, const Calibration& calibration,
                                            bool rgb) {
-  Result<std::vector<DecodedImage>> read = read_all(
-      files, [](std::size_t) {}, linear_heads(calibration));
-  if (!read) return fail(read.error());
-  std::vector<DecodedImage> pictures = std::move(*read);
+  NODAL_TRY_ASSIGN(std::vector<DecodedImage> read, read_all(
+                                                       files, [](std::size_t) {}, linear_heads(calibration)));
+  std::vector<DecodedImage> pictures = std::move(read);
   for (std::size_t h = 0; h < files.size(); ++h) {
     const HeadCalibration& head = calibration.heads[h];
     if (pictures[h].width != head.width || pictures[h].height != head.height) {

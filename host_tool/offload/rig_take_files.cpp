@@ -9,6 +9,7 @@
 
 #include "host_tool/offload/take_fetch.h"
 #include "protocol/base/file_ending.h"
+#include "protocol/base/try.h"
 #include "protocol/take/digest.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
@@ -56,7 +57,7 @@ class Video final : public media::TakeFile {
       return fail(Errc::kTruncated, fmt::format("{}: ends at byte {}", source_->shown(name_), size_));
     while (!bytes.empty()) {
       if (at < from_ || at >= from_ + window_.size()) {
-        if (const Status fetched = fetch(at); !fetched) return fetched;
+        NODAL_TRY(fetch(at));
         if (window_.size() <= at - from_)
           return fail(Errc::kTruncated,
                       fmt::format("{}: ends at byte {}", source_->shown(name_), from_ + window_.size()));
@@ -108,15 +109,13 @@ class RigTakeFiles final : public media::TakeFiles {
       if (size == source_->sizes.end()) return fail(Errc::kNotFound, shown(name) + ": the manifest does not list it");
       return std::make_unique<Video>(source_, name, size->second);
     }
-    auto bytes = fetch_small_file(*source_->rig, source_->take, name, take::kMaxEvidenceBytes);
-    if (!bytes) return fail(bytes.error());
+    NODAL_TRY_ASSIGN(auto bytes, fetch_small_file(*source_->rig, source_->take, name, take::kMaxEvidenceBytes));
     if (name == take::kManifestFile) {
-      const auto manifest =
-          take::parse_manifest({reinterpret_cast<const char*>(bytes->data()), bytes->size()}, shown(name));
-      if (!manifest) return fail(manifest.error());
-      for (const take::Manifest::File& file : manifest->files) source_->sizes[file.name] = file.bytes;
+      NODAL_TRY_ASSIGN(const auto manifest,
+                       take::parse_manifest({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, shown(name)));
+      for (const take::Manifest::File& file : manifest.files) source_->sizes[file.name] = file.bytes;
     }
-    return std::make_unique<Fetched>(std::move(*bytes), shown(name));
+    return std::make_unique<Fetched>(std::move(bytes), shown(name));
   }
   std::string shown(const std::string& name) const override { return source_->shown(name); }
 

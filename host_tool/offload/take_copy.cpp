@@ -13,6 +13,7 @@
 #include "host_tool/offload/local_file.h"
 #include "host_tool/offload/take_fetch.h"
 #include "protocol/base/file_ending.h"
+#include "protocol/base/try.h"
 #include "protocol/take/evidence.h"
 #include "stitch/media/take/take_files.h"
 
@@ -51,11 +52,10 @@ Error damaged(const std::string& file, std::uint64_t offset) {
 /// A file that is not there yet. What an interrupted call left of it is written again.
 Status store(const fs::path& path, std::span<const std::uint8_t> bytes) {
   const fs::path part = path.string() + kPart;
-  auto file = LocalFile::open_to_write(part);
-  if (!file) return fail(file.error());
-  Status done = file->truncate(0);
-  if (done) done = file->write(0, bytes);
-  if (done) done = file->sync();
+  NODAL_TRY_ASSIGN(auto file, LocalFile::open_to_write(part));
+  Status done = file.truncate(0);
+  if (done) done = file.write(0, bytes);
+  if (done) done = file.sync();
   return done ? rename_new(part, path) : done;
 }
 
@@ -66,24 +66,22 @@ std::string_view text_of(std::span<const std::uint8_t> bytes) {
 }  // namespace
 
 Result<TakeCopy> TakeCopy::begin(RigConnection& rig, std::uint64_t take, const fs::path& to) {
-  auto bytes = fetch_small_file(rig, take, take::kManifestFile, take::kMaxManifestBytes);
-  if (!bytes) return fail(bytes.error());
-  auto manifest = take::parse_manifest(text_of(*bytes), fmt::format("the rig's manifest of take {}", take));
-  if (!manifest) return fail(manifest.error());
-  if (manifest->number != take) {
+  NODAL_TRY_ASSIGN(auto bytes, fetch_small_file(rig, take, take::kManifestFile, take::kMaxManifestBytes));
+  NODAL_TRY_ASSIGN(auto manifest,
+                   take::parse_manifest(text_of(bytes), fmt::format("the rig's manifest of take {}", take)));
+  if (manifest.number != take) {
     return fail(Errc::kProtocol,
-                fmt::format("the rig sent the manifest of take {} for take {}", manifest->number, take));
+                fmt::format("the rig sent the manifest of take {} for take {}", manifest.number, take));
   }
   const fs::path folder = to / take::take_folder(take);
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) return fail(Errc::kIo, folder.string() + ": cannot be made: " + error.message());
-  auto lock = FolderLock::take(folder);
-  if (!lock) return fail(lock.error());
-  TakeCopy copy(rig, folder, std::move(*lock));
-  copy.id_ = sha256(*bytes);
-  copy.manifest_ = std::move(*manifest);
-  if (const Status mine = copy.claim_folder(*bytes); !mine) return fail(mine.error());
+  NODAL_TRY_ASSIGN(auto lock, FolderLock::take(folder));
+  TakeCopy copy(rig, folder, std::move(lock));
+  copy.id_ = sha256(bytes);
+  copy.manifest_ = std::move(manifest);
+  NODAL_TRY(copy.claim_folder(bytes));
   return copy;
 }
 
@@ -92,10 +90,9 @@ Result<TakeCopy> TakeCopy::begin(RigConnection& rig, std::uint64_t take, const f
 Status TakeCopy::claim_folder(std::span<const std::uint8_t> manifest) {
   for (const std::string& name : {take::kManifestFile, take::kManifestFile + kPart}) {
     if (!length_of_file(folder_ / name)) continue;
-    const auto there = read_file((folder_ / name).string(), take::kMaxManifestBytes);
-    if (!there) return fail(there.error());
-    if (*there == text_of(manifest)) return {};
-    const auto earlier = take::parse_manifest(*there, (folder_ / name).string());
+    NODAL_TRY_ASSIGN(const auto there, read_file((folder_ / name).string(), take::kMaxManifestBytes));
+    if (there == text_of(manifest)) return {};
+    const auto earlier = take::parse_manifest(there, (folder_ / name).string());
     if (earlier && holds_all(*earlier, manifest_)) {
       if (name == take::kManifestFile) return {};
       break;
@@ -105,7 +102,7 @@ Status TakeCopy::claim_folder(std::span<const std::uint8_t> manifest) {
   }
   // A folder without a manifest is somebody else's, so that not even a part of a file in it may be continued.
   if (!length_of_file(folder_ / (take::kManifestFile + kPart))) {
-    if (const Status free = check_names(true); !free) return free;
+    NODAL_TRY(check_names(true));
   }
   const std::string part = (folder_ / (take::kManifestFile + kPart)).string();
   note_own(part);  // an earlier run's
@@ -153,17 +150,16 @@ Status TakeCopy::check_room(bool without_heads) const {
     if ((without_heads && of_a_head(file.name)) || there(file)) continue;
     needed += file.bytes - std::min(file.bytes, length_of_file(folder_ / (file.name + kPart)).value_or(0));
   }
-  const auto free = free_bytes(folder_);
-  if (!free) return fail(free.error());
-  if (*free >= needed) return {};
+  NODAL_TRY_ASSIGN(const auto free, free_bytes(folder_));
+  if (free >= needed) return {};
   return fail(Errc::kDiskFull,
               fmt::format("{}: has room for {}, and {} are missing; use another folder, or --only raymap",
-                          folder_.string(), show_bytes(*free), show_bytes(needed)));
+                          folder_.string(), show_bytes(free), show_bytes(needed)));
 }
 
 Status TakeCopy::run(bool without_heads, const OnProgress& progress) {
-  if (const Status free = check_names(false); !free) return free;
-  if (const Status room = check_room(without_heads); !room) return room;
+  NODAL_TRY(check_names(false));
+  NODAL_TRY(check_room(without_heads));
   done_ = 0;
   without_heads_ = without_heads;
   for (const bool video : {false, true}) {  // the evidence has the hashes of the video files
@@ -174,8 +170,7 @@ Status TakeCopy::run(bool without_heads, const OnProgress& progress) {
         progress(done_, file.name);
         continue;
       }
-      const Status copied = video ? copy_video(file, progress) : copy_document(file, progress);
-      if (!copied) return copied;
+      NODAL_TRY(video ? copy_video(file, progress) : copy_document(file, progress));
     }
   }
   if (without_heads) return sync_folder(folder_);
@@ -199,9 +194,8 @@ Status TakeCopy::copy_document(const take::Manifest::File& file, const OnProgres
   Bytes bytes;
   bool whole = false;
   if (there(file)) {
-    const auto text = read_file(path.string(), take::kMaxEvidenceBytes);
-    if (!text) return fail(text.error());
-    bytes.assign(text->begin(), text->end());
+    NODAL_TRY_ASSIGN(const auto text, read_file(path.string(), take::kMaxEvidenceBytes));
+    bytes.assign(text.begin(), text.end());
     whole = good(bytes);
     if (!whole) {
       return fail(Errc::kWrongState,
@@ -211,13 +205,12 @@ Status TakeCopy::copy_document(const take::Manifest::File& file, const OnProgres
     }
   }
   for (int k = 0; k < kTries && !whole; ++k) {
-    auto fetched = fetch_small_file(*rig_, manifest_.number, file.name, take::kMaxEvidenceBytes);
-    if (!fetched) return fail(fetched.error());
-    bytes = std::move(*fetched);
+    NODAL_TRY_ASSIGN(auto fetched, fetch_small_file(*rig_, manifest_.number, file.name, take::kMaxEvidenceBytes));
+    bytes = std::move(fetched);
     fetched_ += bytes.size();
     whole = good(bytes);
     if (!whole) continue;
-    if (const Status written = store(path, bytes); !written) return written;
+    NODAL_TRY(store(path, bytes));
   }
   if (!whole) return fail(damaged(file.name, 0));
   done_ += file.bytes;
@@ -228,13 +221,12 @@ Status TakeCopy::copy_document(const take::Manifest::File& file, const OnProgres
 
 /// Keeps the hashes of files of the manifest only, and only as many as their lengths need.
 Status TakeCopy::note_hashes(const take::Manifest::File& file, std::span<const std::uint8_t> evidence) {
-  const auto segment = take::read_evidence(evidence, file.name);
-  if (!segment) return fail(segment.error());
-  for (int k = 0; k < segment->begin.files_size(); ++k) {
-    const std::string& name = segment->begin.files(k).name();
+  NODAL_TRY_ASSIGN(const auto segment, take::read_evidence(evidence, file.name));
+  for (int k = 0; k < segment.begin.files_size(); ++k) {
+    const std::string& name = segment.begin.files(k).name();
     const auto listed = std::ranges::find(manifest_.files, name, &take::Manifest::File::name);
     if (listed == manifest_.files.end() || (without_heads_ && of_a_head(name))) continue;
-    std::vector<take::Xxh128> hashes = segment->hashes_of(static_cast<std::size_t>(k));
+    std::vector<take::Xxh128> hashes = segment.hashes_of(static_cast<std::size_t>(k));
     if (hashes.size() == pieces_of(*listed) && take::digest_of(hashes) == listed->digest)
       hashes_[name] = std::move(hashes);
   }
@@ -248,25 +240,22 @@ Status TakeCopy::copy_video(const take::Manifest::File& file, const OnProgress& 
     return fail(Errc::kBadFormat,
                 fmt::format("{}: the evidence of take {} does not have its hashes", file.name, manifest_.number));
   }
-  auto part = LocalFile::open_to_write(folder_ / (file.name + kPart));
-  if (!part) return fail(part.error());
-  const auto size = part->size();
-  if (!size) return fail(size.error());
+  NODAL_TRY_ASSIGN(auto part, LocalFile::open_to_write(folder_ / (file.name + kPart)));
+  NODAL_TRY_ASSIGN(const auto size, part.size());
   // Keeps the pieces of an earlier copy up to the first one with a wrong hash.
   std::uint64_t at = 0;
   Bytes piece(PieceHashes::kPiece);
-  while (at < *size) {
-    const auto got = part->read(at, piece);
-    if (!got) return fail(got.error());
+  while (at < size) {
+    NODAL_TRY_ASSIGN(const auto got, part.read(at, piece));
     const std::size_t whole =
         static_cast<std::size_t>(std::min(PieceHashes::kPiece, file.bytes - std::min(at, file.bytes)));
-    if (*got < whole || whole == 0) break;
+    if (got < whole || whole == 0) break;
     if (take::xxh128(std::span(piece).first(whole)) != expected->second[at / PieceHashes::kPiece]) break;
     at += whole;
     done_ += whole;
     progress(done_, file.name);
   }
-  if (const Status cut = part->truncate(at); !cut) return cut;
+  NODAL_TRY(part.truncate(at));
   for (int tries = kTries; at < file.bytes;) {
     const std::uint64_t before = at;
     bool differs = false;
@@ -278,7 +267,7 @@ Status TakeCopy::copy_video(const take::Manifest::File& file, const OnProgress& 
                                           differs = true;
                                           return fail(Errc::kChecksum, file.name + ": differs");
                                         }
-                                        if (const Status written = part->write(offset, bytes); !written) return written;
+                                        NODAL_TRY(part.write(offset, bytes));
                                         at = offset + bytes.size();
                                         done_ += bytes.size();
                                         progress(done_, file.name);
@@ -288,7 +277,7 @@ Status TakeCopy::copy_video(const take::Manifest::File& file, const OnProgress& 
     if (at > before) tries = kTries;
     if (at < file.bytes && --tries == 0) return fail(damaged(file.name, at));
   }
-  if (const Status synced = part->sync(); !synced) return synced;
+  NODAL_TRY(part.sync());
   return rename_new(folder_ / (file.name + kPart), folder_ / file.name);
 }
 

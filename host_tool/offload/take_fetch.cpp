@@ -8,6 +8,7 @@
 #include "host_tool/rig/bulk_item.h"
 #include "host_tool/rig/rig_input.h"
 #include "host_tool/rig/stream_wait.h"
+#include "protocol/base/try.h"
 #include "protocol/take/digest.h"
 
 namespace nodal::host {
@@ -31,7 +32,7 @@ Result<StreamId> begin(RigConnection& rig, std::uint64_t take, const std::string
     const Result<wire::Reply> started = rig.ask(request);
     if (started) return started->pull().stream();
     if (started.error().code != Errc::kBusy || waited >= rig.patience()) return fail(started.error());
-    if (const Status rested = rig.rest(kAskAgainAfter); !rested) return fail(rested.error());
+    NODAL_TRY(rig.rest(kAskAgainAfter));
   }
 }
 
@@ -43,31 +44,29 @@ Status out_of_order(const std::string& file) {
 
 Status fetch_file(RigConnection& rig, std::uint64_t take, const std::string& file, std::uint64_t offset,
                   const OnPiece& on_piece) {
-  const Result<StreamId> stream = begin(rig, take, file, offset);
-  if (!stream) return fail(stream.error());
+  NODAL_TRY_ASSIGN(const StreamId stream, begin(rig, take, file, offset));
   BulkItemBytes bytes;
-  StreamWait wait(rig, *stream, rig.patience() * kPatiences, file);
+  StreamWait wait(rig, stream, rig.patience() * kPatiences, file);
   while (true) {
     const Result<Event> event = wait.next();
     if (interrupted()) {
-      rig.stop_stream(*stream);
+      rig.stop_stream(stream);
       return fail(cancelled());
     }
     if (!event) return fail(event.error());
     if (const auto* piece = std::get_if<BulkPiece>(&*event)) {
       if (piece->first) {
-        const Result<wire::TakePiece> meta = parse_clean<wire::TakePiece>(piece->meta, "header of a take's piece");
-        if (!meta) return fail(meta.error());
-        if (meta->offset() != offset) return out_of_order(file);
-        const Status good = bytes.begin(*piece, PieceHashes::kPiece, "a piece of a take");
-        if (!good) return good;
+        NODAL_TRY_ASSIGN(const wire::TakePiece meta,
+                         parse_clean<wire::TakePiece>(piece->meta, "header of a take's piece"));
+        if (meta.offset() != offset) return out_of_order(file);
+        NODAL_TRY(bytes.begin(*piece, PieceHashes::kPiece, "a piece of a take"));
       }
       bytes.add(*piece);
       if (!piece->last) continue;
       const std::span<const std::uint8_t> whole = bytes.bytes();
       if (whole.empty()) return fail(Errc::kProtocol, fmt::format("the rig sent a piece of {} without bytes", file));
       if (const Status taken = on_piece(offset, whole); !taken) {
-        rig.stop_stream(*stream);
+        rig.stop_stream(stream);
         return taken;
       }
       offset += whole.size();
@@ -81,15 +80,13 @@ Status fetch_file(RigConnection& rig, std::uint64_t take, const std::string& fil
 Result<std::vector<std::uint8_t>> fetch_small_file(RigConnection& rig, std::uint64_t take, const std::string& file,
                                                    std::size_t limit) {
   std::vector<std::uint8_t> all;
-  const Status fetched =
-      fetch_file(rig, take, file, 0, [&](std::uint64_t, std::span<const std::uint8_t> bytes) -> Status {
-        if (all.size() + bytes.size() > limit) {
-          return fail(Errc::kTooLarge, fmt::format("{} of take {} has more than {} bytes", file, take, limit));
-        }
-        all.insert(all.end(), bytes.begin(), bytes.end());
-        return {};
-      });
-  if (!fetched) return fail(fetched.error());
+  NODAL_TRY(fetch_file(rig, take, file, 0, [&](std::uint64_t, std::span<const std::uint8_t> bytes) -> Status {
+    if (all.size() + bytes.size() > limit) {
+      return fail(Errc::kTooLarge, fmt::format("{} of take {} has more than {} bytes", file, take, limit));
+    }
+    all.insert(all.end(), bytes.begin(), bytes.end());
+    return {};
+  }));
   return all;
 }
 

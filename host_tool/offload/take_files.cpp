@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "host_tool/offload/local_file.h"
+#include "protocol/base/try.h"
 
 namespace nodal::host {
 namespace {
@@ -16,9 +17,8 @@ class FileHere final : public media::TakeFile {
 
   std::uint64_t size() const override { return size_; }
   Status read(std::uint64_t at, std::span<std::uint8_t> bytes) override {
-    const Result<std::size_t> got = file_.read(at, bytes);
-    if (!got) return fail(got.error());
-    if (*got < bytes.size()) return fail(Errc::kTruncated, fmt::format("{}: ends at byte {}", shown_, at + *got));
+    NODAL_TRY_ASSIGN(const std::size_t got, file_.read(at, bytes));
+    if (got < bytes.size()) return fail(Errc::kTruncated, fmt::format("{}: ends at byte {}", shown_, at + got));
     return {};
   }
 
@@ -33,11 +33,9 @@ class FolderHere final : public media::TakeFiles {
   explicit FolderHere(std::filesystem::path folder) : folder_(std::move(folder)) {}
 
   Result<std::unique_ptr<media::TakeFile>> open(const std::string& name) override {
-    Result<LocalFile> file = LocalFile::open_to_read(folder_ / name);
-    if (!file) return fail(file.error());
-    const Result<std::uint64_t> size = file->size();
-    if (!size) return fail(size.error());
-    return std::make_unique<FileHere>(std::move(*file), shown(name), *size);
+    NODAL_TRY_ASSIGN(LocalFile file, LocalFile::open_to_read(folder_ / name));
+    NODAL_TRY_ASSIGN(const std::uint64_t size, file.size());
+    return std::make_unique<FileHere>(std::move(file), shown(name), size);
   }
   std::string shown(const std::string& name) const override {
     return name.empty() ? folder_.string() : (folder_ / name).string();

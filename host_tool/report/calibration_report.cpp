@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "protocol/base/angles.h"
+#include "protocol/base/try.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/mask_holes.h"
 #include "stitch/geometry/rotation.h"
@@ -57,12 +58,11 @@ Ray even_ray(int i) {
 }  // namespace
 
 Result<CalibrationReport> report_on(const Calibration& calibration) {
-  const Result<std::vector<Head>> heads = geometry::make_heads(calibration);
-  if (!heads) return fail(heads.error());
+  NODAL_TRY_ASSIGN(const std::vector<Head> heads, geometry::make_heads(calibration));
   CalibrationReport report;
   report.id = to_hex(calibration_id(calibration));
   report.name = calibration.name;
-  for (const Head& head : *heads) {
+  for (const Head& head : heads) {
     const geometry::YawPitchRoll place = geometry::to_yaw_pitch_roll(head.R_head_rig());
     report.heads.push_back({head.name(), head.width(), head.height(), lens_name(head.calibration().lens),
                             reach(head, -0.5, 0) + reach(head, 0.5, 0), reach(head, 0, -0.5) + reach(head, 0, 0.5),
@@ -73,7 +73,7 @@ Result<CalibrationReport> report_on(const Calibration& calibration) {
   std::int64_t seen_by = 0;
   for (int i = 0; i < kRays; ++i) {
     const Ray ray = even_ray(i);
-    const auto count = std::ranges::count_if(*heads, [&](const Head& head) {
+    const auto count = std::ranges::count_if(heads, [&](const Head& head) {
       const std::optional<Pixel> pixel = head.project(ray);
       return pixel && head.contains(*pixel);
     });
@@ -85,11 +85,11 @@ Result<CalibrationReport> report_on(const Calibration& calibration) {
           CalibrationReport::Direction{ray.angles().theta * kDegreesPerRadian, -ray.angles().phi * kDegreesPerRadian};
     }
   }
-  const std::vector<geometry::MaskHole> holes = geometry::find_mask_holes(*heads);
+  const std::vector<geometry::MaskHole> holes = geometry::find_mask_holes(heads);
   for (const geometry::MaskHole& hole : holes) {
-    report.mask_holes.push_back({(*heads)[hole.head].name(), hole.solid_angle_sr});
+    report.mask_holes.push_back({heads[hole.head].name(), hole.solid_angle_sr});
   }
-  report.mask_warnings = geometry::describe(holes, *heads);
+  report.mask_warnings = geometry::describe(holes, heads);
   report.unseen = static_cast<double>(unseen) / kRays;
   report.seen_twice = static_cast<double>(twice) / kRays;
   report.heads_per_ray = static_cast<double>(seen_by) / kRays;

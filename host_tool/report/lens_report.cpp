@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "host_tool/report/html_report.h"
+#include "protocol/base/try.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/response.h"
 #include "stitch/media/png_writer.h"
@@ -48,10 +49,9 @@ Status add_residuals(const calibration::LensCalibration& result, HtmlReport& rep
       grey.push_back(static_cast<std::uint8_t>(std::clamp(127.5F + kStretch * 255 * left, 0.0F, 255.0F)));
     }
     const calibration::ViewReport& view = result.report.views[v];
-    Result<std::vector<std::uint8_t>> png =
-        media::png_file({map.width, map.height, 1, 8, grey}, {SampleMeaning::srgb(), 0, view.name, {}, 6});
-    if (!png) return fail(png.error());
-    pictures.emplace_back(std::move(*png), fmt::format("{}: {:.1f} of 255 rms left over", view.name, view.rms));
+    NODAL_TRY_ASSIGN(std::vector<std::uint8_t> png, media::png_file({map.width, map.height, 1, 8, grey},
+                                                                    {SampleMeaning::srgb(), 0, view.name, {}, 6}));
+    pictures.emplace_back(std::move(png), fmt::format("{}: {:.1f} of 255 rms left over", view.name, view.rms));
   }
   report.heading("What the pattern and the lens do not explain");
   report.paragraph(
@@ -65,8 +65,7 @@ Status add_residuals(const calibration::LensCalibration& result, HtmlReport& rep
 }  // namespace
 
 Result<std::string> lens_report(const calibration::LensCalibration& result, const std::string& model) {
-  const Result<geometry::Head> head = geometry::Head::make(result.head);
-  if (!head) return fail(head.error());
+  NODAL_TRY_ASSIGN(const geometry::Head head, geometry::Head::make(result.head));
   const calibration::LensReport& found = result.report;
   HtmlReport report(
       "Lens of head " + result.head.name,
@@ -91,8 +90,8 @@ Result<std::string> lens_report(const calibration::LensCalibration& result, cons
   report.table(
       {"file", "points", "tilt °", "distance, widths", "blur px", "covers %", "explained %", "left over /255", "light"},
       rows);
-  add_curves(result, *head, report);
-  if (const Status added = add_residuals(result, report); !added) return fail(added.error());
+  add_curves(result, head, report);
+  NODAL_TRY(add_residuals(result, report));
   return report.finish();
 }
 

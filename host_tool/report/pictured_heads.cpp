@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "protocol/base/image.h"
+#include "protocol/base/try.h"
 #include "stitch/geometry/response.h"
 
 namespace nodal::host {
@@ -75,9 +76,8 @@ PicturedHeads::PicturedHeads(std::vector<Head> heads, const registration::FrameS
 }
 
 Result<PicturedHeads> PicturedHeads::make(const Calibration& calibration, const registration::FrameSet& frames) {
-  Result<std::vector<Head>> heads = geometry::make_heads(calibration);
-  if (!heads) return fail(heads.error());
-  return PicturedHeads(std::move(*heads), frames);
+  NODAL_TRY_ASSIGN(std::vector<Head> heads, geometry::make_heads(calibration));
+  return PicturedHeads(std::move(heads), frames);
 }
 
 std::optional<Pixel> PicturedHeads::pixel(std::size_t head, const Ray& ray) const {

@@ -14,6 +14,7 @@
 #include "host_tool/report/pictured_heads.h"
 #include "host_tool/report/sphere_graph.h"
 #include "protocol/base/angles.h"
+#include "protocol/base/try.h"
 #include "stitch/geometry/head.h"
 #include "stitch/media/jpeg_writer.h"
 #include "stitch/media/png_writer.h"
@@ -276,9 +277,8 @@ Result<std::string> registration_report(const Calibration& prior, const FrameSet
   const Spheres old_spheres = spheres_of(*before), spheres = spheres_of(*after);
   page.heading("The sphere");
   for (const auto& [rig, when] : {std::pair(&*after, "after"), std::pair(&*before, "before")}) {
-    Result<std::vector<std::uint8_t>> sphere = colour_sphere(*rig);
-    if (!sphere) return fail(sphere.error());
-    page.pictures({{std::move(*sphere), std::string("mean of the heads, ") + when}});
+    NODAL_TRY_ASSIGN(std::vector<std::uint8_t> sphere, colour_sphere(*rig));
+    page.pictures({{std::move(sphere), std::string("mean of the heads, ") + when}});
   }
   add_heads(report, page);
   add_convergence(report, page);

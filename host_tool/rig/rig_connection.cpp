@@ -12,6 +12,7 @@
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/rig/rig_input.h"
+#include "protocol/base/try.h"
 #include "protocol/base/version.h"
 
 namespace nodal::host {
@@ -70,7 +71,7 @@ Result<std::unique_ptr<RigConnection>> RigConnection::over(std::unique_ptr<hal::
                                                            Duration patience, WaitForLink wait, HostClock clock) {
   std::unique_ptr<RigConnection> connection(
       new RigConnection(std::move(link), std::move(address), patience, std::move(wait), std::move(clock)));
-  if (const Status hello = connection->say_hello(); !hello) return fail(hello.error());
+  NODAL_TRY(connection->say_hello());
   return connection;
 }
 
@@ -87,8 +88,7 @@ RigConnection::RigConnection(std::unique_ptr<hal::LinkPort> link, std::string ad
       probed_(patience - patience / 4, heard_, kMinBytesAWindow - kMinBytesAWindow / 4) {}
 
 Status RigConnection::say_hello() {
-  const Status said = step_until([this] { return session_.peer_hello() != nullptr; }, "the rig's hello", patience_);
-  if (!said) return said;
+  NODAL_TRY(step_until([this] { return session_.peer_hello() != nullptr; }, "the rig's hello", patience_));
   std::optional<Event> hello = session_.next_event();  // always the first event
   rig_ = std::get<wire::Hello>(std::move(*hello));
   return check_and_clean(rig_);
@@ -97,7 +97,7 @@ Status RigConnection::say_hello() {
 Result<std::uint64_t> RigConnection::post(wire::Request& request) {
   if (dead_) return fail(*dead_);
   request.set_id(next_request_++);
-  if (const Status sent = session_.send(request); !sent) return fail(sent.error());
+  NODAL_TRY(session_.send(request));
   questions_[request.id()];
   return request.id();
 }
@@ -120,37 +120,34 @@ Result<wire::Reply> RigConnection::take_answer(std::uint64_t id) {
 }
 
 Result<wire::Reply> RigConnection::ask(wire::Request request) {
-  const Result<std::uint64_t> id = post(request);
-  if (!id) return fail(id.error());
-  const Status waited = step_until([&] { return answered(*id); }, "an answer", patience_);
-  if (answered(*id)) return take_answer(*id);  // the answer may have arrived together with the rig's Bye
-  questions_.erase(*id);
+  NODAL_TRY_ASSIGN(const std::uint64_t id, post(request));
+  const Status waited = step_until([&] { return answered(id); }, "an answer", patience_);
+  if (answered(id)) return take_answer(id);  // the answer may have arrived together with the rig's Bye
+  questions_.erase(id);
   return fail(waited.error());
 }
 
 Result<wire::Reply> RigConnection::ask_long(wire::Request request,
                                             const std::function<void(const wire::RigStatus&)>& meanwhile) {
-  const Result<std::uint64_t> id = post(request);
-  if (!id) return fail(id.error());
+  NODAL_TRY_ASSIGN(const std::uint64_t id, post(request));
   ActivityFloor floor(now());
   while (true) {
-    const Status waited = step_until([&] { return answered(*id); }, "an answer", std::min(kLookEvery, patience_));
-    if (answered(*id)) return take_answer(*id);
+    const Status waited = step_until([&] { return answered(id); }, "an answer", std::min(kLookEvery, patience_));
+    if (answered(id)) return take_answer(id);
     if (waited.error().code != Errc::kTimeout) return fail(waited.error());
     wire::Request status;
     status.mutable_status();
-    const Result<wire::Reply> how = ask(status);
-    if (!how) return fail(how.error());
-    floor.see(how->status().activity(), now());
+    NODAL_TRY_ASSIGN(const wire::Reply how, ask(status));
+    floor.see(how.status().activity(), now());
     if (floor.stalled(now())) {
-      questions_.erase(*id);
+      questions_.erase(id);
       return fail(
           Errc::kTimeout,
           fmt::format("{}: the rig has not finished within {} and makes no progress; `nodal status` says what it "
                       "is doing",
                       address_, show_duration(static_cast<std::uint64_t>(floor.since_begun(now()).ns()))));
     }
-    meanwhile(how->status());
+    meanwhile(how.status());
   }
 }
 
@@ -161,7 +158,7 @@ Status RigConnection::check_alive() {
     wire::Request status;
     status.mutable_status();
     status.set_id(next_request_++);
-    if (const Status sent = session_.send(status); !sent) return sent;
+    NODAL_TRY(session_.send(status));
     probe_ = status.id();
     probed_.restart(at);  // counts from the probe: this program may have been stopped for a while
     return {};
@@ -188,8 +185,8 @@ Result<std::optional<Event>> RigConnection::next_event(Duration at_most) {
     }
     const Duration left = until - now();
     if (left < Duration()) return std::nullopt;
-    if (const Status alive = check_alive(); !alive) return fail(alive.error());
-    if (const Status stepped = step(left); !stepped) return fail(stepped.error());
+    NODAL_TRY(check_alive());
+    NODAL_TRY(step(left));
   }
 }
 
@@ -212,30 +209,28 @@ Result<std::optional<Event>> RigConnection::next_event_of(StreamId stream, Durat
 Status RigConnection::rest(Duration how_long) {
   const Duration until = now() + how_long;
   for (Duration left = how_long; left > Duration(); left = until - now()) {
-    if (const Result<std::optional<Event>> event = next_event(left); !event) return fail(event.error());
+    NODAL_TRY(next_event(left));
   }
   return {};
 }
 
 Status RigConnection::send_item(BulkItem item) {
   if (dead_) return fail(*dead_);
-  const Result<StreamId> stream = session_.open_stream(StreamPolicy::kLossless);
-  if (!stream) return fail(stream.error());
-  if (const Status offered = session_.offer(*stream, std::move(item)); !offered) return offered;
+  NODAL_TRY_ASSIGN(const StreamId stream, session_.open_stream(StreamPolicy::kLossless));
+  NODAL_TRY(session_.offer(stream, std::move(item)));
   std::optional<Error> refused;
   ProgressFloor floor(patience_, now());
   const auto taken = [&] {
     while (const std::optional<StreamStopped> stopped = session_.take_stopped()) {
-      if (stopped->stream == *stream) refused = stopped->why;
+      if (stopped->stream == stream) refused = stopped->why;
     }
-    const std::optional<StreamCounts> counts = session_.counts(*stream);
+    const std::optional<StreamCounts> counts = session_.counts(stream);
     if (counts) floor.moved_to(counts->bytes, now());
     return refused || !counts || counts->delivered == counts->offered;
   };
-  const Status sent = step_until(taken, "the rig to take more of what is sent", patience_, &floor);
-  if (!sent) return sent;
+  NODAL_TRY(step_until(taken, "the rig to take more of what is sent", patience_, &floor));
   if (refused) return fail(*refused);
-  session_.close_stream(*stream);
+  session_.close_stream(stream);
   return {};
 }
 

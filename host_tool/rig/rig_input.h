@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "protocol/base/result.h"
+#include "protocol/base/try.h"
 #include "protocol/base/units.h"
 #include "protocol/nodal.pb.h"
 
@@ -41,7 +42,7 @@ template <class Message>
 Result<Message> parse_clean(const std::string& bytes, std::string_view what) {
   Message message;
   if (!message.ParseFromString(bytes)) return fail(Errc::kBadFormat, "the rig sent invalid " + std::string(what));
-  if (const Status good = check_and_clean(message); !good) return fail(good.error());
+  NODAL_TRY(check_and_clean(message));
   return message;
 }
 

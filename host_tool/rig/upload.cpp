@@ -6,6 +6,7 @@
 
 #include "host_tool/console/quantities.h"
 #include "host_tool/rig/not_recorded.h"
+#include "protocol/base/try.h"
 #include "protocol/upload.h"
 
 namespace nodal::host {
@@ -16,18 +17,16 @@ Status send(RigConnection& rig, const UploadSender& sender, const UploadTerms& t
             Console& console) {
   wire::Request begin;
   *begin.mutable_upload_begin() = sender.begin();
-  const Result<wire::Reply> answer = rig.ask(begin);
-  if (!answer) return fail(answer.error());
-  const std::uint64_t offset = answer->upload().offset();
+  NODAL_TRY_ASSIGN(const wire::Reply answer, rig.ask(begin));
+  const std::uint64_t offset = answer.upload().offset();
   if (offset != 0) {
     console.note(fmt::format("the rig already has {} of {}; the upload continues there", show_bytes(offset),
                              show_bytes(state.bytes)));
     state.resumed_at = offset;
   }
   if (offset < state.bytes) {
-    Result<BulkItem> item = sender.item(offset);
-    if (!item) return fail(item.error());
-    if (const Status sent = rig.send_item(std::move(*item)); !sent) return sent;
+    NODAL_TRY_ASSIGN(BulkItem item, sender.item(offset));
+    NODAL_TRY(rig.send_item(std::move(item)));
   }
   wire::Request commit;
   *commit.mutable_upload_commit() = sender.commit();

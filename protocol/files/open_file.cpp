@@ -7,6 +7,8 @@
 #include <cerrno>
 #include <cstring>
 
+#include "protocol/base/try.h"
+
 namespace nodal {
 namespace {
 
@@ -59,12 +61,11 @@ Result<FilePtr> create_to_write(const std::filesystem::path& file) {
 }
 
 Result<int> open_descriptor_to_write(const std::filesystem::path& file) {
-  const Result<int> fd = opened(file, O_WRONLY | O_CREAT);
-  if (!fd) return fd;
-  const int flags = ::fcntl(*fd, F_GETFL);
-  if (flags >= 0 && ::fcntl(*fd, F_SETFL, flags & ~O_NONBLOCK) == 0) return fd;
+  NODAL_TRY_ASSIGN(const int fd, opened(file, O_WRONLY | O_CREAT));
+  const int flags = ::fcntl(fd, F_GETFL);
+  if (flags >= 0 && ::fcntl(fd, F_SETFL, flags & ~O_NONBLOCK) == 0) return fd;
   const int error = errno;
-  ::close(*fd);
+  ::close(fd);
   return refused(error);
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "protocol/base/try.h"
 #include "protocol/take/json_fields.h"
 #include "protocol/take/limits.h"
 
@@ -14,11 +15,10 @@ Result<Json> parse_document(const TextPieces& text, const std::string& file, std
   auto json = parse_strict_json(text, {.bytes = limit, .depth = 8}, shape);
   if (!json) return fail(json.error().in(file));
   if (!json->is_object()) return fail(Errc::kBadFormat, file + ": not a JSON object");
-  const auto version = JsonFields(*json, file).number("version", UINT32_MAX);
-  if (!version) return fail(version.error());
-  if (*version != static_cast<std::uint64_t>(kTakeVersion)) {
+  NODAL_TRY_ASSIGN(const auto version, JsonFields(*json, file).number("version", UINT32_MAX));
+  if (version != static_cast<std::uint64_t>(kTakeVersion)) {
     return fail(Errc::kFutureVersion,
-                fmt::format("{}: version {}; this program knows {}", file, *version, kTakeVersion));
+                fmt::format("{}: version {}; this program knows {}", file, version, kTakeVersion));
   }
   return json;
 }

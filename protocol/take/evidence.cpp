@@ -9,6 +9,7 @@
 #include "protocol/base/field.h"
 #include "protocol/base/image.h"
 #include "protocol/base/text.h"
+#include "protocol/base/try.h"
 #include "protocol/base/units.h"
 #include "protocol/framing.h"
 #include "protocol/silence_protobuf.h"
@@ -105,7 +106,7 @@ class Reader {
         return fail(Errc::kBadFormat, fmt::format("set {} has a frame in file {}", set.index(), frame.file()));
       }
       seen |= 1U << frame.file();
-      if (const Status good = take_bytes(frame.file(), frame.at(), frame.bytes()); !good) return good;
+      NODAL_TRY(take_bytes(frame.file(), frame.at(), frame.bytes()));
     }
     for (std::size_t file = 0; file < files(); ++file) {
       if (segment_.begin.files(static_cast<int>(file)).has_head() && (seen >> file & 1) == 0) {
@@ -135,7 +136,7 @@ class Reader {
     }
     for (const wire::Raymap& raymap : clusters.raymaps()) {
       if (!raymap_file) return fail(Errc::kBadFormat, "a raymap without a file of raymaps");
-      if (const Status good = take_bytes(*raymap_file, raymap.at(), raymap.bytes()); !good) return good;
+      NODAL_TRY(take_bytes(*raymap_file, raymap.at(), raymap.bytes()));
       if (raymap.mid_exposure_ns() < -kMaxTimeNs || raymap.mid_exposure_ns() > kMaxTimeNs)
         return fail(Errc::kBadFormat, fmt::format("a raymap at {} ns", raymap.mid_exposure_ns()));
       segment_.raymaps.push_back(raymap);
@@ -148,8 +149,7 @@ class Reader {
                     fmt::format("{} ends at byte {}", segment_.begin.files(static_cast<int>(file)).name(), length));
       }
       open_end_[file] = length;
-      if (const Status good = append_hashes(clusters.hashes(static_cast<int>(file)), segment_.hashes[file]); !good)
-        return good;
+      NODAL_TRY(append_hashes(clusters.hashes(static_cast<int>(file)), segment_.hashes[file]));
       if (segment_.hashes[file].size() != length / PieceHashes::kPiece)
         return fail(Errc::kBadFormat, "hashes are missing");
     }
@@ -174,7 +174,7 @@ class Reader {
 
   Status calibration(const wire::Calibration& told) {
     Manifest::Calibration calibration{told.file(), told.id(), told.set()};
-    if (const Status good = check_next(calibration, segment_.calibrations); !good) return good;
+    NODAL_TRY(check_next(calibration, segment_.calibrations));
     segment_.calibrations.push_back(std::move(calibration));
     return {};
   }
@@ -186,7 +186,7 @@ class Reader {
       return fail(Errc::kBadFormat, fmt::format("seams from set {} on come after those from set {} on", seams.set(),
                                                 segment_.seams.back().set()));
     }
-    if (const Status good = check_seams(seams); !good) return good;
+    NODAL_TRY(check_seams(seams));
     segment_.seams.push_back(seams);
     return {};
   }
@@ -310,7 +310,7 @@ Result<Segment> EvidenceReader::finish() && {
 
 Result<Segment> read_evidence(std::span<const std::uint8_t> bytes, const std::string& name) {
   EvidenceReader reader(name);
-  if (const Status read = reader.add(bytes); !read) return fail(read.error());
+  NODAL_TRY(reader.add(bytes));
   return std::move(reader).finish();
 }
 

@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "protocol/base/try.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/json_fields.h"
 #include "protocol/take/limits.h"
@@ -225,12 +226,12 @@ Result<Manifest> parse_manifest(const TextPieces& text, const std::string& file)
              json.contains("deleted_sets") ? fields.number("deleted_sets", kMaxSets) : Result<std::uint64_t>(0));
   NODAL_TAKE(length, fields.number("length_ns", kMostNs));
   NODAL_TAKE(ended, fields.text("ended", kMaxTakeTextBytes));
-  if (const Status good = parse_tally(json, file, manifest); !good) return fail(good.error());
+  NODAL_TRY(parse_tally(json, file, manifest));
   for (const char* list : {"marks", "calibrations", "files"}) {
     if (list == std::string_view("calibrations") && !json.contains(list)) continue;
-    if (const auto is_list = fields.list(list, 0); !is_list) return fail(is_list.error());
+    NODAL_TRY(fields.list(list, 0));
   }
-  if (const Status good = lists.finish(); !good) return fail(good.error());
+  NODAL_TRY(lists.finish());
   manifest.number = number;
   manifest.sets = sets;
   manifest.lost_sets = lost;

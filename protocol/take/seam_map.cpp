@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <string_view>
 
+#include "protocol/base/try.h"
+
 namespace nodal::take {
 namespace {
 
@@ -77,7 +79,7 @@ Status check_seams(const wire::Seams& seams, std::size_t heads) {
 }
 
 Result<std::vector<std::uint8_t>> labels_of(const wire::Seams& seams) {
-  if (const Status good = check_seams(seams); !good) return fail(good.error());
+  NODAL_TRY(check_seams(seams));
   std::vector<std::uint8_t> labels;
   labels.reserve(pixels_of(seams.columns()));
   for_runs(seams.runs(), pixels_of(seams.columns()), kMaxHeads,

@@ -19,9 +19,9 @@ constexpr double kTolerance = 0.015;  // units of radius: how far a tried lens m
 constexpr int kLeast = 8;             // matches that connect two heads
 constexpr double kLeastShare = 0.12;  // of their matches
 constexpr std::size_t kFinalists = 5;
-constexpr double kTolerances = 6;  // standard deviations within which a match agrees with a fit
+constexpr double kTolerances = 6;   // standard deviations within which a match agrees with a fit
 constexpr double kThinStep = 1.25;  // degrees between lenses that are tried: two rims then agree within kTolerance
-constexpr double kCircle = 0.98;   // of an image circle's radius
+constexpr double kCircle = 0.98;    // of an image circle's radius
 constexpr double kWidestFisheye = 142 * kRadiansPerDegree;  // from the axis; the widest ones see 280 degrees
 constexpr std::array<double, 2> kSigma{0.3, 0.15};          // of a lens's coefficients, about those that are tried;
 constexpr double kSameFocal = 0.1;    // part of it, by which equal lenses may differ in what cameras state

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <utility>
 
+#include "protocol/base/try.h"
 #include "stitch/autocalibration/arrangement.h"
 #include "stitch/autocalibration/image_circle.h"
 #include "stitch/autocalibration/in_common.h"
@@ -21,10 +22,10 @@
 namespace nodal::autocalibration {
 namespace {
 
-constexpr double kLeastCorrelation = 0.3;  // of two pictures' detail where they overlap
+constexpr double kLeastCorrelation = 0.3;   // of two pictures' detail where they overlap
 constexpr std::ptrdiff_t kSameThings = 16;  // points of two pictures that agree: they show the same things
-constexpr double kSamePlace = 2;           // px
-constexpr double kWithin = 0.98;           // of the lens's largest radius
+constexpr double kSamePlace = 2;            // px
+constexpr double kWithin = 0.98;            // of the lens's largest radius
 
 Region scaled(const Region::Circle* circle, int width, int height, double scale) {
   Region region{0, 0, width * scale, height * scale, {}};
@@ -120,17 +121,16 @@ HeadCalibration head_of(const Shape& shape, const SharedLens& lens, const Eigen:
 
 /// Turns the whole rig so that up is up.
 Status turn_upright(const std::vector<Picture>& small, const std::vector<Eigen::Vector2d>& up, Found& found) {
-  Result<std::vector<geometry::Head>> heads = geometry::make_heads(found.calibration);
-  if (!heads) return fail(heads.error());
+  NODAL_TRY_ASSIGN(std::vector<geometry::Head> heads, geometry::make_heads(found.calibration));
   std::vector<Picture> pictures;
   std::vector<Eigen::Vector2d> held;
   for (const std::size_t h : found.placed) {
     pictures.push_back(small[h]);
     held.push_back(h < up.size() ? up[h] : Eigen::Vector2d(0, -1));
   }
-  const Upright upright = find_upright(*heads, pictures, held);
+  const Upright upright = find_upright(heads, pictures, held);
   found.up = upright.basis;
-  const Eigen::Matrix3d R_new_rig = upright_rotation(upright.up, heads->front().axis().direction());
+  const Eigen::Matrix3d R_new_rig = upright_rotation(upright.up, heads.front().axis().direction());
   for (HeadCalibration& head : found.calibration.heads) {
     const Eigen::Matrix3d turned = geometry::matrix_of(head.R_head_rig) * R_new_rig.transpose();
     head.R_head_rig = geometry::rows_of(turned);
@@ -225,9 +225,7 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
     arrangement = arranged(shapes, sight, overlaps, options.threads, Overlap::kThin);
   }
   if (!arrangement) return fail(with_advice(arrangement.error(), repetition, fisheyes));
-  if (const Status good = check_different(arrangement->used, count, options.files.empty() ? names : options.files);
-      !good)
-    return fail(good.error());
+  NODAL_TRY(check_different(arrangement->used, count, options.files.empty() ? names : options.files));
   tell(0.9);
   Found found;
   found.calibration.name = "from pictures";
@@ -244,8 +242,8 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
   if (!found.placed.empty()) found.unit_px = shapes[found.placed.front()].unit();
   add_points(*arrangement, found);
   add_doubtful(*arrangement, overlaps, found);
-  if (const Status good = check_calibration(found.calibration); !good) return fail(good.error());
-  if (const Status turned = turn_upright(small, options.up, found); !turned) return fail(turned.error());
+  NODAL_TRY(check_calibration(found.calibration));
+  NODAL_TRY(turn_upright(small, options.up, found));
   tell(1);
   return found;
 }

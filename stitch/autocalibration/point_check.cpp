@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 
+#include "protocol/base/try.h"
 #include "stitch/geometry/head.h"
 #include "stitch/solve/robust.h"
 
@@ -22,12 +23,11 @@ double distance(const geometry::Head& from, geometry::Pixel at, const geometry::
 }  // namespace
 
 Result<std::vector<double>> point_errors(const Calibration& calibration, const std::vector<Match>& points) {
-  const Result<std::vector<geometry::Head>> heads = geometry::make_heads(calibration);
-  if (!heads) return fail(heads.error());
-  std::vector<std::vector<double>> errors(heads->size() + 1);
+  NODAL_TRY_ASSIGN(const std::vector<geometry::Head> heads, geometry::make_heads(calibration));
+  std::vector<std::vector<double>> errors(heads.size() + 1);
   for (const Match& point : points) {
-    const geometry::Head& a = (*heads)[point.a];
-    const geometry::Head& b = (*heads)[point.b];
+    const geometry::Head& a = heads[point.a];
+    const geometry::Head& b = heads[point.b];
     const double in_b = distance(a, point.pixel_a, b, point.pixel_b),
                  in_a = distance(b, point.pixel_b, a, point.pixel_a);
     errors[point.a].push_back(in_a);

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "protocol/base/try.h"
+
 namespace nodal::autocalibration {
 namespace {
 
@@ -16,9 +18,8 @@ constexpr double kOnAxis = 1e-9;
 Result<LensRays> LensRays::make(const SharedLens& lens) {
   KannalaBrandtLens model = lens.model;
   model.focal *= kPixelsPerUnit;
-  const Result<geometry::Lens> made = geometry::Lens::make(model);
-  if (!made) return fail(made.error());
-  return LensRays(*made, lens);
+  NODAL_TRY_ASSIGN(const geometry::Lens made, geometry::Lens::make(model));
+  return LensRays(made, lens);
 }
 
 std::optional<double> LensRays::radius(double angle) const {

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "protocol/base/angles.h"
+#include "protocol/base/try.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/response.h"
 #include "stitch/geometry/rotation.h"
@@ -122,19 +123,18 @@ Result<RigDifference> difference_of(const Calibration& a, const Calibration& b) 
   const Result<std::vector<geometry::Head>> heads_b = geometry::make_heads(b);
   if (!heads_b) return fail(heads_b.error().in("the second"));
   RigDifference difference;
-  const Result<Pairs> pairs = pair_heads(a, b, difference.notes);
-  if (!pairs) return fail(pairs.error());
+  NODAL_TRY_ASSIGN(const Pairs pairs, pair_heads(a, b, difference.notes));
   std::vector<Eigen::Matrix3d> Ra, Rb;
-  for (const auto& [i, k] : *pairs) {
+  for (const auto& [i, k] : pairs) {
     Ra.push_back((*heads_a)[i].R_head_rig());
     Rb.push_back((*heads_b)[k].R_head_rig());
   }
   const Eigen::Matrix3d R_b_a = best_turn(Ra, Rb);
   difference.rig_turn_deg = angle_of(R_b_a);
   Spread turned;
-  for (std::size_t n = 0; n < pairs->size(); ++n) {
-    const geometry::Head& head_a = (*heads_a)[(*pairs)[n].first];
-    const geometry::Head& head_b = (*heads_b)[(*pairs)[n].second];
+  for (std::size_t n = 0; n < pairs.size(); ++n) {
+    const geometry::Head& head_a = (*heads_a)[pairs[n].first];
+    const geometry::Head& head_b = (*heads_b)[pairs[n].second];
     HeadDifference d;
     d.name = head_a.name();
     d.other = head_b.name();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "protocol/base/try.h"
 #include "stitch/geometry/rotation.h"
 
 namespace nodal::geometry {
@@ -20,7 +21,7 @@ Head::Head(HeadCalibration calibration, Lens lens, const Eigen::Matrix3d& R_head
       offset_(offset) {}
 
 Result<Head> Head::make(const HeadCalibration& calibration, double distance) {
-  if (Status checked = check_head(calibration); !checked) return fail(checked.error());
+  NODAL_TRY(check_head(calibration));
   Result<Lens> lens = Lens::make(calibration.lens, calibration.max_angle);
   if (!lens) return fail(lens.error().in("head '" + calibration.name + "'"));
   Result<Eigen::Matrix3d> R = nearest_rotation(matrix_of(calibration.R_head_rig));
@@ -133,12 +134,11 @@ double Head::vignetting(Pixel pixel) const {
 }
 
 Result<std::vector<Head>> make_heads(const Calibration& calibration) {
-  if (Status checked = check_calibration(calibration); !checked) return fail(checked.error());
+  NODAL_TRY(check_calibration(calibration));
   std::vector<Head> heads;
   for (const HeadCalibration& head : calibration.heads) {
-    Result<Head> made = Head::make(head, calibration.distance);
-    if (!made) return fail(made.error());
-    heads.push_back(std::move(*made));
+    NODAL_TRY_ASSIGN(Head made, Head::make(head, calibration.distance));
+    heads.push_back(std::move(made));
   }
   return heads;
 }

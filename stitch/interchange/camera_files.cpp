@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "protocol/base/try.h"
 #include "stitch/interchange/foreign_head.h"
 #include "stitch/interchange/opencv_xml.h"
 
@@ -27,13 +28,13 @@ Result<ImportResult> import_camera(std::string_view text, std::string_view name)
   ImportResult result;
   result.calibration.name = std::string(name);
   result.calibration.comment = "Imported from a camera's file.";
-  if (const Status added = add_camera(text, std::string(name) + ".", result); !added) return fail(added.error());
-  if (const Status good = check_calibration(result.calibration); !good) return fail(good.error());
+  NODAL_TRY(add_camera(text, std::string(name) + ".", result));
+  NODAL_TRY(check_calibration(result.calibration));
   return result;
 }
 
 Result<ImportResult> import_cameras(std::span<const CameraFile> files, std::string_view name) {
-  if (const Status count = check_head_count(files.size()); !count) return fail(count.error());
+  NODAL_TRY(check_head_count(files.size()));
   ImportResult result;
   result.calibration.name = std::string(name);
   result.calibration.comment = "Imported from cameras' files, one a head.";
@@ -43,7 +44,7 @@ Result<ImportResult> import_cameras(std::span<const CameraFile> files, std::stri
   result.notes.emplace_back(
       "The files do not say how the cameras stand to each other: all look forward; place them "
       "with `nodal pairs`, then `nodal register`.");
-  if (const Status good = check_calibration(result.calibration); !good) return fail(good.error());
+  NODAL_TRY(check_calibration(result.calibration));
   return result;
 }
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "protocol/base/try.h"
 #include "stitch/interchange/project.h"
 
 namespace nodal::interchange {
@@ -79,9 +80,8 @@ Result<std::vector<SampledHead>> sampled_heads(const Calibration& calibration, c
   for (std::size_t i = 0; i < calibration.heads.size(); ++i) {
     const HeadCalibration& head = calibration.heads[i];
     const bool resample = options.square_pixels && std::abs(head.aspect - 1) > kSquare;
-    Result<geometry::Head> made = geometry::Head::make(resample ? resampled(head, result) : head);
-    if (!made) return fail(made.error());
-    SampledHead sampled{std::move(*made), {}, 0, head.name + ".jpg"};
+    NODAL_TRY_ASSIGN(geometry::Head made, geometry::Head::make(resample ? resampled(head, result) : head));
+    SampledHead sampled{std::move(made), {}, 0, head.name + ".jpg"};
     if (i < options.images.size() && !options.images[i].empty()) sampled.image = options.images[i];
     sampled.samples = geometry::sample_head(sampled.head);
     for (const geometry::RayPixel& s : sampled.samples) {
@@ -174,18 +174,17 @@ void tell_masks(const Calibration& calibration, ExportResult& result) {
 
 Result<ExportResult> export_calibration(const Calibration& calibration, ExportFormat format,
                                         const ExportOptions& options) {
-  if (Status checked = check_calibration(calibration); !checked) return fail(checked.error());
+  NODAL_TRY(check_calibration(calibration));
   ExportResult result;
-  Result<std::vector<SampledHead>> heads = sampled_heads(calibration, options, result);
-  if (!heads) return fail(heads.error());
+  NODAL_TRY_ASSIGN(std::vector<SampledHead> heads, sampled_heads(calibration, options, result));
   Status written;
   switch (format) {
-    case ExportFormat::kHugin: written = export_hugin(calibration, *heads, result); break;
-    case ExportFormat::kPtgui: written = export_ptgui(calibration, *heads, result); break;
-    case ExportFormat::kVideoStitch: written = export_videostitch(calibration, *heads, result); break;
-    case ExportFormat::kSurround360: written = export_surround360(calibration, *heads, result); break;
-    case ExportFormat::kOpenCv: written = export_opencv(calibration, *heads, result); break;
-    case ExportFormat::kKalibr: written = export_kalibr(calibration, *heads, result); break;
+    case ExportFormat::kHugin: written = export_hugin(calibration, heads, result); break;
+    case ExportFormat::kPtgui: written = export_ptgui(calibration, heads, result); break;
+    case ExportFormat::kVideoStitch: written = export_videostitch(calibration, heads, result); break;
+    case ExportFormat::kSurround360: written = export_surround360(calibration, heads, result); break;
+    case ExportFormat::kOpenCv: written = export_opencv(calibration, heads, result); break;
+    case ExportFormat::kKalibr: written = export_kalibr(calibration, heads, result); break;
   }
   if (!written) return fail(written.error());
   if (format != ExportFormat::kHugin) tell_masks(calibration, result);

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "protocol/base/angles.h"
+#include "protocol/base/try.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/interchange/export_heads.h"
 #include "stitch/interchange/panotools_masks.h"
@@ -43,16 +44,15 @@ struct Written {
 
 /// The numbers that .pto and .pts hold for a head, for a rectangle of `width` x `height` px.
 Result<Written> written_head(const SampledHead& head, double width, double height) {
-  Result<PolynomialHead> fit =
-      best_fit(head, {RadialBasis::kAngle, RadialBasis::kTangent}, {1, 2, 3, 4}, {true, false, false});
-  if (!fit) return fail(fit.error());
+  NODAL_TRY_ASSIGN(PolynomialHead fit,
+                   best_fit(head, {RadialBasis::kAngle, RadialBasis::kTangent}, {1, 2, 3, 4}, {true, false, false}));
   Written written;
-  written.rectilinear = fit->basis == RadialBasis::kTangent;
-  written.numbers = panotools_of(*fit, std::min(width, height) / 2);
+  written.rectilinear = fit.basis == RadialBasis::kTangent;
+  written.numbers = panotools_of(fit, std::min(width, height) / 2);
   const double f = written.numbers.f;
   written.hfov = (written.rectilinear ? 2 * std::atan(width / 2 / f) : width / f) / kRadiansPerDegree;
   written.turn = geometry::to_yaw_pitch_roll(geometry::matrix_of(head.calibration().R_head_rig));
-  written.fit = std::move(*fit);
+  written.fit = std::move(fit);
   return written;
 }
 
@@ -75,16 +75,15 @@ Status export_hugin(const Calibration& calibration, std::vector<SampledHead>& he
   for (const SampledHead& head : heads) {
     const HeadCalibration& c = head.calibration();
     const double width = c.width, height = c.height;
-    const Result<Written> w = written_head(head, width, height);
-    if (!w) return fail(w.error());
-    tell_fit(head, w->fit, kNoAspect, result);
+    NODAL_TRY_ASSIGN(const Written w, written_head(head, width, height));
+    tell_fit(head, w.fit, kNoAspect, result);
     const bool circle = c.region.circle.has_value();
     text += "i w" + std::to_string(c.width) + " h" + std::to_string(c.height) + " f" +
-            (w->rectilinear ? "0"
-             : circle       ? "2"
-                            : "3") +
-            lens_numbers(*w) + " d" + exact(w->fit.cx - width / 2) + " e" + exact(w->fit.cy - height / 2) + " g0 t0" +
-            pose_numbers(*w);
+            (w.rectilinear ? "0"
+             : circle      ? "2"
+                           : "3") +
+            lens_numbers(w) + " d" + exact(w.fit.cx - width / 2) + " e" + exact(w.fit.cy - height / 2) + " g0 t0" +
+            pose_numbers(w);
     // Our V is a function of radius^2 in units of its own radius; Hugin's, in units of half the diagonal.
     const double scale = std::pow(std::hypot(width, height) / 2 / c.vignetting.radius, 2);
     const auto& v = c.vignetting.coefficients;
@@ -92,7 +91,7 @@ Status export_hugin(const Calibration& calibration, std::vector<SampledHead>& he
             exact(v[2] * scale * scale * scale) + " Vx" + exact(c.vignetting.x - width / 2) + " Vy" +
             exact(c.vignetting.y - height / 2) + " Vm5 Eev" + exact(-std::log2(c.gain[1])) + " Er" +
             exact(c.gain[0] / c.gain[1]) + " Eb" + exact(c.gain[2] / c.gain[1]) + " Ra0 Rb0 Rc0 Rd0 Re0";
-    if (circle && !w->rectilinear) {
+    if (circle && !w.rectilinear) {
       const Region::Circle& r = *c.region.circle;
       text += " S" + whole(r.x - r.radius) + "," + whole(r.x + r.radius) + "," + whole(r.y - r.radius) + "," +
               whole(r.y + r.radius);
@@ -126,15 +125,14 @@ Status export_ptgui(const Calibration& calibration, std::vector<SampledHead>& he
       right = left + std::round(2 * region.circle->radius);
       bottom = top + std::round(2 * region.circle->radius);
     }
-    const Result<Written> w = written_head(head, right - left, bottom - top);
-    if (!w) return fail(w.error());
-    tell_fit(head, w->fit, kNoAspect, result);
+    NODAL_TRY_ASSIGN(const Written w, written_head(head, right - left, bottom - top));
+    tell_fit(head, w.fit, kNoAspect, result);
     text += "#-imgfile " + std::to_string(c.width) + " " + std::to_string(c.height) + " \"" + head.image + "\"\no f" +
-            (w->rectilinear  ? "0"
+            (w.rectilinear   ? "0"
              : region.circle ? "2"
                              : "3") +
-            pose_numbers(*w) + lens_numbers(*w) + " d" + exact(w->fit.cx - (left + right) / 2) + " e" +
-            exact(w->fit.cy - (top + bottom) / 2) + " g0 t0 C" + whole(left) + "," + whole(right) + "," + whole(top) +
+            pose_numbers(w) + lens_numbers(w) + " d" + exact(w.fit.cx - (left + right) / 2) + " e" +
+            exact(w.fit.cy - (top + bottom) / 2) + " g0 t0 C" + whole(left) + "," + whole(right) + "," + whole(top) +
             "," + whole(bottom) + "\n";
   }
   tell_aspect(heads, result);
@@ -148,17 +146,16 @@ Status export_videostitch(const Calibration& calibration, std::vector<SampledHea
   Json inputs = Json::array();
   for (const SampledHead& head : heads) {
     const HeadCalibration& c = head.calibration();
-    const Result<PolynomialHead> fit =
-        best_fit(head, {RadialBasis::kAngle, RadialBasis::kTangent}, {1, 2, 3, 4}, {true, true, false});
-    if (!fit) return fail(fit.error());
-    tell_fit(head, *fit, "its lens fits the format's polynomial only nearly", result);
+    NODAL_TRY_ASSIGN(const PolynomialHead fit,
+                     best_fit(head, {RadialBasis::kAngle, RadialBasis::kTangent}, {1, 2, 3, 4}, {true, true, false}));
+    tell_fit(head, fit, "its lens fits the format's polynomial only nearly", result);
     // With "useMeterDistortion" the polynomial's unit is 1 (a radian, a tangent of 1); pixels need not be square.
     const Panotools n = [&] {
       double f = 0;
-      for (const double k : fit->coefficients) f += k;
-      return Panotools{f, fit->coefficients[3] / f, fit->coefficients[2] / f, fit->coefficients[1] / f};
+      for (const double k : fit.coefficients) f += k;
+      return Panotools{f, fit.coefficients[3] / f, fit.coefficients[2] / f, fit.coefficients[1] / f};
     }();
-    const bool rectilinear = fit->basis == RadialBasis::kTangent;
+    const bool rectilinear = fit.basis == RadialBasis::kTangent;
     const Region& region = c.region;
     double left = region.left, right = region.right, top = region.top, bottom = region.bottom;
     if (region.circle) {
@@ -172,13 +169,13 @@ Status export_videostitch(const Calibration& calibration, std::vector<SampledHea
     Json geometry{{"yaw", turn.yaw},
                   {"pitch", turn.pitch},
                   {"roll", turn.roll},
-                  {"center_x", fit->cx - (left + right) / 2},
-                  {"center_y", fit->cy - (top + bottom) / 2},
+                  {"center_x", fit.cx - (left + right) / 2},
+                  {"center_y", fit.cy - (top + bottom) / 2},
                   {"distort_a", n.a},
                   {"distort_b", n.b},
                   {"distort_c", n.c},
                   {"horizontalFocal", n.f},
-                  {"verticalFocal", n.f * fit->aspect}};
+                  {"verticalFocal", n.f * fit.aspect}};
     inputs.push_back({{"reader_config", head.image},
                       {"width", c.width},
                       {"height", c.height},

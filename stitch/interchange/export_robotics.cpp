@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
+#include "protocol/base/try.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/interchange/export_heads.h"
 #include "stitch/interchange/pinhole_lens.h"
@@ -96,23 +97,22 @@ Status export_surround360(const Calibration& calibration, std::vector<SampledHea
   Json cameras = Json::array();
   for (const SampledHead& head : heads) {
     const HeadCalibration& c = head.calibration();
-    const Result<PolynomialHead> fit =
-        best_fit(head, {RadialBasis::kAngle, RadialBasis::kTangent}, {1, 3, 5}, {true, true, false});
-    if (!fit) return fail(fit.error());
-    tell_fit(head, *fit, "its lens fits the format's two distortion terms only nearly", result);
+    NODAL_TRY_ASSIGN(const PolynomialHead fit,
+                     best_fit(head, {RadialBasis::kAngle, RadialBasis::kTangent}, {1, 3, 5}, {true, true, false}));
+    tell_fit(head, fit, "its lens fits the format's two distortion terms only nearly", result);
     const Eigen::Matrix3d R = geometry::matrix_of(c.R_head_rig);
-    const double f = fit->coefficients[0];
+    const double f = fit.coefficients[0];
     cameras.push_back({{"id", c.name},
-                       {"type", fit->basis == RadialBasis::kTangent ? "RECTILINEAR" : "FTHETA"},
+                       {"type", fit.basis == RadialBasis::kTangent ? "RECTILINEAR" : "FTHETA"},
                        {"version", 1},
                        {"origin", to_world(position_of(c))},
                        {"right", to_world(R.row(0))},
                        {"up", to_world(-R.row(1))},
                        {"forward", to_world(R.row(2))},
                        {"resolution", {c.width, c.height}},
-                       {"principal", {fit->cx, fit->cy}},
-                       {"focal", {f, -f * fit->aspect}},
-                       {"distortion", {fit->coefficients[1] / f, fit->coefficients[2] / f}},
+                       {"principal", {fit.cx, fit.cy}},
+                       {"focal", {f, -f * fit.aspect}},
+                       {"distortion", {fit.coefficients[1] / f, fit.coefficients[2] / f}},
                        {"fov", head.farthest_angle}});
   }
   tell_radiometry(calibration, false, result);
@@ -131,14 +131,14 @@ Status export_opencv(const Calibration& calibration, std::vector<SampledHead>& h
     double f = 0, cx = c.center_x, cy = c.center_y, aspect = c.aspect;
     std::vector<double> k;
     if (fisheye) {
-      const Result<PolynomialHead> fit = best_fit(head, {RadialBasis::kAngle}, {1, 3, 5, 7, 9}, {true, true, false});
-      if (!fit) return fail(fit.error());
-      tell_fit(head, *fit, "its lens fits OpenCV's fisheye only nearly", result);
-      f = fit->coefficients[0];
-      cx = fit->cx;
-      cy = fit->cy;
-      aspect = fit->aspect;
-      for (std::size_t i = 1; i < 5; ++i) k.push_back(fit->coefficients[i] / f);
+      NODAL_TRY_ASSIGN(const PolynomialHead fit,
+                       best_fit(head, {RadialBasis::kAngle}, {1, 3, 5, 7, 9}, {true, true, false}));
+      tell_fit(head, fit, "its lens fits OpenCV's fisheye only nearly", result);
+      f = fit.coefficients[0];
+      cx = fit.cx;
+      cy = fit.cy;
+      aspect = fit.aspect;
+      for (std::size_t i = 1; i < 5; ++i) k.push_back(fit.coefficients[i] / f);
     } else {
       const Rational rational = fit_rational(head);
       tell_fit(head, rational_residual(head, rational), "its lens fits OpenCV's rational model only nearly", result);

@@ -7,6 +7,7 @@
 
 #include "protocol/base/angles.h"
 #include "protocol/base/text.h"
+#include "protocol/base/try.h"
 #include "protocol/base/units.h"
 #include "protocol/calibration_limits.h"
 #include "stitch/geometry/rotation.h"
@@ -40,42 +41,37 @@ struct Projection {
 };
 
 Result<Projection> read_projection(const YamlFields& camera, std::vector<double>& intrinsics) {
-  const Result<std::string> model = camera.text("camera_model");
-  if (!model) return fail(model.error());
-  Projection p{*model};
-  if (*model != "pinhole" && *model != "omni" && *model != "eucm" && *model != "ds") {
-    return fail(Errc::kUnsupported, camera.where() + ": there is no camera_model '" + *model +
+  NODAL_TRY_ASSIGN(const std::string model, camera.text("camera_model"));
+  Projection p{model};
+  if (model != "pinhole" && model != "omni" && model != "eucm" && model != "ds") {
+    return fail(Errc::kUnsupported, camera.where() + ": there is no camera_model '" + model +
                                         "' here; there are pinhole, omni, eucm and ds");
   }
-  Result<std::vector<double>> numbers = camera.numbers("intrinsics");
-  if (!numbers) return fail(numbers.error());
-  if (numbers->size() != 4 + p.extra()) {
-    return fail(Errc::kBadValue, camera.where() + ": 'intrinsics' must hold " + std::to_string(4 + p.extra()) +
-                                     " numbers for " + *model);
+  NODAL_TRY_ASSIGN(std::vector<double> numbers, camera.numbers("intrinsics"));
+  if (numbers.size() != 4 + p.extra()) {
+    return fail(Errc::kBadValue,
+                camera.where() + ": 'intrinsics' must hold " + std::to_string(4 + p.extra()) + " numbers for " + model);
   }
-  if (p.extra() > 0) p.first = (*numbers)[0];
-  if (p.extra() > 1) p.second = (*numbers)[1];
-  intrinsics.assign(numbers->end() - 4, numbers->end());
+  if (p.extra() > 0) p.first = numbers[0];
+  if (p.extra() > 1) p.second = numbers[1];
+  intrinsics.assign(numbers.end() - 4, numbers.end());
   return p;
 }
 
 Status set_lens(const YamlFields& camera, HeadCalibration& head, std::vector<std::string>& notes) {
   std::vector<double> intrinsics;
-  const Result<Projection> projection = read_projection(camera, intrinsics);
-  if (!projection) return fail(projection.error());
+  NODAL_TRY_ASSIGN(const Projection projection, read_projection(camera, intrinsics));
   const PinholeNumbers pinhole{intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]};
-  const Result<std::string> model = camera.text("distortion_model");
-  if (!model) return fail(model.error());
+  NODAL_TRY_ASSIGN(const std::string model, camera.text("distortion_model"));
   std::vector<double> k;
-  if (*model != "none") {
-    const Result<std::vector<double>> given = camera.numbers("distortion_coeffs");
-    if (!given) return fail(given.error());
-    k = *given;
+  if (model != "none") {
+    NODAL_TRY_ASSIGN(const std::vector<double> given, camera.numbers("distortion_coeffs"));
+    k = given;
   }
-  const bool pure = projection->model == "pinhole";
-  if (pure && *model == "equidistant") return set_kannala_brandt(pinhole, k, head);
-  if (pure && (*model == "radtan" || *model == "none")) return set_plumb_bob(pinhole, {k}, head, notes);
-  if (pure && *model == "fov") {
+  const bool pure = projection.model == "pinhole";
+  if (pure && model == "equidistant") return set_kannala_brandt(pinhole, k, head);
+  if (pure && (model == "radtan" || model == "none")) return set_plumb_bob(pinhole, {k}, head, notes);
+  if (pure && model == "fov") {
     if (k.empty() || !(k[0] > 0.01 && k[0] < 3)) {
       return fail(Errc::kBadValue, camera.where() + ": the fov model has one coefficient, 0.01 to 3");
     }
@@ -84,15 +80,15 @@ Status set_lens(const YamlFields& camera, HeadCalibration& head, std::vector<std
         pinhole, [w](double a) { return std::atan(2 * std::tan(a) * std::tan(w / 2)) / w; }, 89 * kPi / 180,
         "its fov distortion", head, notes);
   }
-  if (!pure && (*model == "radtan" || *model == "none")) {
+  if (!pure && (model == "radtan" || model == "none")) {
     const PlumbBob bob{k};
     if (k.size() > 3 && (k[2] != 0 || k[3] != 0)) {
-      notes.push_back("Head '" + head.name + "': the tangential terms of its " + projection->model +
+      notes.push_back("Head '" + head.name + "': the tangential terms of its " + projection.model +
                       " lens have no counterpart here and are left out.");
     }
     PlumbBob radial = bob;
     for (std::size_t i = 2; i < std::min<std::size_t>(4, radial.k.size()); ++i) radial.k[i] = 0;
-    const Projection& p = *projection;
+    const Projection& p = projection;
     return set_radial(
         pinhole,
         [p, radial](double a) {
@@ -100,8 +96,8 @@ Status set_lens(const YamlFields& camera, HeadCalibration& head, std::vector<std
         },
         0.95 * kPi, "its " + p.model + " projection", head, notes);
   }
-  return fail(Errc::kUnsupported, camera.where() + ": there is no " + projection->model + " with distortion_model '" +
-                                      *model + "' here; there are radtan, equidistant, fov and none");
+  return fail(Errc::kUnsupported, camera.where() + ": there is no " + projection.model + " with distortion_model '" +
+                                      model + "' here; there are radtan, equidistant, fov and none");
 }
 
 /// From another frame to a camera's: x_camera = R x + shift.
@@ -116,16 +112,15 @@ struct Placement {
 /// Nothing if the camera does not have it.
 Result<std::optional<Placement>> read_placement(const YamlFields& camera, const std::string& key) {
   if (!camera.has(key)) return std::optional<Placement>();
-  const Result<std::vector<double>> T = camera.matrix(key, 4, 4);
-  if (!T) return fail(T.error());
+  NODAL_TRY_ASSIGN(const std::vector<double> T, camera.matrix(key, 4, 4));
   Eigen::Matrix3d R;
   for (Eigen::Index i = 0; i < 3; ++i) {
-    for (Eigen::Index k = 0; k < 3; ++k) R(i, k) = (*T)[static_cast<std::size_t>(4 * i + k)];
+    for (Eigen::Index k = 0; k < 3; ++k) R(i, k) = T[static_cast<std::size_t>(4 * i + k)];
   }
   constexpr double kWritten = 1e-4;
   const Result<Eigen::Matrix3d> rotation = geometry::nearest_rotation(R, kWritten);
   if (!rotation) return fail(rotation.error().in(camera.where() + ": " + key));
-  return std::optional<Placement>(Placement{*rotation, {(*T)[3], (*T)[7], (*T)[11]}});
+  return std::optional<Placement>(Placement{*rotation, {T[3], T[7], T[11]}});
 }
 
 /// The cameras' places in the frame of the first one, one after another.
@@ -133,26 +128,23 @@ class Places {
  public:
   /// Errors: those of the fields.
   Status add(const YamlFields& camera) {
-    const Result<std::optional<Placement>> step = read_placement(camera, "T_cn_cnm1");
-    if (!step) return fail(step.error());
-    Result<std::optional<Placement>> by_imu = read_placement(camera, "T_cam_imu");
-    if (!by_imu) return fail(by_imu.error());
-    if (!*by_imu) {
-      const Result<std::optional<Placement>> inverse = read_placement(camera, "T_imu_cam");
-      if (!inverse) return fail(inverse.error());
-      if (*inverse) *by_imu = (*inverse)->inverse();
+    NODAL_TRY_ASSIGN(const std::optional<Placement> step, read_placement(camera, "T_cn_cnm1"));
+    NODAL_TRY_ASSIGN(std::optional<Placement> by_imu, read_placement(camera, "T_cam_imu"));
+    if (!by_imu) {
+      NODAL_TRY_ASSIGN(const std::optional<Placement> inverse, read_placement(camera, "T_imu_cam"));
+      if (inverse) by_imu = inverse->inverse();
     }
     if (all_.empty()) {
-      first_by_imu_ = *by_imu;
+      first_by_imu_ = by_imu;
       all_.emplace_back();
       return {};
     }
     const std::optional<Placement> from_imu =
-        first_by_imu_ && *by_imu ? std::optional<Placement>((*by_imu)->after(first_by_imu_->inverse())) : std::nullopt;
-    if (!*step && !from_imu) unplaced_.push_back(camera.where());
-    all_.push_back(*step ? (*step)->after(all_.back()) : from_imu.value_or(Placement{}));
+        first_by_imu_ && by_imu ? std::optional<Placement>(by_imu->after(first_by_imu_->inverse())) : std::nullopt;
+    if (!step && !from_imu) unplaced_.push_back(camera.where());
+    all_.push_back(step ? step->after(all_.back()) : from_imu.value_or(Placement{}));
     constexpr double kAgree = 1;  // degrees
-    if (*step && from_imu) {
+    if (step && from_imu) {
       const double apart = Eigen::AngleAxisd(from_imu->R * all_.back().R.transpose()).angle() / kRadiansPerDegree;
       if (apart > kAgree) contradictions_.push_back(camera.where());
     }
@@ -220,9 +212,8 @@ std::string name_of(const YamlFields& camera, const std::string& number, const I
 }  // namespace
 
 Result<ImportResult> import_kalibr(std::string_view text, std::string_view name) {
-  const Result<YAML::Node> root = parse_foreign_yaml(text);
-  if (!root) return fail(root.error());
-  const YamlFields chain(*root, "the chain");
+  NODAL_TRY_ASSIGN(const YAML::Node root, parse_foreign_yaml(text));
+  const YamlFields chain(root, "the chain");
   ImportResult result;
   result.calibration.name = std::string(name);
   result.calibration.comment = "Imported from a Kalibr camera chain.";
@@ -232,34 +223,33 @@ Result<ImportResult> import_kalibr(std::string_view text, std::string_view name)
   for (std::size_t n = 0; n <= kMaxCalibratedHeads && chain.has("cam" + std::to_string(n)); ++n) {
     const std::string camera_name = "cam" + std::to_string(n);
     const YamlFields camera(chain.at(camera_name), camera_name);
-    const Result<std::vector<double>> resolution = camera.numbers("resolution");
-    if (!resolution) return fail(resolution.error());
-    if (resolution->size() != 2 || !((*resolution)[0] >= 1 && (*resolution)[0] <= 32768) ||
-        !((*resolution)[1] >= 1 && (*resolution)[1] <= 32768)) {
+    NODAL_TRY_ASSIGN(const std::vector<double> resolution, camera.numbers("resolution"));
+    if (resolution.size() != 2 || !(resolution[0] >= 1 && resolution[0] <= 32768) ||
+        !(resolution[1] >= 1 && resolution[1] <= 32768)) {
       return fail(Errc::kBadValue, camera_name + ": 'resolution' must be two numbers of 1 to 32768");
     }
-    HeadCalibration head = blank_head(name_of(camera, camera_name, result), static_cast<int>((*resolution)[0]),
-                                      static_cast<int>((*resolution)[1]));
-    if (const Status added = places.add(camera); !added) return fail(added.error());
+    HeadCalibration head = blank_head(name_of(camera, camera_name, result), static_cast<int>(resolution[0]),
+                                      static_cast<int>(resolution[1]));
+    NODAL_TRY(places.add(camera));
     const Eigen::Matrix3d& R_head_rig = places.last().R;
     positions.emplace_back(-(R_head_rig.transpose() * places.last().shift));
     middle += positions.back();
     head.R_head_rig = geometry::rows_of(*geometry::nearest_rotation(R_head_rig));
-    if (Status s = set_lens(camera, head, result.notes); !s) return fail(s.error());
-    if (Status s = finish_head(head, result.notes); !s) return fail(s.error());
+    NODAL_TRY(set_lens(camera, head, result.notes));
+    NODAL_TRY(finish_head(head, result.notes));
     result.calibration.heads.push_back(std::move(head));
     result.images.emplace_back();
   }
   if (result.calibration.heads.empty()) {
     return fail(Errc::kMissingField, "there is no 'cam0' in it: it is not a Kalibr camera chain");
   }
-  if (Status s = check_head_count(result.calibration.heads.size()); !s) return fail(s.error());
-  if (Status s = check_chain_fields(*root, result.calibration.heads.size(), result.notes); !s) return fail(s.error());
+  NODAL_TRY(check_head_count(result.calibration.heads.size()));
+  NODAL_TRY(check_chain_fields(root, result.calibration.heads.size(), result.notes));
   places.tell(result.notes);
   middle /= static_cast<double>(positions.size());
   for (Eigen::Vector3d& position : positions) position -= middle;
   set_positions(positions, "the rig's nodal point is the cameras' mean", result);
-  if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
+  NODAL_TRY(check_calibration(result.calibration));
   return result;
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "protocol/base/angles.h"
+#include "protocol/base/try.h"
 #include "stitch/interchange/camera_files.h"
 #include "stitch/interchange/foreign_head.h"
 #include "stitch/interchange/known_fields.h"
@@ -91,11 +92,9 @@ Result<OcamModel> read_model(const std::vector<Row>& rows) {
   model.c = affine.numbers[0], model.d = affine.numbers[1], model.e = affine.numbers[2];
   const bool small = std::abs(model.d) < 0.5 && std::abs(model.e) < 0.5;
   if (!(small && model.c > 0.5 && model.c < 2)) return wrong(affine, "c must be about 1, d and e about 0");
-  const Result<int> height = picture_side(size.numbers[0], "height");
-  if (!height) return fail(height.error());
-  const Result<int> width = picture_side(size.numbers[1], "width");
-  if (!width) return fail(width.error());
-  model.height = *height, model.width = *width;
+  NODAL_TRY_ASSIGN(const int height, picture_side(size.numbers[0], "height"));
+  NODAL_TRY_ASSIGN(const int width, picture_side(size.numbers[1], "width"));
+  model.height = height, model.width = width;
   if (!(model.row0 > 0 && model.row0 < model.height && model.column0 > 0 && model.column0 < model.width)) {
     return wrong(centre, "the centre is not in the picture");
   }
@@ -118,11 +117,9 @@ double end_of(const OcamModel& model, double farthest) {
 }  // namespace
 
 Status add_ocam_camera(std::string_view text, std::string_view path, ImportResult& result) {
-  const Result<std::vector<Row>> rows = read_rows(text);
-  if (!rows) return fail(rows.error());
-  const Result<OcamModel> read = read_model(*rows);
-  if (!read) return fail(read.error());
-  const OcamModel& model = *read;
+  NODAL_TRY_ASSIGN(const std::vector<Row> rows, read_rows(text));
+  NODAL_TRY_ASSIGN(const OcamModel read, read_model(rows));
+  const OcamModel& model = read;
   std::vector<std::string> taken;
   for (const HeadCalibration& other : result.calibration.heads) taken.push_back(other.name);
   HeadCalibration head = blank_head(head_name(path, taken), model.width, model.height);
@@ -160,12 +157,12 @@ Status add_ocam_camera(std::string_view text, std::string_view path, ImportResul
     result.notes.push_back("The lens of head '" + head.name + "' ends " + std::to_string(static_cast<int>(end)) +
                            " px from its centre: only that circle is used.");
   }
-  if (const Status good = finish_head(head, result.notes); !good) return good;
+  NODAL_TRY(finish_head(head, result.notes));
   FieldCheck check(ocam_fields());
-  for (std::size_t row = 0; row < rows->size(); ++row) {
+  for (std::size_t row = 0; row < rows.size(); ++row) {
     check.see("line of numbers", std::to_string(row + 1), "", "head '" + head.name + "'");
   }
-  if (const Status told = check.tell(result.notes); !told) return told;
+  NODAL_TRY(check.tell(result.notes));
   result.calibration.heads.push_back(std::move(head));
   result.images.emplace_back();
   return {};

@@ -3,6 +3,7 @@
 #include <initializer_list>
 
 #include "protocol/base/text.h"
+#include "protocol/base/try.h"
 #include "stitch/interchange/camera_files.h"
 #include "stitch/interchange/foreign_head.h"
 #include "stitch/interchange/known_fields.h"
@@ -37,21 +38,17 @@ std::string key_of(const YamlFields& file, std::initializer_list<const char*> ke
 /// Errors: kUnsupported for a lens that has another name; kBadValue where two fields contradict each other.
 Result<bool> read_is_fisheye(const YamlFields& file) {
   bool fisheye = false, pinhole = false;
-  const Result<double> flag = file.number_or("fisheye_model", 0);
-  if (!flag) return fail(flag.error());
-  fisheye = *flag != 0;
+  NODAL_TRY_ASSIGN(const double flag, file.number_or("fisheye_model", 0));
+  fisheye = flag != 0;
   for (const char* key : {"distortion_model", "camera_model"}) {
     if (!file.has(key)) continue;
-    const Result<std::string> model = file.text(key);
-    if (!model) return fail(model.error());
-    if (*model == "fisheye" || *model == "equidistant" || *model == "kannala_brandt") {
+    NODAL_TRY_ASSIGN(const std::string model, file.text(key));
+    if (model == "fisheye" || model == "equidistant" || model == "kannala_brandt") {
       fisheye = true;
-    } else if (*model == "plumb_bob" || *model == "rational_polynomial" || *model == "radtan" ||
-               *model == "thin_prism") {
+    } else if (model == "plumb_bob" || model == "rational_polynomial" || model == "radtan" || model == "thin_prism") {
       pinhole = true;
-    } else if (*model != "pinhole" &&
-               !model->empty()) {  // ROS writes camera_model pinhole beside a fisheye's distortion
-      return fail(Errc::kUnsupported, std::string("the camera's ") + key + " is '" + printable(*model, 40) +
+    } else if (model != "pinhole" && !model.empty()) {  // ROS writes camera_model pinhole beside a fisheye's distortion
+      return fail(Errc::kUnsupported, std::string("the camera's ") + key + " is '" + printable(model, 40) +
                                           "'; there are plumb_bob, rational_polynomial, equidistant and fisheye");
     }
   }
@@ -70,19 +67,15 @@ Result<YAML::Node> parse_storage(std::string_view text) {
 }  // namespace
 
 Status add_opencv_camera(std::string_view text, std::string_view path, ImportResult& result) {
-  const Result<YAML::Node> root = parse_storage(text);
-  if (!root) return fail(root.error());
-  const YamlFields file(*root, "the camera");
-  const Result<int> width = file.side(key_of(file, {"image_Width", "image_width"}));
-  if (!width) return fail(width.error());
-  const Result<int> height = file.side(key_of(file, {"image_Height", "image_height"}));
-  if (!height) return fail(height.error());
-  const Result<std::vector<double>> K = read_matrix(file, key_of(file, {"Camera_Matrix", "camera_matrix"}));
-  if (!K) return fail(K.error());
-  if (K->size() != 9) return fail(Errc::kBadValue, "'camera_matrix' must hold 9 numbers");
-  Result<std::vector<double>> distortion =
-      read_matrix(file, key_of(file, {"dist_coeffs", "Distortion_Coefficients", "distortion_coefficients"}));
-  if (!distortion) return fail(distortion.error());
+  NODAL_TRY_ASSIGN(const YAML::Node root, parse_storage(text));
+  const YamlFields file(root, "the camera");
+  NODAL_TRY_ASSIGN(const int width, file.side(key_of(file, {"image_Width", "image_width"})));
+  NODAL_TRY_ASSIGN(const int height, file.side(key_of(file, {"image_Height", "image_height"})));
+  NODAL_TRY_ASSIGN(const std::vector<double> K, read_matrix(file, key_of(file, {"Camera_Matrix", "camera_matrix"})));
+  if (K.size() != 9) return fail(Errc::kBadValue, "'camera_matrix' must hold 9 numbers");
+  NODAL_TRY_ASSIGN(
+      std::vector<double> distortion,
+      read_matrix(file, key_of(file, {"dist_coeffs", "Distortion_Coefficients", "distortion_coefficients"})));
 
   std::vector<std::string> taken;
   for (const HeadCalibration& other : result.calibration.heads) taken.push_back(other.name);
@@ -90,21 +83,19 @@ Status add_opencv_camera(std::string_view text, std::string_view path, ImportRes
   if (const Result<std::string> named = file.text("camera_name")) {
     if (std::ranges::find(taken, head_name(*named + ".", {})) == taken.end()) camera = *named + ".";
   }
-  HeadCalibration head = blank_head(head_name(camera, taken), *width, *height);
-  const PinholeNumbers pinhole{(*K)[0], (*K)[4], (*K)[2], (*K)[5]};
-  const Result<bool> fisheye = read_is_fisheye(file);
-  if (!fisheye) return fail(fisheye.error());
-  const Status set = *fisheye ? set_kannala_brandt(pinhole, *distortion, head)
-                              : set_plumb_bob(pinhole, {*distortion}, head, result.notes);
-  if (!set) return fail(set.error());
-  if ((*K)[1] != 0) {
+  HeadCalibration head = blank_head(head_name(camera, taken), width, height);
+  const PinholeNumbers pinhole{K[0], K[4], K[2], K[5]};
+  NODAL_TRY_ASSIGN(const bool fisheye, read_is_fisheye(file));
+  NODAL_TRY(fisheye ? set_kannala_brandt(pinhole, distortion, head)
+                    : set_plumb_bob(pinhole, {distortion}, head, result.notes));
+  if (K[1] != 0) {
     result.notes.push_back("The camera matrix of head '" + head.name +
                            "' has a skew, which is left out: pixels have no shear.");
   }
-  if (Status s = finish_head(head, result.notes); !s) return fail(s.error());
+  NODAL_TRY(finish_head(head, result.notes));
   FieldCheck check(opencv_fields());
-  see_members(*root, "camera", "head '" + head.name + "'", check);
-  if (Status s = check.tell(result.notes); !s) return fail(s.error());
+  see_members(root, "camera", "head '" + head.name + "'", check);
+  NODAL_TRY(check.tell(result.notes));
   result.calibration.heads.push_back(std::move(head));
   result.images.emplace_back();
   return {};

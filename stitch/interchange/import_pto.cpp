@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "protocol/base/text.h"
+#include "protocol/base/try.h"
 #include "protocol/calibration_limits.h"
 #include "stitch/interchange/import.h"
 #include "stitch/interchange/known_fields.h"
@@ -44,9 +45,8 @@ Result<Photometry> read_photometry(const ImageLines& images, std::size_t image, 
                                                                    {"Rd", &R[3]},
                                                                    {"Re", &R[4]}}};
   for (const auto& [name, value] : variables) {
-    const Result<double> number = images.number_or(image, name, *value);
-    if (!number) return fail(number.error());
-    *value = *number;
+    NODAL_TRY_ASSIGN(const double number, images.number_or(image, name, *value));
+    *value = number;
   }
   const std::string line = "line " + std::to_string(images[image].number);
   if (!(p.V[0] > 0)) return fail(Errc::kBadValue, line + ": vignetting Va must be more than 0");
@@ -63,13 +63,12 @@ Result<Photometry> read_photometry(const ImageLines& images, std::size_t image, 
 }
 
 Result<int> picture_side(const ImageLines& images, std::size_t image, const char* name) {
-  const Result<std::optional<double>> side = images.find_number(image, name);
-  if (!side) return fail(side.error());
+  NODAL_TRY_ASSIGN(const std::optional<double> side, images.find_number(image, name));
   const std::string line = "line " + std::to_string(images[image].number);
-  if (!*side) return fail(Errc::kMissingField, line + ": the image has no " + name + " (its size)");
-  if (!(**side >= 1 && **side <= 32768))
+  if (!side) return fail(Errc::kMissingField, line + ": the image has no " + name + " (its size)");
+  if (!(*side >= 1 && *side <= 32768))
     return fail(Errc::kBadValue, line + ": the image's " + name + " must be 1 to 32768");
-  return static_cast<int>(**side);
+  return static_cast<int>(*side);
 }
 
 Result<HeadCalibration> read_head(const ImageLines& images, std::size_t image, const std::vector<std::string>& taken,
@@ -77,18 +76,15 @@ Result<HeadCalibration> read_head(const ImageLines& images, std::size_t image, c
   PanotoolsImage read;
   const std::string* file = images[image].find("n");
   read.name = head_name(file == nullptr ? "" : *file, taken);
-  const Result<int> width = picture_side(images, image, "w");
-  if (!width) return fail(width.error());
-  const Result<int> height = picture_side(images, image, "h");
-  if (!height) return fail(height.error());
-  read.width = *width;
-  read.height = *height;
-  if (Status s = read_geometry(images, image, read); !s) return fail(s.error());
-  read.lens = {0, static_cast<double>(*width), 0, static_cast<double>(*height)};
+  NODAL_TRY_ASSIGN(const int width, picture_side(images, image, "w"));
+  NODAL_TRY_ASSIGN(const int height, picture_side(images, image, "h"));
+  read.width = width;
+  read.height = height;
+  NODAL_TRY(read_geometry(images, image, read));
+  read.lens = {0, static_cast<double>(width), 0, static_cast<double>(height)};
   if (const std::string* kept = images[image].find("S")) {
-    const Result<std::array<double, 4>> crop = to_four_numbers(images[image], "S", *kept);
-    if (!crop) return fail(crop.error());
-    read.region = Crop{(*crop)[0], (*crop)[1], (*crop)[2], (*crop)[3]};
+    NODAL_TRY_ASSIGN(const auto crop, to_four_numbers(images[image], "S", *kept));
+    read.region = Crop{crop[0], crop[1], crop[2], crop[3]};
   }
   return to_head(read, notes);
 }
@@ -145,9 +141,7 @@ Status check_hugin_fields(const std::vector<ScriptLine>& lines, const HuginImage
     if (line.kind != 'i') continue;
     const std::optional<std::size_t> head = project.head_of[image];
     if (head) {
-      const Status seen =
-          see_image(project.all, image, "i", "head '" + result.calibration.heads[*head].name + "'", check);
-      if (!seen) return seen;
+      NODAL_TRY(see_image(project.all, image, "i", "head '" + result.calibration.heads[*head].name + "'", check));
     }
     ++image;
   }
@@ -157,9 +151,8 @@ Status check_hugin_fields(const std::vector<ScriptLine>& lines, const HuginImage
 }  // namespace
 
 Result<ImportResult> import_pto(std::string_view text, std::string_view name) {
-  const Result<std::vector<ScriptLine>> lines = parse_script(text, kMaxProjectBytes);
-  if (!lines) return fail(lines.error());
-  HuginImages project = sort_lines(*lines);
+  NODAL_TRY_ASSIGN(const std::vector<ScriptLine> lines, parse_script(text, kMaxProjectBytes));
+  HuginImages project = sort_lines(lines);
   const ImageLines& images = project.all;
   if (images.size() == 0) return fail(Errc::kBadFormat, "there is no image line (i) in it: it is not a Hugin project");
   if (images.size() > kMaxCalibratedHeads) {
@@ -180,15 +173,13 @@ Result<ImportResult> import_pto(std::string_view text, std::string_view name) {
   std::vector<Photometry> photometry;
   std::vector<std::string> taken;
   for (const std::size_t i : project.used) {
-    Result<HeadCalibration> head = read_head(images, i, taken, result.notes);
-    if (!head) return fail(head.error());
-    taken.push_back(head->name);
+    NODAL_TRY_ASSIGN(HeadCalibration head, read_head(images, i, taken, result.notes));
+    taken.push_back(head.name);
     const std::string* file = images[i].find("n");
     result.images.push_back(file == nullptr ? "" : *file);
-    const Result<Photometry> read = read_photometry(images, i, *head, result.notes);
-    if (!read) return fail(read.error());
-    photometry.push_back(*read);
-    result.calibration.heads.push_back(std::move(*head));
+    NODAL_TRY_ASSIGN(const Photometry read, read_photometry(images, i, head, result.notes));
+    photometry.push_back(read);
+    result.calibration.heads.push_back(std::move(head));
   }
   set_photometry(photometry, result);
   if (std::ranges::any_of(photometry, &Photometry::fitted)) {
@@ -197,13 +188,13 @@ Result<ImportResult> import_pto(std::string_view text, std::string_view name) {
         "stands in for it, so exposure and vignetting are made up for only roughly.");
   }
   std::vector<const ScriptLine*> masks;
-  for (const ScriptLine& line : *lines) {
+  for (const ScriptLine& line : lines) {
     if (line.kind == 'k') masks.push_back(&line);
   }
-  if (Status s = add_masks(masks, project.head_of, result); !s) return fail(s.error());
-  if (Status s = add_control_points(*lines, project.head_of, result); !s) return fail(s.error());
-  if (Status s = check_hugin_fields(*lines, project, result); !s) return fail(s.error());
-  if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
+  NODAL_TRY(add_masks(masks, project.head_of, result));
+  NODAL_TRY(add_control_points(lines, project.head_of, result));
+  NODAL_TRY(check_hugin_fields(lines, project, result));
+  NODAL_TRY(check_calibration(result.calibration));
   return result;
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <sstream>
 
+#include "protocol/base/try.h"
 #include "protocol/base/units.h"
 #include "protocol/calibration_limits.h"
 #include "stitch/interchange/import.h"
@@ -58,9 +59,8 @@ Result<Project> read_project(const std::vector<ScriptLine>& lines) {
     const std::string& comment = line.comment;
     if (comment.starts_with("#-dummyimage")) dummy_next = true;
     if (comment.starts_with("#-imgfile")) {
-      Result<ImageFile> read = read_image_file(line);
-      if (!read) return fail(read.error());
-      file = std::move(*read);
+      NODAL_TRY_ASSIGN(ImageFile read, read_image_file(line));
+      file = std::move(read);
     }
     if (line.kind != 'o') continue;
     if (dummy_next && project.lines.size() == 0) {
@@ -87,13 +87,12 @@ Result<HeadCalibration> read_head(const Project& project, std::size_t image, con
   read.name = head_name(file.path, taken);
   read.width = file.width;
   read.height = file.height;
-  if (Status s = read_geometry(project.lines, o, read); !s) return fail(s.error());
+  NODAL_TRY(read_geometry(project.lines, o, read));
   read.lens = {0, static_cast<double>(file.width), 0, static_cast<double>(file.height)};
   if (const std::string* kept = project.lines[o].find("C")) {
-    const Result<std::array<double, 4>> crop = to_four_numbers(project.lines[o], "C", *kept);
-    if (!crop) return fail(crop.error());
+    NODAL_TRY_ASSIGN(const auto crop, to_four_numbers(project.lines[o], "C", *kept));
     // If there is a crop, the field of view, the polynomial and the centre all refer to it.
-    read.lens = {(*crop)[0], (*crop)[1], (*crop)[2], (*crop)[3]};
+    read.lens = {crop[0], crop[1], crop[2], crop[3]};
     read.region = read.lens;
   }
   return to_head(read, notes);
@@ -114,8 +113,7 @@ Status check_all(const std::vector<ScriptLine>& lines, const Project& project, I
   }
   for (std::size_t i = 0; i < project.files.size(); ++i) {
     const std::string whose = "head '" + result.calibration.heads[i].name + "'";
-    const Status seen = see_image(project.lines, i + (project.has_dummy ? 1 : 0), "o", whose, check);
-    if (!seen) return seen;
+    NODAL_TRY(see_image(project.lines, i + (project.has_dummy ? 1 : 0), "o", whose, check));
   }
   return check.tell(result.notes);
 }
@@ -123,15 +121,13 @@ Status check_all(const std::vector<ScriptLine>& lines, const Project& project, I
 }  // namespace
 
 Result<ImportResult> import_pts(std::string_view text, std::string_view name) {
-  const Result<std::vector<ScriptLine>> lines = parse_script(text, kMaxProjectBytes);
-  if (!lines) return fail(lines.error());
-  const Result<Project> project = read_project(*lines);
-  if (!project) return fail(project.error());
-  if (project->files.empty()) {
+  NODAL_TRY_ASSIGN(const std::vector<ScriptLine> lines, parse_script(text, kMaxProjectBytes));
+  NODAL_TRY_ASSIGN(const Project project, read_project(lines));
+  if (project.files.empty()) {
     return fail(Errc::kBadFormat, "there is no image (#-imgfile and an o line) in it: it is not a PTGui text project");
   }
-  if (project->files.size() > kMaxCalibratedHeads) {
-    return fail(Errc::kUnsupported, "the project has " + std::to_string(project->files.size()) +
+  if (project.files.size() > kMaxCalibratedHeads) {
+    return fail(Errc::kUnsupported, "the project has " + std::to_string(project.files.size()) +
                                         " images; a calibration has 1 to " + std::to_string(kMaxCalibratedHeads) +
                                         " heads");
   }
@@ -139,18 +135,17 @@ Result<ImportResult> import_pts(std::string_view text, std::string_view name) {
   result.calibration.name = std::string(name);
   result.calibration.comment = "Imported from a PTGui project.";
   std::vector<std::string> taken;
-  for (std::size_t i = 0; i < project->files.size(); ++i) {
-    Result<HeadCalibration> head = read_head(*project, i, taken, result.notes);
-    if (!head) return fail(head.error());
-    taken.push_back(head->name);
-    result.images.emplace_back(project->files[i].path);
-    result.calibration.heads.push_back(std::move(*head));
+  for (std::size_t i = 0; i < project.files.size(); ++i) {
+    NODAL_TRY_ASSIGN(HeadCalibration head, read_head(project, i, taken, result.notes));
+    taken.push_back(head.name);
+    result.images.emplace_back(project.files[i].path);
+    result.calibration.heads.push_back(std::move(head));
   }
   std::vector<std::optional<std::size_t>> head_of;
-  for (std::size_t i = 0; i < project->files.size(); ++i) head_of.emplace_back(i);
-  if (Status s = add_control_points(*lines, head_of, result, project->has_dummy ? 1 : 0); !s) return fail(s.error());
-  if (Status s = check_all(*lines, *project, result); !s) return fail(s.error());
-  if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
+  for (std::size_t i = 0; i < project.files.size(); ++i) head_of.emplace_back(i);
+  NODAL_TRY(add_control_points(lines, head_of, result, project.has_dummy ? 1 : 0));
+  NODAL_TRY(check_all(lines, project, result));
+  NODAL_TRY(check_calibration(result.calibration));
   return result;
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "protocol/base/angles.h"
+#include "protocol/base/try.h"
 #include "protocol/lens_range.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/interchange/foreign_head.h"
@@ -26,9 +27,8 @@ Status read_rotation(const JsonFields& camera, HeadCalibration& head) {
   std::array<Eigen::Vector3d, 3> axes;  // right, up, forward
   constexpr std::array kNames{"right", "up", "forward"};
   for (std::size_t k = 0; k < 3; ++k) {
-    const Result<std::vector<double>> axis = camera.numbers(kNames[k], 3, 3);
-    if (!axis) return fail(axis.error());
-    axes[k] = to_rig(*axis);
+    NODAL_TRY_ASSIGN(const std::vector<double> axis, camera.numbers(kNames[k], 3, 3));
+    axes[k] = to_rig(axis);
   }
   Eigen::Matrix3d R;
   R << axes[0].transpose(), -axes[1].transpose(), axes[2].transpose();
@@ -41,35 +41,32 @@ Status read_rotation(const JsonFields& camera, HeadCalibration& head) {
 
 /// distort(s) = s + d0 s^3 + d1 s^5 (+ d2 s^7), with s by the camera's type; radius = focal * distort(s).
 Status read_lens(const JsonFields& camera, HeadCalibration& head, std::vector<std::string>& notes) {
-  const Result<std::vector<double>> focal = camera.numbers("focal", 2, 2);
-  if (!focal) return fail(focal.error());
-  if (!((*focal)[0] > 0 && (*focal)[1] < 0)) {
+  NODAL_TRY_ASSIGN(const std::vector<double> focal, camera.numbers("focal", 2, 2));
+  if (!(focal[0] > 0 && focal[1] < 0)) {
     return fail(Errc::kBadValue, camera.where() + ": the field 'focal' must be a positive and a negative number");
   }
-  const double f = (*focal)[0];
-  head.aspect = -(*focal)[1] / f;
+  const double f = focal[0];
+  head.aspect = -focal[1] / f;
   std::vector<double> d{0, 0, 0};
   if (camera.has("distortion")) {
-    const Result<std::vector<double>> given = camera.numbers("distortion", 1, 3);
-    if (!given) return fail(given.error());
-    std::copy(given->begin(), given->end(), d.begin());
+    NODAL_TRY_ASSIGN(const std::vector<double> given, camera.numbers("distortion", 1, 3));
+    std::copy(given.begin(), given.end(), d.begin());
   }
-  const Result<std::string> type = camera.text("type");
-  if (!type) return fail(type.error());
-  if (*type == "FTHETA") {
+  NODAL_TRY_ASSIGN(const std::string type, camera.text("type"));
+  if (type == "FTHETA") {
     head.lens = KannalaBrandtLens{f, {d[0], d[1], d[2], 0}};
     return {};
   }
-  if (*type == "RECTILINEAR") {
+  if (type == "RECTILINEAR") {
     head.lens = RectilinearLens{{f, 0, f * d[0], 0, f * d[1], 0, f * d[2]}};
     return {};
   }
-  if (*type != "EQUISOLID" && *type != "ORTHOGRAPHIC") {
-    return fail(Errc::kUnsupported, camera.where() + ": there is no lens type '" + *type +
+  if (type != "EQUISOLID" && type != "ORTHOGRAPHIC") {
+    return fail(Errc::kUnsupported, camera.where() + ": there is no lens type '" + type +
                                         "' here; there are FTHETA, "
                                         "RECTILINEAR, EQUISOLID and ORTHOGRAPHIC");
   }
-  const bool equisolid = *type == "EQUISOLID";
+  const bool equisolid = type == "EQUISOLID";
   const auto radius = [&](double a) {
     const double s = equisolid ? 2 * std::sin(a / 2) : std::sin(a);
     return f * s * (1 + s * s * (d[0] + s * s * (d[1] + s * s * d[2])));
@@ -89,72 +86,65 @@ Status read_lens(const JsonFields& camera, HeadCalibration& head, std::vector<st
   const Result<PolynomialHead> fit = fit_polynomial_head(samples, start, {false, false, false});
   if (!fit) return fail(fit.error().in(camera.where()));
   head.lens = lens_of(*fit);
-  notes.push_back("Head '" + head.name + "': its lens type " + *type + " is fitted by a Kannala-Brandt lens, off by " +
+  notes.push_back("Head '" + head.name + "': its lens type " + type + " is fitted by a Kannala-Brandt lens, off by " +
                   short_number(fit->rms_px) + " px rms, " + short_number(fit->max_px) + " px at most.");
   return {};
 }
 
 Result<HeadCalibration> read_camera(const nlohmann::json& json, std::size_t index, ImportResult& result) {
   const JsonFields unnamed(json, "camera " + std::to_string(index));
-  const Result<std::string> id = unnamed.text("id");
-  if (!id) return fail(id.error());
-  const JsonFields camera(json, "camera '" + *id + "'");
-  const Result<std::vector<double>> resolution = camera.numbers("resolution", 2, 2);
-  if (!resolution) return fail(resolution.error());
-  for (const double side : *resolution) {
+  NODAL_TRY_ASSIGN(const std::string id, unnamed.text("id"));
+  const JsonFields camera(json, "camera '" + id + "'");
+  NODAL_TRY_ASSIGN(const std::vector<double> resolution, camera.numbers("resolution", 2, 2));
+  for (const double side : resolution) {
     if (side >= 1 && side <= 32768) continue;
     return fail(Errc::kBadValue, camera.where() + ": the field 'resolution' must be 1 to 32768 px");
   }
   std::vector<std::string> taken;
   for (const HeadCalibration& head : result.calibration.heads) taken.push_back(head.name);
   HeadCalibration head =
-      blank_head(head_name(*id + ".", taken), static_cast<int>((*resolution)[0]), static_cast<int>((*resolution)[1]));
+      blank_head(head_name(id + ".", taken), static_cast<int>(resolution[0]), static_cast<int>(resolution[1]));
   if (camera.has("principal")) {
-    const Result<std::vector<double>> principal = camera.numbers("principal", 2, 2);
-    if (!principal) return fail(principal.error());
-    head.center_x = (*principal)[0];
-    head.center_y = (*principal)[1];
+    NODAL_TRY_ASSIGN(const std::vector<double> principal, camera.numbers("principal", 2, 2));
+    head.center_x = principal[0];
+    head.center_y = principal[1];
   }
-  const Result<double> fov = camera.number_or("fov", 0);
-  if (!fov) return fail(fov.error());
-  if (*fov > 0 && *fov < kPi) head.max_angle = *fov;
-  if (Status s = read_rotation(camera, head); !s) return fail(s.error());
-  if (Status s = read_lens(camera, head, result.notes); !s) return fail(s.error());
+  NODAL_TRY_ASSIGN(const double fov, camera.number_or("fov", 0));
+  if (fov > 0 && fov < kPi) head.max_angle = fov;
+  NODAL_TRY(read_rotation(camera, head));
+  NODAL_TRY(read_lens(camera, head, result.notes));
   const LensRange range = lens_range(head.lens);
   if (head.max_angle >= range.max_angle) head.max_angle = 0;  // the lens ends at a smaller angle than the file states
-  if (Status s = finish_head(head, result.notes); !s) return fail(s.error());
+  NODAL_TRY(finish_head(head, result.notes));
   return head;
 }
 
 }  // namespace
 
 Result<ImportResult> import_surround360(std::string_view text, std::string_view name) {
-  const Result<nlohmann::json> json = parse_foreign_json(text);
-  if (!json) return fail(json.error());
-  const JsonFields rig(*json, "the rig");
+  NODAL_TRY_ASSIGN(const nlohmann::json json, parse_foreign_json(text));
+  const JsonFields rig(json, "the rig");
   if (!rig.has("cameras") || !rig["cameras"].is_array()) {
     return fail(Errc::kMissingField, "there is no list 'cameras' in it: it is not a Surround360 rig");
   }
   const nlohmann::json& cameras = rig["cameras"];
-  if (Status s = check_head_count(cameras.size()); !s) return fail(s.error());
+  NODAL_TRY(check_head_count(cameras.size()));
   ImportResult result;
   result.calibration.name = std::string(name);
   result.calibration.comment = "Imported from a Surround360 rig.";
   FieldCheck check(surround360_fields());
-  see_members(*json, "rig", "", check);
+  see_members(json, "rig", "", check);
   std::vector<Eigen::Vector3d> origins;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
-    Result<HeadCalibration> head = read_camera(cameras[i], i, result);
-    if (!head) return fail(head.error());
-    result.calibration.heads.push_back(std::move(*head));
+    NODAL_TRY_ASSIGN(HeadCalibration head, read_camera(cameras[i], i, result));
+    result.calibration.heads.push_back(std::move(head));
     result.images.emplace_back();
     const JsonFields camera(cameras[i], "camera '" + result.calibration.heads.back().name + "'");
     see_members(cameras[i], "camera", camera.where(), check);
     origins.emplace_back(Eigen::Vector3d::Zero());
     if (!camera.has("origin")) continue;
-    const Result<std::vector<double>> origin = camera.numbers("origin", 3, 3);
-    if (!origin) return fail(origin.error());
-    origins.back() = to_rig(*origin);
+    NODAL_TRY_ASSIGN(const std::vector<double> origin, camera.numbers("origin", 3, 3));
+    origins.back() = to_rig(origin);
   }
   double farthest = 0;
   for (const Eigen::Vector3d& origin : origins) farthest = std::max(farthest, origin.norm());
@@ -162,8 +152,8 @@ Result<ImportResult> import_surround360(std::string_view text, std::string_view 
   const bool centimetres = farthest > kWidestRigInMetres;
   for (Eigen::Vector3d& origin : origins) origin *= centimetres ? 0.01 : 1;
   set_positions(origins, "the file's unit is taken for " + std::string(centimetres ? "centimetres" : "metres"), result);
-  if (Status s = check.tell(result.notes); !s) return fail(s.error());
-  if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
+  NODAL_TRY(check.tell(result.notes));
+  NODAL_TRY(check_calibration(result.calibration));
   return result;
 }
 

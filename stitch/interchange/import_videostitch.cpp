@@ -6,6 +6,7 @@
 #include <cmath>
 #include <set>
 
+#include "protocol/base/try.h"
 #include "protocol/calibration_limits.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/interchange/foreign_head.h"
@@ -39,9 +40,8 @@ Result<Crop> read_crop(const JsonFields& input, double width, double height) {
   const std::array<std::pair<const char*, double*>, 4> edges{
       {{"crop_left", &crop.left}, {"crop_right", &crop.right}, {"crop_top", &crop.top}, {"crop_bottom", &crop.bottom}}};
   for (const auto& [key, value] : edges) {
-    const Result<double> edge = input.number_or(key, *value);
-    if (!edge) return fail(edge.error());
-    *value = *edge;
+    NODAL_TRY_ASSIGN(const double edge, input.number_or(key, *value));
+    *value = edge;
   }
   if (crop.left < crop.right && crop.top < crop.bottom) return crop;
   return fail(Errc::kBadValue, input.where() + ": its crop has no area");
@@ -62,18 +62,15 @@ Result<Photometry> read_light(const JsonFields& input, const Crop& crop, Reading
   constexpr std::array kBalance{"red_corr", "green_corr", "blue_corr"};
   constexpr double kMostStops = 20, kMostBalance = 100;
   for (std::size_t c = 0; c < kBalance.size(); ++c) {
-    const Result<double> correction = read_curve(input, kBalance[c], 1, reading.changing);
-    if (!correction) return fail(correction.error());
-    if (!(*correction >= 1 / kMostBalance && *correction <= kMostBalance)) {
+    NODAL_TRY_ASSIGN(const double correction, read_curve(input, kBalance[c], 1, reading.changing));
+    if (!(correction >= 1 / kMostBalance && correction <= kMostBalance)) {
       return fail(Errc::kBadValue, input.where() + ": the field '" + kBalance[c] + "' must be 0.01 to 100");
     }
-    p.balance[c] = *correction;
+    p.balance[c] = correction;
   }
-  const Result<double> ev = read_curve(input, "ev", 0, reading.changing);
-  if (!ev) return fail(ev.error());
-  if (!(std::abs(*ev) <= kMostStops))
-    return fail(Errc::kBadValue, input.where() + ": the field 'ev' must be -20 to 20");
-  p.stops = *ev;
+  NODAL_TRY_ASSIGN(const double ev, read_curve(input, "ev", 0, reading.changing));
+  if (!(std::abs(ev) <= kMostStops)) return fail(Errc::kBadValue, input.where() + ": the field 'ev' must be -20 to 20");
+  p.stops = ev;
   const std::array<std::pair<const char*, double*>, 7> numbers{{{"vign_a", p.V.data()},
                                                                 {"vign_b", &p.V[1]},
                                                                 {"vign_c", &p.V[2]},
@@ -82,9 +79,8 @@ Result<Photometry> read_light(const JsonFields& input, const Crop& crop, Reading
                                                                 {"vign_y", &p.Vy},
                                                                 {"gamma", &p.gamma}}};
   for (const auto& [key, value] : numbers) {
-    const Result<double> number = input.number_or(key, *value);
-    if (!number) return fail(number.error());
-    *value = *number;
+    NODAL_TRY_ASSIGN(const double number, input.number_or(key, *value));
+    *value = number;
   }
   if (!(p.V[0] > 0)) return fail(Errc::kBadValue, input.where() + ": the field 'vign_a' must be more than 0");
   p.radius = std::hypot(crop.right - crop.left, crop.bottom - crop.top) / 2;
@@ -121,40 +117,36 @@ void see_input(const json& input, const std::string& where, FieldCheck& check) {
 Result<HeadCalibration> read_input(const json& value, std::size_t index, Reading& reading) {
   ImportResult& result = reading.result;
   const JsonFields input(value, "input " + std::to_string(index));
-  const Result<int> width = input.side("width");
-  if (!width) return fail(width.error());
-  const Result<int> height = input.side("height");
-  if (!height) return fail(height.error());
+  NODAL_TRY_ASSIGN(const int width, input.side("width"));
+  NODAL_TRY_ASSIGN(const int height, input.side("height"));
   std::string file;
   for (const char* key : {"filename", "reader_config"}) {
     if (input.has(key) && input[key].is_string()) file = input[key].get<std::string>();
   }
   std::vector<std::string> taken;
   for (const HeadCalibration& head : result.calibration.heads) taken.push_back(head.name);
-  HeadCalibration head = blank_head(head_name(file, taken), *width, *height);
+  HeadCalibration head = blank_head(head_name(file, taken), width, height);
   result.images.push_back(file);
 
-  const Result<Crop> crop = read_crop(input, *width, *height);
-  if (!crop) return fail(crop.error());
-  const Result<videostitch::Geometry> g = videostitch::read_geometry(input, *crop, reading.changing, reading.check);
-  if (!g) return fail(g.error());
-  head.center_x = (crop->left + crop->right) / 2 + g->center_x;
-  head.center_y = (crop->top + crop->bottom) / 2 + g->center_y;
-  head.region.left = std::clamp(crop->left, 0.0, head.region.right);
-  head.region.right = std::clamp(crop->right, 0.0, head.region.right);
-  head.region.top = std::clamp(crop->top, 0.0, head.region.bottom);
-  head.region.bottom = std::clamp(crop->bottom, 0.0, head.region.bottom);
-  if (g->lens.circle) {
-    head.region.circle = {(crop->left + crop->right) / 2, (crop->top + crop->bottom) / 2, g->lens.unit};
+  NODAL_TRY_ASSIGN(const Crop crop, read_crop(input, width, height));
+  NODAL_TRY_ASSIGN(const videostitch::Geometry g,
+                   videostitch::read_geometry(input, crop, reading.changing, reading.check));
+  head.center_x = (crop.left + crop.right) / 2 + g.center_x;
+  head.center_y = (crop.top + crop.bottom) / 2 + g.center_y;
+  head.region.left = std::clamp(crop.left, 0.0, head.region.right);
+  head.region.right = std::clamp(crop.right, 0.0, head.region.right);
+  head.region.top = std::clamp(crop.top, 0.0, head.region.bottom);
+  head.region.bottom = std::clamp(crop.bottom, 0.0, head.region.bottom);
+  if (g.lens.circle) {
+    head.region.circle = {(crop.left + crop.right) / 2, (crop.top + crop.bottom) / 2, g.lens.unit};
   }
-  const Eigen::Matrix3d R_head_rig = geometry::to_R_head_rig({g->yaw, g->pitch, g->roll}) * reading.R_rig_pano;
+  const Eigen::Matrix3d R_head_rig = geometry::to_R_head_rig({g.yaw, g.pitch, g.roll}) * reading.R_rig_pano;
   head.R_head_rig = geometry::rows_of(R_head_rig);
-  reading.positions.emplace_back(-(R_head_rig.transpose() * g->translation));
-  if (Status s = videostitch::set_lens(g->lens, head, result.notes); !s) return fail(s.error());
-  if (Status s = finish_head(head, result.notes); !s) return fail(s.error());
-  const Result<Photometry> light = read_light(input, *crop, reading);
-  if (!light) return fail(light.error());
-  reading.light.push_back(*light);
+  reading.positions.emplace_back(-(R_head_rig.transpose() * g.translation));
+  NODAL_TRY(videostitch::set_lens(g.lens, head, result.notes));
+  NODAL_TRY(finish_head(head, result.notes));
+  NODAL_TRY_ASSIGN(const Photometry light, read_light(input, crop, reading));
+  reading.light.push_back(light);
   return head;
 }
 
@@ -189,9 +181,8 @@ Status add_points(const JsonFields& pano, const std::vector<int>& head_of, Impor
     std::array<double, 6> n{};
     constexpr std::array kKeys{"input_index0", "x0", "y0", "input_index1", "x1", "y1"};
     for (std::size_t k = 0; k < kKeys.size(); ++k) {
-      const Result<double> number = point.number(kKeys[k]);
-      if (!number) return fail(number.error());
-      n[k] = *number;
+      NODAL_TRY_ASSIGN(const double number, point.number(kKeys[k]));
+      n[k] = number;
     }
     for (const std::size_t k : {std::size_t{0}, std::size_t{3}}) {
       const bool there = n[k] >= 0 && n[k] < static_cast<double>(head_of.size());
@@ -217,10 +208,9 @@ Status read_inputs(const json& inputs, Reading& reading) {
       continue;
     }
     reading.head_of.back() = static_cast<int>(result.calibration.heads.size());
-    Result<HeadCalibration> head = read_input(inputs[i], i, reading);
-    if (!head) return fail(head.error());
+    NODAL_TRY_ASSIGN(HeadCalibration head, read_input(inputs[i], i, reading));
     see_input(inputs[i], input.where(), reading.check);
-    result.calibration.heads.push_back(std::move(*head));
+    result.calibration.heads.push_back(std::move(head));
     if (result.calibration.heads.size() > kMaxCalibratedHeads) break;
   }
   return check_head_count(result.calibration.heads.size());
@@ -230,10 +220,9 @@ Status read_inputs(const json& inputs, Reading& reading) {
 Status set_places(const JsonFields& pano, Reading& reading) {
   double farthest = 0;
   for (const Eigen::Vector3d& position : reading.positions) farthest = std::max(farthest, position.norm());
-  const Result<double> sphere = pano.number_or("spherescale", 0);
-  if (!sphere) return fail(sphere.error());
-  if (farthest > 0 && *sphere >= farthest * kLeastDistancePerPosition && *sphere <= kLongestDistance) {
-    reading.result.calibration.distance = *sphere;
+  NODAL_TRY_ASSIGN(const double sphere, pano.number_or("spherescale", 0));
+  if (farthest > 0 && sphere >= farthest * kLeastDistancePerPosition && sphere <= kLongestDistance) {
+    reading.result.calibration.distance = sphere;
   }
   set_positions(reading.positions, "the project's translations", reading.result);
   return {};
@@ -249,12 +238,11 @@ void tell_changing(const std::set<std::string>& changing, std::vector<std::strin
 }  // namespace
 
 Result<ImportResult> import_videostitch(std::string_view text, std::string_view name) {
-  const Result<json> parsed = parse_foreign_json(text);
-  if (!parsed) return fail(parsed.error());
+  NODAL_TRY_ASSIGN(const json parsed, parse_foreign_json(text));
   // A whole project contains a "pano"; a file can also be the panorama itself.
-  const JsonFields file(*parsed, "the project");
+  const JsonFields file(parsed, "the project");
   const bool whole = file.has("pano");
-  const json& panorama = whole ? file["pano"] : *parsed;
+  const json& panorama = whole ? file["pano"] : parsed;
   const JsonFields pano(panorama, "the panorama");
   if (!pano.has("inputs") || !pano["inputs"].is_array()) {
     return fail(Errc::kMissingField, "there is no list 'inputs' in it: it is not a VideoStitch project");
@@ -263,18 +251,17 @@ Result<ImportResult> import_videostitch(std::string_view text, std::string_view 
   ImportResult& result = reading.result;
   result.calibration.name = std::string(name);
   result.calibration.comment = "Imported from a VideoStitch project.";
-  if (whole) see_members(*parsed, "file", "", reading.check);
+  if (whole) see_members(parsed, "file", "", reading.check);
   see_members(panorama, "pano", "", reading.check);
-  const Result<Eigen::Matrix3d> attitude = read_orientation(pano, reading.changing);
-  if (!attitude) return fail(attitude.error());
-  reading.R_rig_pano = *attitude;
-  if (Status s = read_inputs(pano["inputs"], reading); !s) return fail(s.error());
+  NODAL_TRY_ASSIGN(const Eigen::Matrix3d attitude, read_orientation(pano, reading.changing));
+  reading.R_rig_pano = attitude;
+  NODAL_TRY(read_inputs(pano["inputs"], reading));
   set_photometry(reading.light, result);
-  if (Status s = set_places(pano, reading); !s) return fail(s.error());
-  if (Status s = add_points(pano, reading.head_of, result); !s) return fail(s.error());
+  NODAL_TRY(set_places(pano, reading));
+  NODAL_TRY(add_points(pano, reading.head_of, result));
   tell_changing(reading.changing, result.notes);
-  if (Status s = reading.check.tell(result.notes); !s) return fail(s.error());
-  if (Status s = check_calibration(result.calibration); !s) return fail(s.error());
+  NODAL_TRY(reading.check.tell(result.notes));
+  NODAL_TRY(check_calibration(result.calibration));
   return std::move(result);
 }
 

@@ -4,6 +4,7 @@
 #include <pugixml.hpp>
 #include <string>
 
+#include "protocol/base/try.h"
 #include "stitch/interchange/import.h"
 
 namespace nodal::interchange {
@@ -38,14 +39,13 @@ Result<YAML::Node> node_of(const pugi::xml_node& element, int depth) {
   int members = 0;
   for (const pugi::xml_node& child : element.children()) {
     if (!is_element(child)) continue;
-    const Result<YAML::Node> inner = node_of(child, depth + 1);
-    if (!inner) return inner;
+    NODAL_TRY_ASSIGN(const YAML::Node inner, node_of(child, depth + 1));
     const std::string name = child.name();
     if (name == "_") {
-      node.push_back(*inner);
+      node.push_back(inner);
     } else {
       if (++members > kMaxMembers) return fail(Errc::kTooLarge, "its XML has an element with too many elements in it");
-      node[name] = *inner;
+      node[name] = inner;
     }
   }
   return node;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "protocol/base/try.h"
 #include "stitch/interchange/project.h"
 
 namespace nodal::interchange {
@@ -49,9 +50,8 @@ Status see_image(const ImageLines& images, std::size_t image, std::string_view p
     if (name == kStack) {
       check.see(place, name, is_link(value) ? value : "unlinked", whose);
     } else if (is_link(value)) {
-      const Result<double> number = images.number_or(image, name, 0);
-      if (!number) return fail(number.error());
-      check.see(place, name, short_number(*number), whose);
+      NODAL_TRY_ASSIGN(const double number, images.number_or(image, name, 0));
+      check.see(place, name, short_number(number), whose);
     } else {
       check.see(place, name, value, whose);
     }

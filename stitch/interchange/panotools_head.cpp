@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "protocol/base/angles.h"
+#include "protocol/base/try.h"
 #include "protocol/lens_range.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/interchange/project.h"
@@ -91,16 +92,14 @@ Status read_geometry(const ImageLines& images, std::size_t image, PanotoolsImage
                                                                  {"p", &out.pitch},
                                                                  {"r", &out.roll}}};
   for (const auto& [name, value] : optional) {
-    const Result<double> number = images.number_or(image, name, 0);
-    if (!number) return fail(number.error());
-    *value = *number;
+    NODAL_TRY_ASSIGN(const double number, images.number_or(image, name, 0));
+    *value = number;
   }
   if (!(projection >= 0 && projection <= 1000)) return fail(Errc::kBadValue, line + ": lens type f is out of range");
   out.projection = static_cast<int>(projection);
-  const Result<std::optional<double>> v = images.find_number(image, "v");
-  if (!v) return fail(v.error());
-  if (!*v) return fail(Errc::kMissingField, line + ": the image has no field of view (v)");
-  out.hfov = **v;
+  NODAL_TRY_ASSIGN(const std::optional<double> v, images.find_number(image, "v"));
+  if (!v) return fail(Errc::kMissingField, line + ": the image has no field of view (v)");
+  out.hfov = *v;
   return {};
 }
 
@@ -119,7 +118,7 @@ Result<HeadCalibration> to_head(const PanotoolsImage& image, std::vector<std::st
   if (Status s = set_region(image, head, notes); !s) return fail(s.error().in(who));
   set_max_angle(head, notes);
   head.vignetting = {head.center_x, head.center_y, std::hypot(head.width, head.height) / 2, {}};
-  if (Status s = check_head(head); !s) return fail(s.error());
+  NODAL_TRY(check_head(head));
   return head;
 }
 

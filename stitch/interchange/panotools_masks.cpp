@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "protocol/base/try.h"
 #include "stitch/interchange/export_heads.h"
 #include "stitch/interchange/project.h"
 
@@ -34,11 +35,10 @@ Result<std::vector<Region::Point>> corners_of(const ScriptLine& line) {
     const std::size_t begin = rest.find_first_not_of(" \t,");
     if (begin == std::string_view::npos) break;
     const std::size_t end = std::min(rest.find_first_of(" \t,", begin), rest.size());
-    const Result<double> number = to_number(line, "p", rest.substr(begin, end - begin));
-    if (!number) return fail(number.error());
+    NODAL_TRY_ASSIGN(const double number, to_number(line, "p", rest.substr(begin, end - begin)));
     rest.remove_prefix(end);
-    if (x) corners.push_back({*x + kCentre, *number + kCentre});
-    x = x ? std::nullopt : std::optional<double>(*number);
+    if (x) corners.push_back({*x + kCentre, number + kCentre});
+    x = x ? std::nullopt : std::optional<double>(number);
   }
   if (x && corners.size() <= kMaxMaskPoints) {
     return fail(Errc::kBadValue, "line " + std::to_string(line.number) + ": the mask has an x without a y");
@@ -52,31 +52,28 @@ Status add_masks(std::span<const ScriptLine* const> lines, std::span<const std::
                  ImportResult& result) {
   for (const ScriptLine* line : lines) {
     const std::string where = "line " + std::to_string(line->number);
-    const Result<double> image = number_of(*line, "i");
-    if (!image) return fail(image.error());
+    NODAL_TRY_ASSIGN(const double image, number_of(*line, "i"));
     auto& heads = result.calibration.heads;
-    if (!(*image >= 0 && *image < static_cast<double>(head_of.size())) || *image != std::floor(*image)) {
-      return fail(Errc::kBadValue, where + ": the mask is of image " + short_number(*image) + ", and there are " +
+    if (!(image >= 0 && image < static_cast<double>(head_of.size())) || image != std::floor(image)) {
+      return fail(Errc::kBadValue, where + ": the mask is of image " + short_number(image) + ", and there are " +
                                        std::to_string(head_of.size()));
     }
-    const Result<double> type = number_of(*line, "t");
-    if (!type) return fail(type.error());
-    const std::optional<std::size_t> own = head_of[static_cast<std::size_t>(*image)];
+    NODAL_TRY_ASSIGN(const double type, number_of(*line, "t"));
+    const std::optional<std::size_t> own = head_of[static_cast<std::size_t>(image)];
     if (!own) continue;
     HeadCalibration& head = heads[*own];
-    if (*type != kExclude && *type != kExcludeFromStack && *type != kExcludeFromLens) {
+    if (type != kExclude && type != kExcludeFromStack && type != kExcludeFromLens) {
       result.notes.push_back("Head '" + head.name + "', " + where +
                              ": a mask that keeps what is inside it is left out: Nodal's masks hide.");
       continue;
     }
-    Result<std::vector<Region::Point>> corners = corners_of(*line);
-    if (!corners) return fail(corners.error());
-    head.region.masks.push_back(std::move(*corners));
+    NODAL_TRY_ASSIGN(std::vector<Region::Point> corners, corners_of(*line));
+    head.region.masks.push_back(std::move(corners));
     if (const Status checked = check_head(head); !checked) {
       head.region.masks.pop_back();
       result.notes.push_back("Head '" + head.name + "', " + where +
                              ": the mask is left out: " + checked.error().message + ".");
-    } else if (*type == kExcludeFromLens) {
+    } else if (type == kExcludeFromLens) {
       result.notes.push_back(
           "Head '" + head.name + "', " + where +
           ": a mask for all images with this lens hides only this head's pixels; copy it to others.");

@@ -4,6 +4,8 @@
 #include <charconv>
 #include <cmath>
 
+#include "protocol/base/try.h"
+
 namespace nodal::interchange {
 namespace {
 
@@ -75,9 +77,8 @@ Result<std::vector<ScriptLine>> parse_script(std::string_view text, std::size_t 
     while (!one.empty() && (is_space(one.back()) || one.back() == '\r')) one.remove_suffix(1);
     if (one.empty()) continue;
     if (lines.size() == kMaxLines) return fail(Errc::kTooLarge, "the file has more than 100000 lines");
-    Result<ScriptLine> line = parse_line(one, number);
-    if (!line) return fail(line.error());
-    lines.push_back(std::move(*line));
+    NODAL_TRY_ASSIGN(ScriptLine line, parse_line(one, number));
+    lines.push_back(std::move(line));
   }
   return lines;
 }
@@ -101,9 +102,8 @@ Result<std::array<double, 4>> to_four_numbers(const ScriptLine& line, std::strin
       return fail(Errc::kBadValue, at_line(line.number) + ": '" + std::string(name) +
                                        "' should be four numbers with commas: left, right, top, bottom");
     }
-    const Result<double> number = to_number(line, name, value.substr(0, comma));
-    if (!number) return fail(number.error());
-    numbers[k] = *number;
+    NODAL_TRY_ASSIGN(const double number, to_number(line, name, value.substr(0, comma)));
+    numbers[k] = number;
     value.remove_prefix(std::min(comma + 1, value.size()));
   }
   return numbers;
@@ -116,23 +116,21 @@ Result<std::optional<double>> ImageLines::find_number(std::size_t image, std::st
     const std::string* value = line.find(name);
     if (value == nullptr) return std::optional<double>();
     const bool link = value->starts_with('=');
-    const Result<double> number =
-        to_number(line, name, link ? std::string_view(*value).substr(1) : std::string_view(*value));
-    if (!number) return fail(number.error());
-    if (!link) return std::optional<double>(*number);
-    if (!(*number >= 0 && *number < static_cast<double>(lines_.size())) || *number != std::floor(*number)) {
+    NODAL_TRY_ASSIGN(const double number,
+                     to_number(line, name, link ? std::string_view(*value).substr(1) : std::string_view(*value)));
+    if (!link) return std::optional<double>(number);
+    if (!(number >= 0 && number < static_cast<double>(lines_.size())) || number != std::floor(number)) {
       return fail(Errc::kBadValue, at_line(line.number) + ": '" + std::string(name) + "' is linked to image " +
                                        value->substr(1, 20) + ", and there are " + std::to_string(lines_.size()));
     }
-    image = static_cast<std::size_t>(*number);
+    image = static_cast<std::size_t>(number);
   }
   return fail(Errc::kBadValue, at_line(first.number) + ": '" + std::string(name) + "' is linked in a circle");
 }
 
 Result<double> ImageLines::number_or(std::size_t image, std::string_view name, double otherwise) const {
-  const Result<std::optional<double>> number = find_number(image, name);
-  if (!number) return fail(number.error());
-  return number->value_or(otherwise);
+  NODAL_TRY_ASSIGN(const std::optional<double> number, find_number(image, name));
+  return number.value_or(otherwise);
 }
 
 }  // namespace nodal::interchange

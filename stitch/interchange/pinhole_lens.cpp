@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "protocol/base/angles.h"
+#include "protocol/base/try.h"
 #include "stitch/interchange/foreign_head.h"
 #include "stitch/interchange/tsai_fit.h"
 
@@ -95,7 +96,7 @@ Status set_plumb_bob(const PinholeNumbers& pinhole, const PlumbBob& bob, HeadCal
                                         " distortion coefficients; there are models of 4, 5, 8 and 12 (tilted sensors "
                                         "are not supported)");
   }
-  if (Status s = check_pinhole(pinhole, head.name); !s) return s;
+  NODAL_TRY(check_pinhole(pinhole, head.name));
   set_pinhole(pinhole, head);
   if (!any(k, 2, 4) && !any(k, 5, 12)) {
     const auto at = [&](std::size_t i) { return i < k.size() ? k[i] : 0.0; };
@@ -142,7 +143,7 @@ Status set_kannala_brandt(const PinholeNumbers& pinhole, const std::vector<doubl
     return fail(Errc::kUnsupported,
                 "head '" + head.name + "': a fisheye has 4 distortion coefficients, not " + std::to_string(k.size()));
   }
-  if (Status s = check_pinhole(pinhole, head.name); !s) return s;
+  NODAL_TRY(check_pinhole(pinhole, head.name));
   set_pinhole(pinhole, head);
   KannalaBrandtLens lens{pinhole.fx, {}};
   std::ranges::copy(k, lens.k.begin());
@@ -152,7 +153,7 @@ Status set_kannala_brandt(const PinholeNumbers& pinhole, const std::vector<doubl
 
 Status set_radial(const PinholeNumbers& pinhole, const std::function<double(double)>& radius, double end,
                   const std::string& what, HeadCalibration& head, std::vector<std::string>& notes) {
-  if (Status s = check_pinhole(pinhole, head.name); !s) return s;
+  NODAL_TRY(check_pinhole(pinhole, head.name));
   set_pinhole(pinhole, head);
   const double farthest = std::hypot(head.width, head.height);
   std::vector<geometry::RayPixel> samples;

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdio>
 
+#include "protocol/base/try.h"
 #include "stitch/interchange/camera_files.h"
 
 namespace nodal::interchange {
@@ -43,9 +44,8 @@ Status add_control_points(const std::vector<ScriptLine>& lines, std::span<const 
         return fail(Errc::kMissingField,
                     "line " + std::to_string(line.number) + ": the control point has no " + kNames[k]);
       }
-      const Result<double> number = to_number(line, kNames[k], *value);
-      if (!number) return fail(number.error());
-      numbers[k] = *number - (k < 2 ? first_image : 0);
+      NODAL_TRY_ASSIGN(const double number, to_number(line, kNames[k], *value));
+      numbers[k] = number - (k < 2 ? first_image : 0);
     }
     if (!(numbers[0] >= 0 && numbers[0] < heads && numbers[1] >= 0 && numbers[1] < heads)) {
       return fail(Errc::kBadValue,
@@ -73,10 +73,9 @@ Result<ImportResult> import_project(std::string_view text, std::string_view name
   }
   if (is_kalibr(text)) return import_kalibr(text, name);
   if (is_opencv(text) || is_ocam(text)) return import_camera(text, name);
-  const Result<std::vector<ScriptLine>> lines = parse_script(text, kMaxProjectBytes);
-  if (!lines) return fail(lines.error());
+  NODAL_TRY_ASSIGN(const std::vector<ScriptLine> lines, parse_script(text, kMaxProjectBytes));
   bool ptgui = false, hugin = false;
-  for (const ScriptLine& line : *lines) {
+  for (const ScriptLine& line : lines) {
     ptgui = ptgui || line.comment.starts_with("# ptGui") || line.comment.starts_with("#-imgfile");
     hugin = hugin || line.kind == 'i' || line.comment.starts_with("# hugin");
   }

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "protocol/base/angles.h"
+#include "protocol/base/try.h"
 #include "protocol/lens_range.h"
 #include "stitch/interchange/foreign_head.h"
 
@@ -13,16 +14,15 @@ namespace nodal::interchange::videostitch {
 namespace {
 
 Result<Lens> read_projection(const JsonFields& input) {
-  const Result<std::string> proj = input.text("proj");
-  if (!proj) return fail(proj.error());
+  NODAL_TRY_ASSIGN(const std::string proj, input.text("proj"));
   Lens lens;
-  lens.circle = proj->starts_with("circular_fisheye");
-  if (*proj == "rectilinear") {
+  lens.circle = proj.starts_with("circular_fisheye");
+  if (proj == "rectilinear") {
     lens.basis = RadialBasis::kTangent;
-  } else if (*proj == "circular_fisheye_opt" || *proj == "ff_fisheye_opt") {
+  } else if (proj == "circular_fisheye_opt" || proj == "ff_fisheye_opt") {
     lens.basis = RadialBasis::kHalfTangent;
-  } else if (*proj != "circular_fisheye" && *proj != "ff_fisheye") {
-    return fail(Errc::kUnsupported, input.where() + ": its projection '" + *proj +
+  } else if (proj != "circular_fisheye" && proj != "ff_fisheye") {
+    return fail(Errc::kUnsupported, input.where() + ": its projection '" + proj +
                                         "' is no lens; rectilinear, ff_fisheye and circular_fisheye are");
   }
   return lens;
@@ -64,9 +64,8 @@ Result<double> focal_of(double fov, const Lens& lens, double width, const std::s
 
 Status read_numbers(const JsonFields& fields, std::initializer_list<std::pair<const char*, double*>> names) {
   for (const auto& [key, value] : names) {
-    const Result<double> number = fields.number_or(key, *value);
-    if (!number) return fail(number.error());
-    *value = *number;
+    NODAL_TRY_ASSIGN(const double number, fields.number_or(key, *value));
+    *value = number;
   }
   return {};
 }
@@ -80,10 +79,9 @@ Status set_focal(const JsonFields& fields, const char* old_fov, double width, Le
   Result<double> fx = fields.number(by_fov ? fov : "horizontalFocal");
   if (fx && by_fov) fx = focal_of(*fx, lens, width, fields.where() + ": '" + fov + "'");
   if (!fx) return fail(fx.error());
-  const Result<double> fy = fields.number_or("verticalFocal", *fx);
-  if (!fy) return fail(fy.error());
+  NODAL_TRY_ASSIGN(const double fy, fields.number_or("verticalFocal", *fx));
   lens.fx = *fx;
-  lens.fy = *fy > 0 ? *fy : *fx;
+  lens.fy = fy > 0 ? fy : *fx;
   if (lens.fx >= 1 && lens.fx <= 1e6 && lens.fy <= 1e6) return {};
   return fail(Errc::kBadValue, fields.where() + ": 'horizontalFocal' and 'verticalFocal' must be 1 to 1000000 px");
 }
@@ -93,16 +91,15 @@ Result<Geometry> read_old_geometry(const JsonFields& input, const Crop& crop, Ge
   if (!input.has("hfov")) {
     return fail(Errc::kMissingField, input.where() + ": there are no 'geometries', and no 'hfov' of an old project");
   }
-  const Status read = read_numbers(input, {{"yaw", &g.yaw},
-                                           {"pitch", &g.pitch},
-                                           {"roll", &g.roll},
-                                           {"dist_center_x", &g.center_x},
-                                           {"dist_center_y", &g.center_y},
-                                           {"lens_dist_a", &g.lens.a},
-                                           {"lens_dist_b", &g.lens.b},
-                                           {"lens_dist_c", &g.lens.c}});
-  if (!read) return fail(read.error());
-  if (const Status set = set_focal(input, "hfov", crop.right - crop.left, g.lens); !set) return fail(set.error());
+  NODAL_TRY(read_numbers(input, {{"yaw", &g.yaw},
+                                 {"pitch", &g.pitch},
+                                 {"roll", &g.roll},
+                                 {"dist_center_x", &g.center_x},
+                                 {"dist_center_y", &g.center_y},
+                                 {"lens_dist_a", &g.lens.a},
+                                 {"lens_dist_b", &g.lens.b},
+                                 {"lens_dist_c", &g.lens.c}}));
+  NODAL_TRY(set_focal(input, "hfov", crop.right - crop.left, g.lens));
   return g;
 }
 
@@ -155,10 +152,9 @@ const nlohmann::json& first_value(const nlohmann::json& curve, const std::string
 
 Result<Geometry> read_geometry(const JsonFields& input, const Crop& crop, std::set<std::string>& changing,
                                FieldCheck& check) {
-  Result<Lens> lens = read_projection(input);
-  if (!lens) return fail(lens.error());
+  NODAL_TRY_ASSIGN(Lens lens, read_projection(input));
   Geometry g;
-  g.lens = *lens;
+  g.lens = lens;
   g.lens.meters = input.has("useMeterDistortion") && input["useMeterDistortion"] == true;
   g.lens.unit = std::min(crop.right - crop.left, crop.bottom - crop.top) / 2;
   std::size_t values = 0;
@@ -186,7 +182,7 @@ Result<Geometry> read_geometry(const JsonFields& input, const Crop& crop, std::s
                                {"distort_s3", &g.lens.prism[2]},
                                {"distort_s4", &g.lens.prism[3]}});
   if (!read) return fail(read.error());
-  if (const Status set = set_focal(fields, "hfov", crop.right - crop.left, g.lens); !set) return fail(set.error());
+  NODAL_TRY(set_focal(fields, "hfov", crop.right - crop.left, g.lens));
   return g;
 }
 

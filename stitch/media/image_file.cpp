@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "protocol/base/limits.h"
+#include "protocol/base/try.h"
 #include "protocol/files/open_file.h"
 #include "stitch/media/file_kind.h"
 #include "stitch/media/jpeg_reader.h"
@@ -41,9 +42,8 @@ Result<Kind> kind_of(std::span<const std::uint8_t> bytes, const std::string& nam
 }
 
 Result<ImageHeader> header_of(std::span<const std::uint8_t> bytes, const std::string& name) {
-  const auto kind = kind_of(bytes, name);
-  if (!kind) return fail(kind.error());
-  auto header = *kind == Kind::kJpeg ? jpeg_header(bytes, name) : png_header(bytes, name);
+  NODAL_TRY_ASSIGN(const auto kind, kind_of(bytes, name));
+  auto header = kind == Kind::kJpeg ? jpeg_header(bytes, name) : png_header(bytes, name);
   if (header && (header->width > kMaxImageSide || header->height > kMaxImageSide)) {
     return fail(Errc::kTooLarge, "picture '" + name + "': is " + std::to_string(header->width) + "x" +
                                      std::to_string(header->height) + ", over the limit of " +
@@ -83,22 +83,21 @@ Result<std::vector<std::uint8_t>> read_file(const std::filesystem::path& file, s
 
 Result<DecodedImage> decode_image(std::span<const std::uint8_t> bytes, const std::string& name,
                                   std::optional<PixelFormat> as) {
-  const auto header = header_of(bytes, name);
-  if (!header) return fail(header.error());
+  NODAL_TRY_ASSIGN(const auto header, header_of(bytes, name));
   if (as == PixelFormat::kMjpeg) {
     if (begins_with(bytes, kJpegMagic))
-      return DecodedImage{*as, header->width, header->height, {bytes.begin(), bytes.end()}};
+      return DecodedImage{*as, header.width, header.height, {bytes.begin(), bytes.end()}};
     return fail(Errc::kUnsupported, "picture '" + name + "': is no JPEG, which MJPEG needs; choose another format");
   }
   const bool deep = as && is_linear16(*as);
-  if (deep && as != header->deep) {
+  if (deep && as != header.deep) {
     return fail(Errc::kUnsupported, "picture '" + name + "': does not have 16 bits a sample as " +
                                         std::string(pixel_format_name(*as)) + " needs");
   }
-  if (packed_size(deep ? *as : header->natural, header->width, header->height) >
+  if (packed_size(deep ? *as : header.natural, header.width, header.height) >
       kSmallImageBytes + kMaxExpansion * bytes.size()) {
     return fail(Errc::kTruncated, "picture '" + name + "': " + std::to_string(bytes.size()) + " bytes cannot hold " +
-                                      std::to_string(header->width) + "x" + std::to_string(header->height) +
+                                      std::to_string(header.width) + "x" + std::to_string(header.height) +
                                       " pixels; fetch or export it again");
   }
   auto image = begins_with(bytes, kJpegMagic) ? decode_jpeg(bytes, name, as == PixelFormat::kRgb24)
@@ -111,13 +110,12 @@ Result<DecodedImage> decode_image(std::span<const std::uint8_t> bytes, const std
 }
 
 Result<DecodedImage> read_image(const std::filesystem::path& file, std::optional<PixelFormat> as) {
-  auto bytes = read_file(file, kMaxImageFileBytes + 1);
-  if (!bytes) return fail(bytes.error());
-  if (bytes->size() > kMaxImageFileBytes) {
+  NODAL_TRY_ASSIGN(auto bytes, read_file(file, kMaxImageFileBytes + 1));
+  if (bytes.size() > kMaxImageFileBytes) {
     return fail(Errc::kTooLarge,
                 "picture '" + file.string() + "': is over " + std::to_string(kMaxImageFileBytes >> 20) + " MiB");
   }
-  return decode_image(*bytes, file.string(), as);
+  return decode_image(bytes, file.string(), as);
 }
 
 Result<ImageHeader> read_image_header(const std::filesystem::path& file) {

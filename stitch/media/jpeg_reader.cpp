@@ -6,6 +6,7 @@
 #include <array>
 #include <memory>
 
+#include "protocol/base/try.h"
 #include "stitch/media/jpeg_segments.h"
 
 namespace nodal::media {
@@ -70,19 +71,17 @@ Result<Header> header(void* decoder, std::span<const std::uint8_t> bytes, const 
 
 Result<ImageHeader> jpeg_header(std::span<const std::uint8_t> bytes, const std::string& name) {
   const Decoder decoder(tjInitDecompress());
-  auto h = header(decoder.get(), bytes, name);
-  if (!h) return fail(h.error());
-  read_segments(bytes, h->image.meaning, h->image.metadata);
-  return std::move(h->image);
+  NODAL_TRY_ASSIGN(auto h, header(decoder.get(), bytes, name));
+  read_segments(bytes, h.image.meaning, h.image.metadata);
+  return std::move(h.image);
 }
 
 Result<DecodedImage> decode_jpeg(std::span<const std::uint8_t> bytes, const std::string& name, bool rgb) {
   const Decoder decoder(tjInitDecompress());
-  auto h = header(decoder.get(), bytes, name);
-  if (!h) return fail(h.error());
-  const PixelFormat natural = h->image.natural;
+  NODAL_TRY_ASSIGN(auto h, header(decoder.get(), bytes, name));
+  const PixelFormat natural = h.image.natural;
   DecodedImage image{
-      rgb && natural == PixelFormat::kI420 ? PixelFormat::kRgb24 : natural, h->image.width, h->image.height, {}};
+      rgb && natural == PixelFormat::kI420 ? PixelFormat::kRgb24 : natural, h.image.width, h.image.height, {}};
   image.bytes.resize(packed_size(image.format, image.width, image.height));
   int status = 0;
   if (image.format == PixelFormat::kI420) {
@@ -106,11 +105,10 @@ Result<DecodedImage> decode_jpeg(std::span<const std::uint8_t> bytes, const std:
 
 Result<DecodedImage> decode_jpeg_eighth(std::span<const std::uint8_t> bytes, const std::string& name) {
   const Decoder decoder(tjInitDecompress());
-  const auto h = header(decoder.get(), bytes, name);
-  if (!h) return fail(h.error());
-  const bool grey = h->image.natural == PixelFormat::kGrey8;
+  NODAL_TRY_ASSIGN(const auto h, header(decoder.get(), bytes, name));
+  const bool grey = h.image.natural == PixelFormat::kGrey8;
   DecodedImage image{
-      grey ? PixelFormat::kGrey8 : PixelFormat::kRgb24, (h->image.width + 7) / 8, (h->image.height + 7) / 8, {}};
+      grey ? PixelFormat::kGrey8 : PixelFormat::kRgb24, (h.image.width + 7) / 8, (h.image.height + 7) / 8, {}};
   image.bytes.resize(packed_size(image.format, image.width, image.height));
   if (tjDecompress2(decoder.get(), bytes.data(), bytes.size(), image.bytes.data(), image.width, 0, image.height,
                     grey ? TJPF_GRAY : TJPF_RGB, kFlags) != 0) {

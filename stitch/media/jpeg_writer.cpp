@@ -6,6 +6,8 @@
 #include <initializer_list>
 #include <string>
 
+#include "protocol/base/try.h"
+
 namespace nodal::media {
 namespace {
 
@@ -139,15 +141,14 @@ Result<std::size_t> JpegWriter::compress(const ImageView& picture) {
 
 Status JpegWriter::write(const ImageView& picture, std::string_view comment, std::vector<std::uint8_t>& into) {
   NODAL_ASSERT(picture.format == format_ && picture.width == width_ && picture.height == height_);
-  const auto size = compress(with_planes(picture));
-  if (!size) return fail(size.error());
+  NODAL_TRY_ASSIGN(const auto size, compress(with_planes(picture)));
   const std::uint8_t* jpeg = scratch_.get();
-  const std::size_t lead = lead_bytes(jpeg, *size);
+  const std::size_t lead = lead_bytes(jpeg, size);
   into.assign(jpeg, jpeg + lead);
   if (field_) append_segment(into, kApp0, {avi1(*field_)});
   into.insert(into.end(), metadata_.begin(), metadata_.end());
   if (!comment.empty()) append_segment(into, kComment, {comment});
-  into.insert(into.end(), jpeg + lead, jpeg + *size);
+  into.insert(into.end(), jpeg + lead, jpeg + size);
   return {};
 }
 

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 
+#include "protocol/base/try.h"
+
 namespace nodal::media {
 namespace {
 
@@ -67,8 +69,7 @@ Result<std::vector<std::uint8_t>> grey_pdf(const GreyRaster& raster, double page
   const double height = raster.height * mm_per_px * kPointsPerMm;
   const double left = (page_width_mm * kPointsPerMm - width) / 2;
   const double bottom = (page_height_mm * kPointsPerMm - height) / 2;
-  const Result<std::string> pixels = deflated(raster.values);
-  if (!pixels) return fail(pixels.error());
+  NODAL_TRY_ASSIGN(const std::string pixels, deflated(raster.values));
   const std::string drawing =
       fmt::format("q {:.4f} 0 0 {:.4f} {:.4f} {:.4f} cm /P Do Q\nBT /F 6 Tf {:.4f} {:.4f} Td {} Tj ET", width, height,
                   left, bottom, left, std::max(4.0, bottom - 8), pdf_string(footer));
@@ -85,7 +86,7 @@ Result<std::vector<std::uint8_t>> grey_pdf(const GreyRaster& raster, double page
   pdf.stream(fmt::format("/Type /XObject /Subtype /Image /Width {} /Height {} /ColorSpace [/CalGray << /WhitePoint "
                          "[0.9505 1 1.089] /Gamma 2.2 >>] /BitsPerComponent 8 /Interpolate false /Filter /FlateDecode",
                          raster.width, raster.height),
-             *pixels);
+             pixels);
   return pdf.finish();
 }
 

@@ -3,6 +3,7 @@
 #include <string>
 #include <string_view>
 
+#include "protocol/base/try.h"
 #include "stitch/media/image_file.h"
 #include "stitch/media/srgb_profile.h"
 #include "stitch/media/tiff_directory.h"
@@ -51,14 +52,13 @@ Status check_plain(const ImageHeader& header, const std::filesystem::path& file)
 }
 
 Result<ImageHeader> read_plain_header(const std::filesystem::path& file) {
-  Result<ImageHeader> header = read_image_header(file);
-  if (!header) return header;
-  if (const Status plain = check_plain(*header, file); !plain) return fail(plain.error());
+  NODAL_TRY_ASSIGN(ImageHeader header, read_image_header(file));
+  NODAL_TRY(check_plain(header, file));
   return header;
 }
 
 Result<DecodedImage> read_plain_image(const std::filesystem::path& file, std::optional<PixelFormat> as) {
-  if (const Result<ImageHeader> header = read_plain_header(file); !header) return fail(header.error());
+  NODAL_TRY(read_plain_header(file));
   return read_image(file, as);
 }
 

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "protocol/base/image.h"
+#include "protocol/base/try.h"
 #include "stitch/media/jpeg_reader.h"
 #include "stitch/media/jpeg_writer.h"
 
@@ -14,11 +15,10 @@ constexpr int kQuality = 80;
 }  // namespace
 
 Result<std::vector<std::uint8_t>> thumbnail(std::span<const std::uint8_t> jpeg, const std::string& name) {
-  const Result<DecodedImage> small = decode_jpeg_eighth(jpeg, name);
-  if (!small) return fail(small.error());
-  JpegWriter writer({.format = small->format, .width = small->width, .height = small->height, .quality = kQuality});
+  NODAL_TRY_ASSIGN(const DecodedImage small, decode_jpeg_eighth(jpeg, name));
+  JpegWriter writer({.format = small.format, .width = small.width, .height = small.height, .quality = kQuality});
   std::vector<std::uint8_t> file;
-  if (const Status written = writer.write(small->view(), "", file); !written) return fail(written.error());
+  NODAL_TRY(writer.write(small.view(), "", file));
   return file;
 }
 

@@ -6,6 +6,8 @@
 #include <string_view>
 #include <utility>
 
+#include "protocol/base/try.h"
+
 namespace nodal::media {
 namespace {
 
@@ -304,7 +306,7 @@ Status decode_ut_video(std::span<const std::uint8_t> frame, PixelFormat format, 
   for (std::size_t k = 0; k < order.size(); ++k) {
     const MutablePlaneView& to = picture.planes[order[k]];
     plane.resize(static_cast<std::size_t>(to.width) * static_cast<std::size_t>(to.height));
-    if (const Status decoded = decode_plane(frame, plane); !decoded) return decoded;
+    NODAL_TRY(decode_plane(frame, plane));
     if (is_rgb(format)) {
       if (k == 0) first = plane;
       for (std::size_t i = 0; k > 0 && i < plane.size(); ++i)

@@ -8,6 +8,7 @@
 #include <optional>
 #include <utility>
 
+#include "protocol/base/try.h"
 #include "stitch/mesh/formats.h"
 #include "stitch/mesh/glb.h"
 
@@ -134,11 +135,10 @@ class SceneReader {
   Result<FileMesh> read() {
     const Json* const scene = element(root_, "scenes", whole(root_, "scene", 0).value_or(kNone));
     if (scene != nullptr) {
-      if (const Status added = add_nodes(*scene, "nodes", Eigen::Affine3d::Identity(), 0); !added)
-        return fail(added.error());
+      NODAL_TRY(add_nodes(*scene, "nodes", Eigen::Affine3d::Identity(), 0));
     } else {
       for (std::uint64_t k = 0; element(root_, "meshes", k) != nullptr; ++k) {
-        if (const Status added = add_mesh(k, Eigen::Affine3d::Identity()); !added) return fail(added.error());
+        NODAL_TRY(add_mesh(k, Eigen::Affine3d::Identity()));
       }
     }
     if (mesh_.triangles.empty()) return fail(Errc::kBadFormat, "there is no triangle in its scene");
@@ -158,14 +158,13 @@ class SceneReader {
       const Json* const node = element(root_, "nodes", number);
       if (node == nullptr) return fail(Errc::kBadFormat, "its scene names a node that is not there: " + index.dump());
       const std::string what = "nodes[" + std::to_string(number) + "]";
-      if (const Status few = count(what); !few) return few;
-      const Result<Eigen::Affine3d> own = transform_of(*node, what);
-      if (!own) return fail(own.error());
-      const Eigen::Affine3d place = to_scene * *own;
+      NODAL_TRY(count(what));
+      NODAL_TRY_ASSIGN(const Eigen::Affine3d own, transform_of(*node, what));
+      const Eigen::Affine3d place = to_scene * own;
       if (node->contains("mesh")) {
-        if (const Status added = add_mesh(whole(*node, "mesh", kNone).value_or(kNone), place); !added) return added;
+        NODAL_TRY(add_mesh(whole(*node, "mesh", kNone).value_or(kNone), place));
       }
-      if (const Status added = add_nodes(*node, "children", place, depth + 1); !added) return added;
+      NODAL_TRY(add_nodes(*node, "children", place, depth + 1));
     }
     return {};
   }
@@ -185,8 +184,8 @@ class SceneReader {
       const std::string what = "meshes[" + std::to_string(number) + "].primitives[" + std::to_string(k) + "]";
       const Json* const primitive = element(*mesh, "primitives", k);
       if (primitive == nullptr) return fail(Errc::kBadFormat, what + ": it is no object");
-      if (const Status few = count(what); !few) return few;
-      if (const Status added = add_primitive(*primitive, what, to_scene); !added) return added;
+      NODAL_TRY(count(what));
+      NODAL_TRY(add_primitive(*primitive, what, to_scene));
     }
     return {};
   }
@@ -206,8 +205,7 @@ class SceneReader {
                                       "only the shape can be used: --envelope"
                                     : ": it needs POSITION"));
     }
-    const Result<Column> points = column(*attributes, "POSITION", 3, what);
-    if (!points) return fail(points.error());
+    NODAL_TRY_ASSIGN(const Column points, column(*attributes, "POSITION", 3, what));
     Result<Column> textures(Column{}), indices(Column{});
     if (textured_) textures = column(*attributes, "TEXCOORD_0", 2, what);
     const bool listed = primitive.contains("indices");
@@ -215,18 +213,18 @@ class SceneReader {
     for (const Result<Column>* each : {&textures, &indices}) {
       if (!*each) return fail(each->error());
     }
-    const std::size_t corners = listed ? indices->count : points->count;
-    if ((textured_ && points->count != textures->count) || corners % 3 != 0)
+    const std::size_t corners = listed ? indices->count : points.count;
+    if ((textured_ && points.count != textures->count) || corners % 3 != 0)
       return fail(Errc::kBadFormat,
                   what + ": POSITION and TEXCOORD_0 differ in count, or corners are not three a triangle");
     if (mesh_.triangles.size() + corners / 3 > kMaxMeshTriangles ||
-        mesh_.points.size() + points->count > 3 * kMaxMeshTriangles) {
+        mesh_.points.size() + points.count > 3 * kMaxMeshTriangles) {
       return fail(Errc::kTooLarge, "more than " + std::to_string(kMaxMeshTriangles) + " triangles: simplify the mesh");
     }
     const std::size_t first = mesh_.points.size();
-    for (std::size_t k = 0; k < points->count; ++k) {
+    for (std::size_t k = 0; k < points.count; ++k) {
       const auto number = [&](const Column& of, std::size_t c) { return number_at(buffer_, of, k, c); };
-      const Eigen::Vector3d own(number(*points, 0), number(*points, 1), number(*points, 2));
+      const Eigen::Vector3d own(number(points, 0), number(points, 1), number(points, 2));
       mesh_.points.push_back(turned_over(to_scene * own));
       mesh_.textures.emplace_back(textured_ ? number(*textures, 0) : 0, textured_ ? number(*textures, 1) : 0);
     }
@@ -234,9 +232,9 @@ class SceneReader {
     for (std::size_t k = 0; k < corners; ++k) {
       const std::size_t index =
           listed ? word_at(buffer_, indices->begin + k * indices->stride, size_of(indices->type)) : k;
-      if (index >= points->count) {
+      if (index >= points.count) {
         return fail(Errc::kBadFormat, what + ": triangle " + std::to_string(k / 3 + 1) + ": there is no vertex " +
-                                          std::to_string(index) + "; there are " + std::to_string(points->count));
+                                          std::to_string(index) + "; there are " + std::to_string(points.count));
       }
       if (k % 3 == 0) mesh_.triangles.emplace_back();
       mesh_.triangles.back()[mirrored ? 2 - k % 3 : k % 3] = static_cast<std::uint32_t>(first + index);

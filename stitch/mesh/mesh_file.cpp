@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "protocol/base/file_ending.h"
+#include "protocol/base/try.h"
 #include "stitch/geometry/envelope/obj.h"
 #include "stitch/mesh/formats.h"
 
@@ -42,10 +43,9 @@ std::vector<std::uint8_t> encode_obj(const Raymesh& mesh) {
 
 Result<FileMesh> decode_obj(std::span<const std::uint8_t> bytes) {
   const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  const Result<geometry::ObjMesh> obj = geometry::read_obj(text, kMaxMeshFileBytes, kMaxMeshTriangles);
-  if (!obj) return fail(obj.error());
+  NODAL_TRY_ASSIGN(const geometry::ObjMesh obj, geometry::read_obj(text, kMaxMeshFileBytes, kMaxMeshTriangles));
   FileMesh mesh;
-  for (const geometry::ObjMesh::Triangle& triangle : obj->triangles) {
+  for (const geometry::ObjMesh::Triangle& triangle : obj.triangles) {
     std::array<std::uint32_t, 3> made{};
     for (std::size_t k = 0; k < 3; ++k) {
       const geometry::ObjMesh::Corner& corner = triangle.corners[k];
@@ -55,8 +55,8 @@ Result<FileMesh> decode_obj(std::span<const std::uint8_t> bytes) {
                                              "them, only the shape can be used: --envelope");
       }
       made[k] = static_cast<std::uint32_t>(mesh.points.size());
-      mesh.points.push_back(obj->vertices[corner.vertex]);
-      const Eigen::Vector2d& texture = obj->textures[corner.texture];
+      mesh.points.push_back(obj.vertices[corner.vertex]);
+      const Eigen::Vector2d& texture = obj.textures[corner.texture];
       mesh.textures.emplace_back(texture.x(), 1 - texture.y());
     }
     mesh.triangles.push_back(made);
@@ -107,33 +107,29 @@ Result<std::vector<std::uint8_t>> encode_mesh(const Raymesh& mesh, MeshFormat fo
 }
 
 Result<Raymesh> decode_mesh(std::span<const std::uint8_t> bytes, MeshFormat format) {
-  if (const Status small = check_size(bytes); !small) return fail(small.error());
-  const Result<FileMesh> file = format == MeshFormat::kGlb    ? decode_glb(bytes, true)
-                                : format == MeshFormat::kMshp ? decode_mshp(bytes)
-                                                              : decode_obj(bytes);
-  if (!file) return fail(file.error());
+  NODAL_TRY(check_size(bytes));
+  NODAL_TRY_ASSIGN(const FileMesh file, format == MeshFormat::kGlb    ? decode_glb(bytes, true)
+                                        : format == MeshFormat::kMshp ? decode_mshp(bytes)
+                                                                      : decode_obj(bytes));
   Raymesh mesh;
-  const Result<std::vector<std::uint32_t>> places = weld(*file, mesh.points);
-  if (!places) return fail(places.error());
-  for (std::size_t k = 0; k < places->size(); ++k) mesh.vertices.push_back({(*places)[k], file->textures[k]});
-  mesh.triangles = file->triangles;
-  if (const Status good = check_raymesh(mesh); !good) return fail(good.error());
+  NODAL_TRY_ASSIGN(const std::vector<std::uint32_t> places, weld(file, mesh.points));
+  for (std::size_t k = 0; k < places.size(); ++k) mesh.vertices.push_back({places[k], file.textures[k]});
+  mesh.triangles = file.triangles;
+  NODAL_TRY(check_raymesh(mesh));
   return mesh;
 }
 
 Result<geometry::Envelope> decode_envelope(std::span<const std::uint8_t> glb) {
-  if (const Status small = check_size(glb); !small) return fail(small.error());
-  const Result<FileMesh> file = decode_glb(glb, false);
-  if (!file) return fail(file.error());
+  NODAL_TRY(check_size(glb));
+  NODAL_TRY_ASSIGN(const FileMesh file, decode_glb(glb, false));
   geometry::ObjMesh mesh;
   mesh.counted = "triangle";
-  const Result<std::vector<std::uint32_t>> places = weld(*file, mesh.vertices);
-  if (!places) return fail(places.error());
-  for (std::size_t k = 0; k < file->triangles.size(); ++k) {
+  NODAL_TRY_ASSIGN(const std::vector<std::uint32_t> places, weld(file, mesh.vertices));
+  for (std::size_t k = 0; k < file.triangles.size(); ++k) {
     geometry::ObjMesh::Triangle triangle;
     triangle.line = static_cast<int>(k) + 1;
     for (std::size_t c = 0; c < 3; ++c) {
-      triangle.corners[c] = {(*places)[file->triangles[k][c]], geometry::ObjMesh::kNone};
+      triangle.corners[c] = {places[file.triangles[k][c]], geometry::ObjMesh::kNone};
     }
     const auto& [a, b, c] = triangle.corners;
     if (a.vertex != b.vertex && b.vertex != c.vertex && c.vertex != a.vertex) mesh.triangles.push_back(triangle);

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "protocol/base/angles.h"
+#include "protocol/base/try.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/view/sample.h"
 
@@ -66,7 +67,7 @@ Result<MeshView> MeshView::make(const Raymesh& mesh, const view::CameraSpec& spe
                                 const parallel::Workers& workers) {
   if (spec.name.projection != view::Projection::kPerspective)
     return fail(Errc::kUnsupported, "triangles have straight edges: only the perspective camera shows them so");
-  if (const auto camera = view::Camera::make(spec); !camera) return fail(camera.error());
+  NODAL_TRY(view::Camera::make(spec));
   MeshView made(mesh, spec.width, spec.height);
   const double focal = 0.5 * spec.width / std::tan(spec.fov_deg * kPi / 360);
   const Eigen::Matrix3d R_camera_rig = geometry::to_R_head_rig(spec.pose);

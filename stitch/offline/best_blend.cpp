@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "protocol/base/try.h"
 #include "stitch/bands/multi_band.h"
 #include "stitch/bands/pyramid.h"
 #include "stitch/offline/parallax.h"
@@ -65,19 +66,16 @@ Result<BestBlend> BestBlend::make(const Calibration& calibration, const table::R
     return fail(Errc::kUnsupported, "a raymap of " + std::string(pixel_format_name(raymap.format)) +
                                         " cannot be blended at best quality; ask for RGB24, GREY, RGB48 or GREY16");
   }
-  const auto name = geometry::LayoutName::parse(raymap.layout);
-  if (!name) return fail(name.error());
-  auto layout = geometry::make_layout(*name, raymap.width, raymap.height);
-  if (!layout) return fail(layout.error());
-  const auto heads = geometry::make_heads(calibration);
-  if (!heads) return fail(heads.error());
+  NODAL_TRY_ASSIGN(const auto name, geometry::LayoutName::parse(raymap.layout));
+  NODAL_TRY_ASSIGN(auto layout, geometry::make_layout(name, raymap.width, raymap.height));
+  NODAL_TRY_ASSIGN(const auto heads, geometry::make_heads(calibration));
   BestBlend made;
   made.format_ = raymap.format;
-  made.layout_ = std::move(*layout);
-  made.equirectangular_ = name->is_equirectangular();
+  made.layout_ = std::move(layout);
+  made.equirectangular_ = name.is_equirectangular();
   made.sphere_ = {raymap.width, raymap.height};
   if (!made.equirectangular_) {
-    const double wide = kFiner * 2 * std::numbers::pi * raymap.width / name->kind().radians_across;
+    const double wide = kFiner * 2 * std::numbers::pi * raymap.width / name.kind().radians_across;
     const int height = std::max(8, static_cast<int>(std::ceil(std::min(wide, 1e6) / 2)));
     made.sphere_ = {2 * height, height};
   }
@@ -91,7 +89,7 @@ Result<BestBlend> BestBlend::make(const Calibration& calibration, const table::R
   made.power_ = table::linear_power(calibration);
   made.threads_ = threads;
   double largest = 0;
-  for (const geometry::Head& head : *heads) {
+  for (const geometry::Head& head : heads) {
     made.heads_.emplace_back(head, raymap.format, made.power_);
     made.windows_.push_back(made.heads_.back().window(made.sphere_));
     largest = std::max(largest, made.heads_.back().largest_factor());

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "protocol/base/try.h"
 #include "stitch/blend/blend.h"
 #include "stitch/blend/linear_tone.h"
 #include "stitch/blend/prepare.h"
@@ -71,10 +72,9 @@ DecodedImage blend_with(const blend::BlendTable& table, const blend::SetTone& to
 }  // namespace
 
 Result<double> resolution_of(const Calibration& calibration) {
-  const auto heads = geometry::make_heads(calibration);
-  if (!heads) return fail(heads.error());
+  NODAL_TRY_ASSIGN(const auto heads, geometry::make_heads(calibration));
   double most = 0;
-  for (const geometry::Head& head : *heads) {
+  for (const geometry::Head& head : heads) {
     const Region& region = head.calibration().region;
     geometry::Pixel middle{(region.left + region.right) / 2, (region.top + region.bottom) / 2};
     if (region.circle) middle = {region.circle->x, region.circle->y};
@@ -86,36 +86,32 @@ Result<double> resolution_of(const Calibration& calibration) {
 Result<OfflineBlend> OfflineBlend::make(const Calibration& calibration, const table::RaymapSpec& raymap,
                                         const table::TableOptions& options, PixelFormat head_format, int threads,
                                         const std::function<void(double)>& progress, std::size_t heads_per_part) {
-  const auto layout = geometry::make_layout(raymap.layout, raymap.width, raymap.height);
-  if (!layout) return fail(layout.error());
-  auto parts = cut_into_parts(calibration, **layout, heads_per_part);
-  if (!parts) return fail(parts.error());
+  NODAL_TRY_ASSIGN(const auto layout, geometry::make_layout(raymap.layout, raymap.width, raymap.height));
+  NODAL_TRY_ASSIGN(auto parts, cut_into_parts(calibration, *layout, heads_per_part));
   OfflineBlend made(calibration.heads.size(), threads);
   const parallel::Workers workers(threads);
   double begun = 0;
-  for (Part& part : *parts) {
+  for (Part& part : parts) {
     const Calibration heads = calibration_of(part, calibration);
-    const PartLayout some(**layout, part);
+    const PartLayout some(*layout, part);
     const geometry::RaymapLayout* rays = &some;
-    if (parts->size() == 1) rays = layout->get();
+    if (parts.size() == 1) rays = layout.get();
     const std::vector<PixelFormat> formats(heads.heads.size(), head_format);
-    auto compiler = table::TableCompiler::make(heads, *rays, raymap.format, formats, options);
-    if (!compiler) return fail(compiler.error());
-    const int rows = compiler->row_count();
+    NODAL_TRY_ASSIGN(auto compiler, table::TableCompiler::make(heads, *rays, raymap.format, formats, options));
+    const int rows = compiler.row_count();
     const int at_once = 2 * workers.threads();  // chunks between two calls of progress()
     for (int done = 0; done < rows;) {
       workers.run(at_once, [&](int i) {
         const int first = std::min(rows, done + i * kCompiledRows);
-        compiler->compile_rows(first, std::min(rows, first + kCompiledRows));
+        compiler.compile_rows(first, std::min(rows, first + kCompiledRows));
       });
       done = std::min(rows, done + at_once * kCompiledRows);
-      if (progress) progress((begun + static_cast<double>(done) / rows) / static_cast<double>(parts->size()));
+      if (progress) progress((begun + static_cast<double>(done) / rows) / static_cast<double>(parts.size()));
     }
     begun += 1;
-    auto table = std::move(*compiler).finish();
-    if (!table) return fail(table.error());
-    const blend::SetTone tone = tone_of(heads, *table);
-    made.parts_.push_back({std::move(*table), tone, std::move(part)});
+    NODAL_TRY_ASSIGN(auto table, std::move(compiler).finish());
+    const blend::SetTone tone = tone_of(heads, table);
+    made.parts_.push_back({std::move(table), tone, std::move(part)});
   }
   return made;
 }
@@ -130,7 +126,7 @@ Result<DecodedImage> OfflineBlend::blend(std::span<const ImageView> pictures) co
     std::vector<ImageView> of_part;
     for (std::size_t k = 0; k < part.part.heads.size(); ++k) {
       const std::size_t h = part.part.heads[k];
-      if (const Status fits = check_picture(part.table.sources[k], h, pictures[h]); !fits) return fail(fits.error());
+      NODAL_TRY(check_picture(part.table.sources[k], h, pictures[h]));
       of_part.push_back(pictures[h]);
     }
     DecodedImage blended = blend_with(part.table, part.tone, of_part, threads_);

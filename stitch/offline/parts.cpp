@@ -7,6 +7,7 @@
 #include <cstring>
 #include <string>
 
+#include "protocol/base/try.h"
 #include "protocol/calibration_limits.h"
 #include "stitch/blend/blend_table.h"
 #include "stitch/geometry/head.h"
@@ -56,30 +57,29 @@ Blocks Blocks::of(int width, int height) { return {(width + kBlock - 1) / kBlock
 
 Result<std::vector<Part>> cut_into_parts(const Calibration& calibration, const geometry::RaymapLayout& layout,
                                          std::size_t most) {
-  const Result<std::vector<geometry::Head>> heads = geometry::make_heads(calibration);
-  if (!heads) return fail(heads.error());
+  NODAL_TRY_ASSIGN(const std::vector<geometry::Head> heads, geometry::make_heads(calibration));
   const Blocks blocks = Blocks::of(layout.width(), layout.height());
   const std::size_t count = static_cast<std::size_t>(blocks.across) * static_cast<std::size_t>(blocks.down);
   std::vector<Part> parts;
-  if (heads->size() <= most) {
+  if (heads.size() <= most) {
     parts.push_back({{}, std::vector<bool>(count, true)});
-    for (std::size_t h = 0; h < heads->size(); ++h) parts.back().heads.push_back(h);
+    for (std::size_t h = 0; h < heads.size(); ++h) parts.back().heads.push_back(h);
     return parts;
   }
   if (layout.scattered()) {
-    return fail(Errc::kUnsupported, std::to_string(heads->size()) + " heads; a " + std::string(layout.name()) +
+    return fail(Errc::kUnsupported, std::to_string(heads.size()) + " heads; a " + std::string(layout.name()) +
                                         " raymap is for up to " + std::to_string(most));
   }
   std::vector<double> densities;
-  for (const geometry::Head& head : *heads) {
+  for (const geometry::Head& head : heads) {
     const Region& region = head.calibration().region;
     densities.push_back(head.density({(region.left + region.right) / 2, (region.top + region.bottom) / 2}));
   }
   std::vector<HeadsOfBlock> heads_of_part;
   for (std::size_t b = 0; b < count; ++b) {
     const int left = static_cast<int>(b) % blocks.across * kBlock, top = static_cast<int>(b) / blocks.across * kBlock;
-    HeadsOfBlock seen = heads_of_block(*heads, densities, layout, left, top, kCoarse);
-    if (seen.count() > most) seen = heads_of_block(*heads, densities, layout, left, top, kFine);
+    HeadsOfBlock seen = heads_of_block(heads, densities, layout, left, top, kCoarse);
+    if (seen.count() > most) seen = heads_of_block(heads, densities, layout, left, top, kFine);
     if (seen.none()) continue;
     if (seen.count() > most) {
       return fail(Errc::kTooLarge, std::to_string(seen.count()) + " pictures show the same part of the sphere (" +
@@ -97,7 +97,7 @@ Result<std::vector<Part>> cut_into_parts(const Calibration& calibration, const g
     heads_of_part[p] |= seen;
   }
   for (std::size_t p = 0; p < parts.size(); ++p) {
-    for (std::size_t h = 0; h < heads->size(); ++h) {
+    for (std::size_t h = 0; h < heads.size(); ++h) {
       if (heads_of_part[p][h]) parts[p].heads.push_back(h);
     }
   }

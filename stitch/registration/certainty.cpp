@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "protocol/base/try.h"
 #include "stitch/registration/descent.h"
 #include "stitch/registration/gauge.h"
 #include "stitch/registration/level.h"
@@ -177,9 +178,8 @@ Result<Certainty> certainty_of(Objective& objective, const std::vector<HeadState
   Sought every = lenses;
   every.nearness = near.nearness;
   const Parameters parameters(heads, every, held);
-  const Result<std::vector<Normal>> parts = objective.evaluate_parts(heads, every);
-  if (!parts) return fail(parts.error());
-  const Model model(parameters, heads, *parts, pixels_a_sample, workers);
+  NODAL_TRY_ASSIGN(const std::vector<Normal> parts, objective.evaluate_parts(heads, every));
+  const Model model(parameters, heads, parts, pixels_a_sample, workers);
   const Vector to_focals = model.step(focals), to_lenses = model.step(lenses), to_distance = model.step(near);
   Certainty certainty;
   certainty.by_focals = model.share_removed_by(to_focals);

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "protocol/base/try.h"
 #include "stitch/solve/levenberg_marquardt.h"
 #include "stitch/solve/symmetric.h"
 
@@ -150,12 +151,11 @@ Eigen::VectorXd step_to_minimum(const Parameters& parameters, const std::vector<
 Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, const Sought& sought, const Held& held,
                           const DescentOptions& options) {
   const Parameters parameters(heads, sought, held);
-  Result<Normal> start = objective.evaluate(heads, sought, true);
-  if (!start) return fail(start.error());
-  if (options.accepted) options.accepted(0, start->objective(), 0);
+  NODAL_TRY_ASSIGN(Normal start, objective.evaluate(heads, sought, true));
+  if (options.accepted) options.accepted(0, start.objective(), 0);
   LevelProblem problem(objective, parameters, heads, sought, options);
   State first{std::move(heads), Eigen::VectorXd::Zero(parameters.free_count())};
-  Evaluation at = problem.with_priors(std::move(*start), first);
+  Evaluation at = problem.with_priors(std::move(start), first);
   constexpr double kNever = -std::numeric_limits<double>::infinity();
   auto end = solve::descend_from(std::move(first), std::move(at), problem,
                                  {.most_steps = options.most_iterations,

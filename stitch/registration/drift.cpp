@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "protocol/base/angles.h"
+#include "protocol/base/try.h"
 #include "stitch/registration/check_frames.h"
 #include "stitch/registration/descent.h"
 #include "stitch/registration/level.h"
@@ -80,19 +81,17 @@ Result<DriftReport> measure_drift(const Calibration& calibration, const std::vec
   how.gauge = Gauge::kMost;
   how.threads = options.threads;
   how.progress = options.progress;
-  Result<Report> found = register_heads(calibration, frame_sets, how);
-  if (!found) return fail(found.error());
+  NODAL_TRY_ASSIGN(Report found, register_heads(calibration, frame_sets, how));
   DriftReport report;
   for (std::size_t h = 0; h < calibration.heads.size(); ++h) {
-    const Result<HeadState> state = HeadState::from(calibration.heads[h], calibration.distance);
-    if (!state) return fail(state.error());
-    report.heads.push_back(drift_of(calibration.heads[h], found->calibration.heads[h], found->heads[h],
-                                    options.tolerance_px, focal_of(state->lens)));
+    NODAL_TRY_ASSIGN(const HeadState state, HeadState::from(calibration.heads[h], calibration.distance));
+    report.heads.push_back(drift_of(calibration.heads[h], found.calibration.heads[h], found.heads[h],
+                                    options.tolerance_px, focal_of(state.lens)));
   }
-  report.objective_before = found->objective_before;
-  report.objective_after = found->objective_after;
-  report.calibration = std::move(found->calibration);
-  report.warnings = std::move(found->warnings);
+  report.objective_before = found.objective_before;
+  report.objective_after = found.objective_after;
+  report.calibration = std::move(found.calibration);
+  report.warnings = std::move(found.warnings);
   return report;
 }
 
@@ -101,26 +100,22 @@ Result<std::vector<double>> objectives_of(const std::vector<Calibration>& calibr
   const parallel::Workers workers(options.threads);
   std::vector<double> objectives;
   for (const Calibration& calibration : calibrations) {
-    const Result<LitFrames> frames = LitFrames::of(calibration, frame_sets, options.colour, options.threads);
-    if (!frames) return fail(frames.error());
-    Result<Prepared> ready = prepare(calibration, *frames, options);
-    if (!ready) return fail(ready.error());
-    level_gains(ready->heads);
-    const LevelPlan& finest = ready->plans.back();
-    Result<std::unique_ptr<Level>> level =
-        Level::make(finest, Level::Pictures::kLight, *frames->pyramids, ready->heads, options, 0.02, workers);
-    if (!level) return fail(level.error());
+    NODAL_TRY_ASSIGN(const LitFrames frames, LitFrames::of(calibration, frame_sets, options.colour, options.threads));
+    NODAL_TRY_ASSIGN(Prepared ready, prepare(calibration, frames, options));
+    level_gains(ready.heads);
+    const LevelPlan& finest = ready.plans.back();
+    NODAL_TRY_ASSIGN(std::unique_ptr<Level> level, Level::make(finest, Level::Pictures::kLight, *frames.pyramids,
+                                                               ready.heads, options, 0.02, workers));
     Sought gains;
     gains.rotation = gains.vignetting = false;
     gains.channels = options.colour == Colour::kRgb ? 3 : 1;
     Held held;
-    held.geometry.assign(ready->heads.size(), true);
-    held.light.assign(ready->heads.size(), false);
+    held.geometry.assign(ready.heads.size(), true);
+    held.light.assign(ready.heads.size(), false);
     held.first = -1;
-    const Result<Descended> fitted = descend((*level)->objective(), ready->heads, gains, held, {});
-    if (!fitted) return fail(fitted.error());
-    if (fitted->normal.measure <= 0) return fail(Errc::kNoCoverage, nothing_shared(calibration));
-    objectives.push_back(fitted->normal.objective());
+    NODAL_TRY_ASSIGN(const Descended fitted, descend(level->objective(), ready.heads, gains, held, {}));
+    if (fitted.normal.measure <= 0) return fail(Errc::kNoCoverage, nothing_shared(calibration));
+    objectives.push_back(fitted.normal.objective());
   }
   return objectives;
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "protocol/base/try.h"
 #include "stitch/geometry/lens/lens.h"
 #include "stitch/geometry/rotation.h"
 
@@ -53,9 +54,8 @@ double farthest_radius(const Region& region, double center_x, double center_y, d
 }
 
 Result<double> HeadState::used_angle() const {
-  const Result<geometry::Lens> made = geometry::Lens::make(lens, max_angle);
-  if (!made) return fail(made.error());
-  return made->angle(farthest_radius(region, center_x, center_y, aspect)).value_or(made->max_angle());
+  NODAL_TRY_ASSIGN(const geometry::Lens made, geometry::Lens::make(lens, max_angle));
+  return made.angle(farthest_radius(region, center_x, center_y, aspect)).value_or(made.max_angle());
 }
 
 Result<HeadState> HeadState::from(const HeadCalibration& head, double distance) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "protocol/base/try.h"
 #include "stitch/registration/ray_set.h"
 
 namespace nodal::registration {
@@ -93,11 +94,10 @@ Result<std::unique_ptr<Level>> Level::make(const LevelPlan& plan, Pictures pictu
                                            const std::vector<HeadPyramid>& pyramids,
                                            const std::vector<HeadState>& heads, const Options& options,
                                            double slack_rad, const parallel::Workers& workers) {
-  const auto layout = layout_of_width(options.layout, plan.width);
-  if (!layout) return fail(layout.error());
+  NODAL_TRY_ASSIGN(const auto layout, layout_of_width(options.layout, plan.width));
   std::unique_ptr<Level> level(new Level);
   const std::vector<Cone> cones = cones_of(heads, slack_rad);
-  level->tiles_ = make_tiles(**layout, workers, [&](const Tile& tile) { return shared_tile(tile, cones); });
+  level->tiles_ = make_tiles(*layout, workers, [&](const Tile& tile) { return shared_tile(tile, cones); });
   level->planes_ = blurred_planes(plan, pictures, pyramids, heads, workers);
   std::vector<std::vector<PlaneRef>> refs(heads.size());
   for (std::size_t h = 0; h < heads.size(); ++h) {

@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 
+#include "protocol/base/try.h"
 #include "stitch/registration/head_sight.h"
 
 namespace nodal::registration {
@@ -111,12 +112,11 @@ Objective::Objective(const std::vector<Tile>& tiles, std::vector<std::vector<Pla
 }
 
 Status Objective::tabulate(const HeadState& head, bool derivatives, KeptTable& kept) const {
-  const Result<double> angle = head.used_angle();
-  if (!angle) return fail(angle.error());
-  if (kept.angle == *angle && kept.lens == head.lens && (kept.derivatives || !derivatives)) return {};
-  Result<RadialTable> table = RadialTable::make(head.lens, *angle, head.edge_angle, head.edge_radius, derivatives);
-  if (!table) return fail(table.error());
-  kept = {head.lens, *angle, derivatives, std::move(*table)};
+  NODAL_TRY_ASSIGN(const double angle, head.used_angle());
+  if (kept.angle == angle && kept.lens == head.lens && (kept.derivatives || !derivatives)) return {};
+  NODAL_TRY_ASSIGN(RadialTable table,
+                   RadialTable::make(head.lens, angle, head.edge_angle, head.edge_radius, derivatives));
+  kept = {head.lens, angle, derivatives, std::move(table)};
   return {};
 }
 
@@ -142,29 +142,27 @@ Result<Objective::Sights> Objective::sights_of(const std::vector<HeadState>& hea
 }
 
 Result<Normal> Objective::evaluate(const std::vector<HeadState>& heads, const Sought& sought, bool derivatives) {
-  const Result<Sights> sights = sights_of(heads, sought, derivatives);
-  if (!sights) return fail(sights.error());
+  NODAL_TRY_ASSIGN(const Sights sights, sights_of(heads, sought, derivatives));
   const int chunks = chunk_count(tiles_.size());
-  std::vector<Normal> sums(static_cast<std::size_t>(chunks), Normal(static_cast<int>(heads.size()), sights->stride));
+  std::vector<Normal> sums(static_cast<std::size_t>(chunks), Normal(static_cast<int>(heads.size()), sights.stride));
   const std::span<const Tile* const> tiles(tiles_);
   workers_.run(chunks, [&](int c) {
     const auto i = static_cast<std::size_t>(c), n = static_cast<std::size_t>(chunks);
     const std::size_t first = tiles.size() * i / n, last = tiles.size() * (i + 1) / n;
-    sum_tiles(*sights, tiles.subspan(first, last - first), derivatives, sums[i]);
+    sum_tiles(sights, tiles.subspan(first, last - first), derivatives, sums[i]);
   });
   for (std::size_t c = 1; c < sums.size(); ++c) sums[0].add(sums[c]);
   return std::move(sums[0]);
 }
 
 Result<std::vector<Normal>> Objective::evaluate_parts(const std::vector<HeadState>& heads, const Sought& sought) {
-  const Result<Sights> sights = sights_of(heads, sought, true);
-  if (!sights) return fail(sights.error());
+  NODAL_TRY_ASSIGN(const Sights sights, sights_of(heads, sought, true));
   std::vector<std::vector<const Tile*>> tiles(kParts);
   for (const Tile* tile : tiles_) tiles[part_of(*tile)].push_back(tile);
-  std::vector<Normal> parts(kParts, Normal(static_cast<int>(heads.size()), sights->stride));
+  std::vector<Normal> parts(kParts, Normal(static_cast<int>(heads.size()), sights.stride));
   workers_.run(kParts, [&](int p) {
     const auto i = static_cast<std::size_t>(p);
-    sum_tiles(*sights, tiles[i], true, parts[i]);
+    sum_tiles(sights, tiles[i], true, parts[i]);
   });
   return parts;
 }

@@ -6,6 +6,7 @@
 #include <limits>
 #include <numbers>
 
+#include "protocol/base/try.h"
 #include "stitch/geometry/lens/lens.h"
 
 namespace nodal::registration {
@@ -75,23 +76,21 @@ Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyram
                               const Options& options, const parallel::Workers& workers) {
   Options sum = options;
   sum.norm = Norm::kSum;
-  Result<std::unique_ptr<Level>> level =
-      Level::make(plan, Level::Pictures::kDetail, pyramids, heads, sum, 0.01, workers);
-  if (!level) return fail(level.error());
-  (*level)->objective().set_used(used);
+  NODAL_TRY_ASSIGN(std::unique_ptr<Level> level,
+                   Level::make(plan, Level::Pictures::kDetail, pyramids, heads, sum, 0.01, workers));
+  level->objective().set_used(used);
   Sought rotations;
   rotations.gain = rotations.vignetting = false;
-  const Result<Normal> normal = (*level)->objective().evaluate(heads, rotations, true);
-  if (!normal) return fail(normal.error());
+  NODAL_TRY_ASSIGN(const Normal normal, level->objective().evaluate(heads, rotations, true));
   Detail detail;
-  detail.pairs = normal->pairs;
-  const int n = normal->heads;
+  detail.pairs = normal.pairs;
+  const int n = normal.heads;
   for (int h = 0; h < n; ++h) {
     PairSums all;  // of this head (a) with every other (b)
     double total = 0;
     for (int other = 0; other < n; ++other) {
       if (other == h) continue;
-      const PairSums& pair = normal->pairs[normal->pair(std::min(h, other), std::max(h, other))];
+      const PairSums& pair = normal.pairs[normal.pair(std::min(h, other), std::max(h, other))];
       all.measure += pair.measure;
       all.difference += pair.difference;
       all.aa += h < other ? pair.aa : pair.bb;
@@ -104,11 +103,11 @@ Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyram
     mine.agreement = all.correlation();
     // The noise is the difference of the two, half of it for each.
     const double noise = total > 0 ? all.difference / total / 2 : 0;
-    const Eigen::Matrix3d H = normal->hessian(h, h, Curvature::kCommon);
-    mine.sigma_rad = total > 0 ? worst_sigma(H / std::max(noise * (*level)->pixels_a_sample(), 1e-12))
+    const Eigen::Matrix3d H = normal.hessian(h, h, Curvature::kCommon);
+    mine.sigma_rad = total > 0 ? worst_sigma(H / std::max(noise * level->pixels_a_sample(), 1e-12))
                                : std::numeric_limits<double>::infinity();
     mine.shared_sr =
-        normal->shared[static_cast<std::size_t>(h)] / static_cast<double>(pyramids.front().levels.front().size());
+        normal.shared[static_cast<std::size_t>(h)] / static_cast<double>(pyramids.front().levels.front().size());
     detail.heads.push_back(mine);
   }
   return detail;

@@ -10,6 +10,7 @@
 #include <tuple>
 
 #include "protocol/base/angles.h"
+#include "protocol/base/try.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/registration/descent.h"
@@ -164,15 +165,14 @@ Status Bundle::add_pair(const Stand& stand, const PointPair& pair, double weight
   Rows J = Rows::Zero(3, count_);
   Vector3d error = Vector3d::Zero();
   const auto add = [&](std::size_t head, geometry::Pixel pixel, double sign) -> Status {
-    const Result<Vector3d> r = ray(stand, head, pixel);
-    if (!r) return fail(r.error());
+    NODAL_TRY_ASSIGN(const Vector3d r, ray(stand, head, pixel));
     const Matrix3d back = stand.R_head_rig[head].transpose();
-    error += sign * (back * *r);
+    error += sign * (back * r);
     int column = column_of(head);
     if (static_cast<int>(head) != first_) {
       // If the head turns by w, its ray r is at R^T (r - w x r) = R^T r + R^T (r x w) in the rig.
       Matrix3d cross;
-      cross << 0, -r->z(), r->y(), r->z(), 0, -r->x(), -r->y(), r->x(), 0;
+      cross << 0, -r.z(), r.y(), r.z(), 0, -r.x(), -r.y(), r.x(), 0;
       J.block<3, 3>(0, column) += sign * (back * cross);
       column += 3;
     }
@@ -182,22 +182,21 @@ Status Bundle::add_pair(const Stand& stand, const PointPair& pair, double weight
     if (above && below) J.col(column) += sign * (back * (*above - *below)) / (2 * kFocalStep);
     return {};
   };
-  if (Status done = add(pair.head_a, pair.pixel_a, 1); !done) return done;
-  if (Status done = add(pair.head_b, pair.pixel_b, -1); !done) return done;
+  NODAL_TRY(add(pair.head_a, pair.pixel_a, 1));
+  NODAL_TRY(add(pair.head_b, pair.pixel_b, -1));
   for (Eigen::Index k = 0; k < 3; ++k) sum.add(J.row(k).data(), error[k], weight);
   return {};
 }
 
 // Finds the outliers for the current rotations, and the weights of the other pairs.
 Status Bundle::reweigh(const Stand& stand) {
-  const Result<std::vector<double>> all = errors(stand);
-  if (!all) return fail(all.error());
-  noise_ = scale_of(*all);
+  NODAL_TRY_ASSIGN(const std::vector<double> all, errors(stand));
+  noise_ = scale_of(all);
   const solve::Huber huber{2 * noise_};
   weights_.clear();
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
-    used_[p] = joined(pairs_[p]) && (*all)[p] < std::max(5 * noise_, kLeastOutlier);
-    weights_.push_back(used_[p] ? huber.weight((*all)[p]) : 0);
+    used_[p] = joined(pairs_[p]) && all[p] < std::max(5 * noise_, kLeastOutlier);
+    weights_.push_back(used_[p] ? huber.weight(all[p]) : 0);
   }
   return {};
 }
@@ -248,8 +247,7 @@ Status Bundle::adjust() {
 }
 
 Status Bundle::add_agreements(PairFit& fit) const {
-  const Result<std::vector<double>> all = errors(stand_);
-  if (!all) return fail(all.error());
+  NODAL_TRY_ASSIGN(const std::vector<double> all, errors(stand_));
   std::map<std::pair<std::size_t, std::size_t>, PairAgreement> agreements;
   double squares = 0, count = 0;
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
@@ -258,7 +256,7 @@ Status Bundle::add_agreements(PairFit& fit) const {
     std::tie(agreement.a, agreement.b) = heads;
     agreement.rejected += used_[p] ? 0 : 1;
     if (!used_[p]) continue;
-    const double degrees = (*all)[p] * kDegreesPerRadian;
+    const double degrees = all[p] * kDegreesPerRadian;
     ++agreement.used;
     agreement.rms_deg += degrees * degrees;
     agreement.worst_deg = std::max(agreement.worst_deg, degrees);
@@ -310,15 +308,14 @@ Result<PairFit> Bundle::fit() const {
     }
     fit.heads.push_back(head);
   }
-  if (Status done = add_agreements(fit); !done) return fail(done.error());
+  NODAL_TRY(add_agreements(fit));
   return fit;
 }
 
 Result<PairFit> Bundle::run() {
-  if (Status ready = start(); !ready) return fail(ready.error());
-  if (Status done = adjust(); !done) return fail(done.error());
-  Result<PairFit> found = fit();
-  if (!found) return found;
+  NODAL_TRY(start());
+  NODAL_TRY(adjust());
+  NODAL_TRY_ASSIGN(PairFit found, fit());
   const auto used = std::ranges::count(used_, true);
   const auto joined_ones = std::ranges::count_if(pairs_, [&](const PointPair& pair) { return joined(pair); });
   if (noise_ > kMostRms || 2 * used < joined_ones) {
@@ -326,7 +323,7 @@ Result<PairFit> Bundle::run() {
                 "most point pairs contradict each other; check that they belong to these heads, in "
                 "the calibration's order, and that the lenses are right");
   }
-  if (Status good = check_calibration(found->calibration); !good) return fail(good.error());
+  NODAL_TRY(check_calibration(found.calibration));
   return found;
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "protocol/base/try.h"
 #include "stitch/parallel/workers.h"
 #include "stitch/registration/check_frames.h"
 #include "stitch/registration/pyramid.h"
@@ -15,7 +16,7 @@ constexpr int kSmallestLevel = 16;  // px on the shorter side of the coarsest pi
 
 Result<LitFrames> LitFrames::of(const Calibration& calibration, const std::vector<FrameSet>& frame_sets, Colour colour,
                                 int threads) {
-  if (Status fits = check_frames(calibration, frame_sets); !fits) return fail(fits.error());
+  NODAL_TRY(check_frames(calibration, frame_sets));
   const int channels = colour == Colour::kRgb ? 3 : 1;
   std::vector<HeadPyramid> pyramids(calibration.heads.size());
   parallel::Workers(threads).run(static_cast<int>(pyramids.size()), [&](int head) {
@@ -26,16 +27,15 @@ Result<LitFrames> LitFrames::of(const Calibration& calibration, const std::vecto
     }
     pyramids[h] = make_pyramid(std::move(planes), kSmallestLevel);
   });
-  if (Status good = check_light(calibration, pyramids); !good) return fail(good.error());
+  NODAL_TRY(check_light(calibration, pyramids));
   return LitFrames{frame_sets, colour, std::make_shared<const std::vector<HeadPyramid>>(std::move(pyramids))};
 }
 
 Result<Prepared> prepare(const Calibration& calibration, const LitFrames& frames, const Options& options) {
   Prepared ready;
   for (const HeadCalibration& head : calibration.heads) {
-    Result<HeadState> state = HeadState::from(head, calibration.distance);
-    if (!state) return fail(state.error());
-    ready.heads.push_back(std::move(*state));
+    NODAL_TRY_ASSIGN(HeadState state, HeadState::from(head, calibration.distance));
+    ready.heads.push_back(std::move(state));
   }
   int deepest = kLevels - 1;
   for (const HeadPyramid& pyramid : *frames.pyramids) {

@@ -5,6 +5,7 @@
 #include <numbers>
 #include <utility>
 
+#include "protocol/base/try.h"
 #include "stitch/geometry/lens/lens.h"
 
 namespace nodal::registration {
@@ -90,10 +91,9 @@ LensModel changed_lens(const LensModel& lens, double log_focal, const std::vecto
 
 Result<RadialTable> RadialTable::make(const LensModel& model, double max_angle, double edge_angle, double edge_radius,
                                       bool derivatives) {
-  const Result<geometry::Lens> lens = geometry::Lens::make(model, max_angle);
-  if (!lens) return fail(lens.error());
+  NODAL_TRY_ASSIGN(const geometry::Lens lens, geometry::Lens::make(model, max_angle));
   RadialTable table;
-  const double last_angle = std::min(max_angle, lens->max_angle());
+  const double last_angle = std::min(max_angle, lens.max_angle());
   const double cell = std::sin(last_angle / 2) / kCells;
   table.max_t_ = static_cast<float>(std::sin(last_angle / 2));
   table.cells_per_t_ = static_cast<float>(1 / cell);
@@ -102,8 +102,8 @@ Result<RadialTable> RadialTable::make(const LensModel& model, double max_angle, 
     // On the axis the functions are limits, and straight behind they may be infinite: both ends are approached only.
     const double a =
         std::clamp(2 * std::asin(std::min(i * cell, 1.0)), 1e-4, std::min(last_angle, std::numbers::pi - 1e-3));
-    const double r = lens->radius(a).value_or(lens->max_radius());
-    const double slope = lens->slope(a, r);
+    const double r = lens.radius(a).value_or(lens.max_radius());
+    const double slope = lens.slope(a, r);
     const double s = std::sin(a), q = r / s;
     const double dq_da = (slope - q * std::cos(a)) / s;
     table.nodes_.push_back({static_cast<float>(q), static_cast<float>(dq_da * 2 / std::cos(a / 2) * cell)});

@@ -6,6 +6,8 @@
 #include <functional>
 #include <numbers>
 
+#include "protocol/base/try.h"
+
 namespace nodal::registration {
 namespace {
 
@@ -96,11 +98,9 @@ Result<std::unique_ptr<RaymapLayout>> layout_of_width(const std::string& name, i
                 "registration begins with coarse raymaps, and a list of rays has one size; give another "
                 "layout");
   }
-  const Result<geometry::LayoutName> layout = geometry::LayoutName::parse(name);
-  if (!layout) return fail(layout.error());
-  const geometry::RaymapSize size =
-      layout->size_for_width(layout->width_for_resolution(width / (2 * std::numbers::pi)));
-  return geometry::make_layout(*layout, size.width, size.height);
+  NODAL_TRY_ASSIGN(const geometry::LayoutName layout, geometry::LayoutName::parse(name));
+  const geometry::RaymapSize size = layout.size_for_width(layout.width_for_resolution(width / (2 * std::numbers::pi)));
+  return geometry::make_layout(layout, size.width, size.height);
 }
 
 std::vector<Tile> make_tiles(const RaymapLayout& layout, const parallel::Workers& workers,

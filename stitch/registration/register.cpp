@@ -1,3 +1,4 @@
+#include "protocol/base/try.h"
 #include "stitch/registration/registration.h"
 
 #include <algorithm>
@@ -77,8 +78,7 @@ Result<Registered> register_with(const Calibration& prior, const LitFrames& fram
     for (const LeftOut& one : left_out) run.leave_out(one.head, one.why);
     Result<Report> report = run.run(frames);
     if (options.free == Free::kRotations && (run.cause() == Cause::kFocals || run.cause() == Cause::kLenses)) {
-      if (Status right = check_focals(prior, frames, options, run.objective_after()); !right)
-        return fail(right.error());
+      NODAL_TRY(check_focals(prior, frames, options, run.objective_after()));
     }
     if (report) return Registered{std::move(*report), run.cause(), run.displaced_px()};
     if (report.error().code != Errc::kHeadMismatch || run.wrong().empty()) return fail(report.error());
@@ -96,19 +96,17 @@ Result<Registered> register_with(const Calibration& prior, const LitFrames& fram
 /// by tens of percent wrong, and heads agree nevertheless. Nothing if it is enough, or if heads do not overlap at all.
 Result<std::optional<SeenRadii>> too_thin(const Calibration& prior, const Options& options) {
   if (options.free != Free::kLens || !options.geometry) return std::optional<SeenRadii>();
-  const Result<SeenRadii> seen = seen_radii(prior);
-  if (!seen) return fail(seen.error());
-  const bool enough = seen->span == 0 || seen->determine_lenses();
-  return enough ? std::nullopt : std::optional(*seen);
+  NODAL_TRY_ASSIGN(const SeenRadii seen, seen_radii(prior));
+  const bool enough = seen.span == 0 || seen.determine_lenses();
+  return enough ? std::nullopt : std::optional(seen);
 }
 
 /// Registers with fewer parameters of lenses if those asked for cannot be trusted: if overlaps show too little of the lenses, if
 /// there is no result with them, or if near things would bend whole lenses.
 Result<Report> register_what_is_sure(const Calibration& prior, const LitFrames& frames, const Options& options) {
-  const Result<std::optional<SeenRadii>> thin = too_thin(prior, options);
-  if (!thin) return fail(thin.error());
+  NODAL_TRY_ASSIGN(const std::optional<SeenRadii> thin, too_thin(prior, options));
   Result<Registered> asked = fail(Errc::kNotDetermined, "not tried");
-  if (!*thin) asked = register_with(prior, frames, options);
+  if (!thin) asked = register_with(prior, frames, options);
   if (options.free == Free::kRotations || !options.geometry) {
     if (!asked) return fail(asked.error());
     return std::move(asked->report);
@@ -123,12 +121,12 @@ Result<Report> register_what_is_sure(const Calibration& prior, const LitFrames& 
     Result<Registered> found = register_with(prior, frames, fewer);
     const bool worse = found && bent && found->report.objective_after > kLensesExplain * asked->report.objective_after;
     if (bent && (!found || worse)) return std::move(asked->report);
-    if (!found && *thin) last = found.error();
+    if (!found && thin) last = found.error();
     if (!found) continue;
-    found->report.warnings.push_back(*thin ? thin_overlaps(fewer.free, (*thin)->from_deg, (*thin)->to_deg)
-                                           : fewer_lens_parameters(options.free, fewer.free,
-                                                                   bent ? std::string() : asked.error().message,
-                                                                   bent ? asked->displaced_px : 0));
+    found->report.warnings.push_back(thin ? thin_overlaps(fewer.free, thin->from_deg, thin->to_deg)
+                                          : fewer_lens_parameters(options.free, fewer.free,
+                                                                  bent ? std::string() : asked.error().message,
+                                                                  bent ? asked->displaced_px : 0));
     return std::move(found->report);
   }
   return fail(last);
@@ -138,9 +136,8 @@ Result<Report> register_what_is_sure(const Calibration& prior, const LitFrames& 
 
 Result<Report> register_heads(const Calibration& prior, const std::vector<FrameSet>& frame_sets,
                               const Options& options) {
-  const Result<LitFrames> frames = LitFrames::of(prior, frame_sets, options.colour, options.threads);
-  if (!frames) return fail(frames.error());
-  return register_heads(prior, *frames, options);
+  NODAL_TRY_ASSIGN(const LitFrames frames, LitFrames::of(prior, frame_sets, options.colour, options.threads));
+  return register_heads(prior, frames, options);
 }
 
 Result<Report> register_heads(const Calibration& prior, const LitFrames& frames, const Options& asked) {

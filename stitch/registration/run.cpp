@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "protocol/base/angles.h"
+#include "protocol/base/try.h"
 #include "stitch/geometry/held_light.h"
 #include "stitch/registration/certainty.h"
 #include "stitch/registration/check_frames.h"
@@ -29,11 +30,10 @@ constexpr double kLeastFallOffSeen = 0.4;  // of the radius squared
 }  // namespace
 
 Status Run::prepare(const LitFrames& frames) {
-  Result<Prepared> ready = registration::prepare(prior_, frames, options_);
-  if (!ready) return fail(ready.error());
-  start_ = heads_ = std::move(ready->heads);
+  NODAL_TRY_ASSIGN(Prepared ready, registration::prepare(prior_, frames, options_));
+  start_ = heads_ = std::move(ready.heads);
   frames_ = frames;
-  plans_ = std::move(ready->plans);
+  plans_ = std::move(ready.plans);
   why_not_.resize(heads_.size());
   loose_sigma_.resize(heads_.size());
   loose_.resize(heads_.size());
@@ -114,40 +114,37 @@ void Run::tell(const LevelPlan& plan, int iteration, double objective, double tu
 Status Run::descend_level(const LevelPlan& plan) {
   // A coarse level may still turn heads by tens of degrees.
   const double slack = plan.level >= 3 ? 0.5 : 0.1;
-  Result<std::unique_ptr<Level>> level =
-      Level::make(plan, Level::Pictures::kLight, *frames_.pyramids, heads_, options_, slack, workers_);
-  if (!level) return fail(level.error());
-  Objective& objective = (*level)->objective();
+  NODAL_TRY_ASSIGN(std::unique_ptr<Level> level,
+                   Level::make(plan, Level::Pictures::kLight, *frames_.pyramids, heads_, options_, slack, workers_));
+  Objective& objective = level->objective();
   objective.set_used(used());
   const Sought sought = sought_of(plan);
-  const Result<Normal> start = objective.evaluate(heads_, sought, false);
-  if (!start) return fail(start.error());
-  if (start->measure <= 0) {
+  NODAL_TRY_ASSIGN(const Normal start, objective.evaluate(heads_, sought, false));
+  if (start.measure <= 0) {
     // A narrow overlap may lie within a coarse level's margin; only the finest level has to contain it.
     if (plan.level == plans_.back().level) return fail(Errc::kNoCoverage, nothing_shared(prior_));
     work_done_ += static_cast<double>(plan.width) * plan.width;
     return {};
   }
-  huber_ = static_cast<float>(huber_share_ * std::sqrt(start->objective()));
+  huber_ = static_cast<float>(huber_share_ * std::sqrt(start.objective()));
   objective.set_huber(huber_);
   DescentOptions descent;
   descent.curvature = plan.curvature;
   descent.most_iterations = plan.most_iterations;
   descent.turn_rad = plan.turn_rad;
-  if (!lenses_far_off() && soft_priors_) descent.lens_noise = start->objective() * (*level)->pixels_a_sample();
+  if (!lenses_far_off() && soft_priors_) descent.lens_noise = start.objective() * level->pixels_a_sample();
   descent.accepted = [&](int iteration, double value, double turn) { tell(plan, iteration, value, turn); };
-  Result<Descended> found = descend(objective, heads_, sought, held(plan), descent);
-  if (!found) return fail(found.error());
-  heads_ = std::move(found->heads);
+  NODAL_TRY_ASSIGN(Descended found, descend(objective, heads_, sought, held(plan), descent));
+  heads_ = std::move(found.heads);
   work_done_ += static_cast<double>(plan.width) * plan.width;
   return {};
 }
 
 Status Run::find_dull_heads() {
-  const Result<Detail> detail = measure_detail(detail_plan(), *frames_.pyramids, heads_, used(), options_, workers_);
-  if (!detail) return fail(detail.error());
+  NODAL_TRY_ASSIGN(const Detail detail,
+                   measure_detail(detail_plan(), *frames_.pyramids, heads_, used(), options_, workers_));
   for (std::size_t h = 0; h < heads_.size(); ++h) {
-    const HeadDetail& head = detail->heads[h];
+    const HeadDetail& head = detail.heads[h];
     loose_sigma_[h] = std::numeric_limits<double>::infinity();
     if (!why_not_[h].empty()) continue;
     if (head.shared_sr <= 0) {
@@ -167,23 +164,22 @@ Status Run::check_agreement() {
   coarse_sigma_.assign(heads_.size(), std::nullopt);
   for (const LevelPlan& plan : plans_) {
     if (&plan != &detail_plan() && (plan.level <= detail_plan().level || plan.width < kAgreementWidth)) continue;
-    Result<Detail> detail = measure_detail(plan, *frames_.pyramids, heads_, used(), options_, workers_);
-    if (!detail) return fail(detail.error());
+    NODAL_TRY_ASSIGN(Detail detail, measure_detail(plan, *frames_.pyramids, heads_, used(), options_, workers_));
     for (std::size_t h = 0; h < heads_.size(); ++h) {
-      const HeadDetail& head = detail->heads[h];
+      const HeadDetail& head = detail.heads[h];
       if (!(head.agreement >= kClearAgreement && head.sigma_rad < std::numeric_limits<double>::infinity())) continue;
       coarse_sigma_[h] = CoarseSigma{head.sigma_rad, plan.width / (2 * std::numbers::pi)};  // levels come coarse first
     }
     for (std::size_t h = 0; best && h < heads_.size(); ++h) {
-      detail->heads[h].agreement = std::max(detail->heads[h].agreement, best->heads[h].agreement);
+      detail.heads[h].agreement = std::max(detail.heads[h].agreement, best->heads[h].agreement);
     }
-    pairs.resize(detail->pairs.size(), -1);
+    pairs.resize(detail.pairs.size(), -1);
     for (std::size_t p = 0; p < pairs.size(); ++p) {
-      const PairSums& pair = detail->pairs[p];
+      const PairSums& pair = detail.pairs[p];
       const bool tells = pair.solid_angle > kSmallOverlapSr * channels() && pair.least_rms() >= kDullRms;
       pairs[p] = std::max(pairs[p], tells ? pair.correlation() : 1);
     }
-    best = std::move(*detail);
+    best = std::move(detail);
   }
   apart_ = std::ranges::count_if(pairs, [](double agreement) { return agreement < kLeastPairAgreement; });
   wrong_ = disagreeing(*best, why_not_);
@@ -196,15 +192,15 @@ Status Run::check_agreement() {
 
 Status Run::check_placed(bool& changed) {
   changed = false;
-  const Result<Detail> detail = measure_detail(detail_plan(), *frames_.pyramids, heads_, used(), options_, workers_);
-  if (!detail) return fail(detail.error());
-  if (Status agree = check_agreement(); !agree) return agree;
+  NODAL_TRY_ASSIGN(const Detail detail,
+                   measure_detail(detail_plan(), *frames_.pyramids, heads_, used(), options_, workers_));
+  NODAL_TRY(check_agreement());
   double per_radian = pixels_per_radian(heads_);
   if (options_.width > 0) per_radian = std::min(per_radian, options_.width / (2 * std::numbers::pi));
   std::vector<double> off_px(heads_.size(), 0);
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     if (!why_not_[h].empty()) continue;
-    loose_sigma_[h] = detail->heads[h].sigma_rad;
+    loose_sigma_[h] = detail.heads[h].sigma_rad;
     double precision = per_radian;
     if (loose_sigma_[h] == std::numeric_limits<double>::infinity() && coarse_sigma_[h]) {
       // Fine detail does not line up, because of a wrong lens or close objects; coarser detail does. No seam can be
@@ -233,19 +229,17 @@ Status Run::check_placed(bool& changed) {
 Status Run::light_unplaced_heads() {
   if (!options_.gains || std::ranges::all_of(why_not_, &std::string::empty)) return {};
   const LevelPlan& plan = detail_plan();
-  Result<std::unique_ptr<Level>> level =
-      Level::make(plan, Level::Pictures::kLight, *frames_.pyramids, heads_, options_, 0.02, workers_);
-  if (!level) return fail(level.error());
+  NODAL_TRY_ASSIGN(std::unique_ptr<Level> level,
+                   Level::make(plan, Level::Pictures::kLight, *frames_.pyramids, heads_, options_, 0.02, workers_));
   Sought gains;
   gains.rotation = gains.vignetting = false;
   gains.channels = channels();
-  const Result<Normal> start = (*level)->objective().evaluate(heads_, gains, false);
-  if (!start) return fail(start.error());
-  (*level)->objective().set_huber(static_cast<float>(kHuberShare * std::sqrt(start->objective())));
+  NODAL_TRY_ASSIGN(const Normal start, level->objective().evaluate(heads_, gains, false));
+  level->objective().set_huber(static_cast<float>(kHuberShare * std::sqrt(start.objective())));
   Held held;
   held.geometry.assign(heads_.size(), true);
   held.free_gains = true;
-  for (std::size_t h = 0; h < heads_.size(); ++h) held.light.push_back(why_not_[h].empty() || start->shared[h] <= 0);
+  for (std::size_t h = 0; h < heads_.size(); ++h) held.light.push_back(why_not_[h].empty() || start.shared[h] <= 0);
   // Their fall-offs change by the mean change of the other heads.
   std::array<double, 3> change{};
   const auto placed = static_cast<double>(std::ranges::count(why_not_, std::string()));
@@ -257,9 +251,8 @@ Status Run::light_unplaced_heads() {
     if (why_not_[h].empty()) continue;
     for (std::size_t k = 0; k < 3; ++k) heads_[h].vignetting[k] = start_[h].vignetting[k] + change[k];
   }
-  Result<Descended> found = descend((*level)->objective(), heads_, gains, held, {});
-  if (!found) return fail(found.error());
-  heads_ = std::move(found->heads);
+  NODAL_TRY_ASSIGN(Descended found, descend(level->objective(), heads_, gains, held, {}));
+  heads_ = std::move(found.heads);
   return {};
 }
 
@@ -276,25 +269,22 @@ Result<Report> Run::report() {
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     farthest = std::max(farthest, heads_[h].q_head_rig.angularDistance(start_[h].q_head_rig));
   }
-  Result<std::unique_ptr<Level>> level =
-      Level::make(finest, Level::Pictures::kLight, *frames_.pyramids, start_, options_, farthest + 0.02, workers_);
-  if (!level) return fail(level.error());
-  const Result<Normal> before = (*level)->objective().evaluate(start_, sought_of(finest), false);
-  const Result<Normal> after = (*level)->objective().evaluate(heads_, sought_of(finest), false);
+  NODAL_TRY_ASSIGN(std::unique_ptr<Level> level, Level::make(finest, Level::Pictures::kLight, *frames_.pyramids, start_,
+                                                             options_, farthest + 0.02, workers_));
+  const Result<Normal> before = level->objective().evaluate(start_, sought_of(finest), false);
+  const Result<Normal> after = level->objective().evaluate(heads_, sought_of(finest), false);
   if (!before) return fail(before.error());
   if (!after) return fail(after.error());
   report_.objective_before = before->objective();
   report_.objective_after = after->objective();
-  const Result<Certainty> sure = certainty(**level, finest);
-  if (!sure) return fail(sure.error());
-  const Certainty& certainty = *sure;
-  level->reset();  // what follows makes levels of its own
+  NODAL_TRY_ASSIGN(const Certainty sure, certainty(*level, finest));
+  const Certainty& certainty = sure;
+  level.reset();  // what follows makes levels of its own
   const std::vector<bool> all(heads_.size(), true);
-  const Result<Detail> detail = measure_detail(detail_plan(), *frames_.pyramids, heads_, all, options_, workers_);
-  if (!detail) return fail(detail.error());
-  const Result<Explanation> explanation = check_cause(certainty);
-  if (!explanation) return fail(explanation.error());
-  const std::vector<bool> little_detail = with_little_detail(*detail, used());
+  NODAL_TRY_ASSIGN(const Detail detail,
+                   measure_detail(detail_plan(), *frames_.pyramids, heads_, all, options_, workers_));
+  NODAL_TRY_ASSIGN(const Explanation explanation, check_cause(certainty));
+  const std::vector<bool> little_detail = with_little_detail(detail, used());
   report_.calibration = prior_;
   if (options_.distance) {
     const double nearness = heads_.front().nearness;
@@ -315,13 +305,13 @@ Result<Report> Run::report() {
     head.why_not = why_not_[i];
     head.turned_deg = heads_[i].q_head_rig.angularDistance(start_[i].q_head_rig) * kDegreesPerRadian;
     // A real descent with other parameters says more than a linear step to its result.
-    const double bias = certainty.bias_rad[i], turn = explanation->turns.empty() ? 0 : explanation->turns[i];
+    const double bias = certainty.bias_rad[i], turn = explanation.turns.empty() ? 0 : explanation.turns[i];
     const double sigma = turn > bias ? std::hypot(std::sqrt(std::pow(certainty.rotation_rad[i], 2) - bias * bias), turn)
                                      : certainty.rotation_rad[i];
     head.sigma_deg = (head.placed ? sigma : loose_sigma_[i]) * kDegreesPerRadian;
     head.focal_change_percent = 100 * (focal_of(heads_[i].lens) / focal_of(start_[i].lens) - 1);
     head.sigma_focal_percent = 100 * certainty.log_focal[i];
-    head.shared_sr = detail->heads[i].shared_sr;
+    head.shared_sr = detail.heads[i].shared_sr;
     if (!head.placed) report_.warnings.push_back("head '" + head.name + "' is not placed: " + head.why_not);
     if (head.placed && little_detail[i]) report_.warnings.push_back(weak_head(head));
     if (held) report_.warnings.push_back(held_light(head.name));
@@ -330,7 +320,7 @@ Result<Report> Run::report() {
       const std::size_t p = after->pair(h, b);
       if (after->pairs[p].measure <= 0) continue;
       report_.pairs.push_back({h, b, after->pairs[p].solid_angle / static_cast<double>(channels()),
-                               before->pairs[p].rms(), after->pairs[p].rms(), detail->pairs[p].correlation()});
+                               before->pairs[p].rms(), after->pairs[p].rms(), detail.pairs[p].correlation()});
       const auto j = static_cast<std::size_t>(b);
       const bool both = why_not_[i].empty() && why_not_[j].empty();
       if (both && report_.pairs.back().agreement < kLeastPairAgreement &&
@@ -342,7 +332,7 @@ Result<Report> Run::report() {
   if (!doubtful.empty()) {
     report_.warnings.push_back(doubtful_seams(prior_, doubtful, cause_ != Cause::kNone));
   }
-  if (Status good = check_calibration(report_.calibration); !good) return fail(good.error());
+  NODAL_TRY(check_calibration(report_.calibration));
   return std::move(report_);
 }
 
@@ -352,7 +342,7 @@ Status Run::descend_coarse() {
   const auto descend_all = [&]() -> Status {
     for (const LevelPlan& plan : plans_) {
       if (!is_coarse(plan)) continue;
-      if (Status done = descend_level(plan); !done) return done;
+      NODAL_TRY(descend_level(plan));
     }
     return {};
   };
@@ -363,9 +353,8 @@ Status Run::descend_coarse() {
   const std::vector<HeadState> unsearched = heads_;
   const std::ptrdiff_t apart = apart_;
   work_done_ = 0;
-  Result<std::vector<HeadState>> found = search_rotations(*frames_.pyramids, start_, used(), workers_);
-  if (!found) return fail(found.error());
-  heads_ = std::move(*found);
+  NODAL_TRY_ASSIGN(std::vector<HeadState> found, search_rotations(*frames_.pyramids, start_, used(), workers_));
+  heads_ = std::move(found);
   Status again = descend_all();
   if (!agreed || (again && check_agreement() && apart_ < apart)) return again;
   heads_ = unsearched;
@@ -373,25 +362,25 @@ Status Run::descend_coarse() {
 }
 
 Result<Report> Run::run(const LitFrames& frames) {
-  if (Status ready = prepare(frames); !ready) return fail(ready.error());
+  NODAL_TRY(prepare(frames));
   if (!options_.geometry) {
     for (const LevelPlan& plan : plans_) {
-      if (Status done = descend_level(plan); !done) return fail(done.error());
+      NODAL_TRY(descend_level(plan));
     }
     return report();
   }
-  if (Status found = find_dull_heads(); !found) return fail(found.error());
-  if (Status coarse = descend_coarse(); !coarse) return fail(coarse.error());
-  if (Status fine = descend_fine(); !fine) return fail(fine.error());
+  NODAL_TRY(find_dull_heads());
+  NODAL_TRY(descend_coarse());
+  NODAL_TRY(descend_fine());
   bool changed = false;
   for (std::size_t round = 0; round < heads_.size(); ++round) {
-    if (Status placed = check_placed(changed); !placed) return fail(placed.error());
+    NODAL_TRY(check_placed(changed));
     if (!changed) break;
-    if (Status again = descend_level(plans_.back()); !again) return fail(again.error());
+    NODAL_TRY(descend_level(plans_.back()));
   }
   // The head that held the rig may have been found not to be placed, after it had turned all others.
   hold_together(options_.gauge, start_, used(), heads_);
-  if (Status light = light_unplaced_heads(); !light) return fail(light.error());
+  NODAL_TRY(light_unplaced_heads());
   return report();
 }
 

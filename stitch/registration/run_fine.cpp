@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "protocol/base/try.h"
 #include "stitch/registration/run.h"
 
 namespace nodal::registration {
@@ -11,10 +12,10 @@ constexpr double kStrictHuber = 0.3;  // of the rms difference: lowers the weigh
 
 // The agreement of the heads' detail at the worst seam.
 Result<double> Run::least_agreement() const {
-  const Result<Detail> detail = measure_detail(detail_plan(), *frames_.pyramids, heads_, used(), options_, workers_);
-  if (!detail) return fail(detail.error());
+  NODAL_TRY_ASSIGN(const Detail detail,
+                   measure_detail(detail_plan(), *frames_.pyramids, heads_, used(), options_, workers_));
   double least = 1;
-  for (const PairSums& pair : detail->pairs) {
+  for (const PairSums& pair : detail.pairs) {
     if (pair.solid_angle > kSmallOverlapSr * channels()) least = std::min(least, pair.correlation());
   }
   return least;
@@ -53,11 +54,11 @@ Status Run::descend_fine() {
   auto p = static_cast<std::size_t>(std::ranges::find_if_not(plans_, is_coarse) - plans_.begin());
   if (lenses_far_off() && p < plans_.size()) {
     const std::size_t decided = std::max(p + 1, plans_.size() - 1);
-    if (Status chosen = choose_valley(p, decided); !chosen) return chosen;
+    NODAL_TRY(choose_valley(p, decided));
     p = decided;
   }
   for (; p < plans_.size(); ++p) {
-    if (Status done = descend_level(plans_[p]); !done) return done;
+    NODAL_TRY(descend_level(plans_[p]));
   }
   return {};
 }

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "protocol/base/angles.h"
+#include "protocol/base/try.h"
 #include "stitch/geometry/lens/lens.h"
 #include "stitch/registration/head_sight.h"
 
@@ -94,9 +95,8 @@ Result<Sample> make_sample(const HeadPyramid& pyramid, const HeadState& head, do
   const Result<double> angle = head.used_angle();
   if (!lens || !angle) return fail(lens ? angle.error() : lens.error());
   sample.angle = *angle;
-  Result<RadialTable> table = RadialTable::make(head.lens, *angle, head.edge_angle, head.edge_radius, false);
-  if (!table) return fail(table.error());
-  sample.table = std::move(*table);
+  NODAL_TRY_ASSIGN(RadialTable table, RadialTable::make(head.lens, *angle, head.edge_angle, head.edge_radius, false));
+  sample.table = std::move(table);
   const double pixel = sample.scale / per_radian;
   const Plane& light = pyramid.levels[static_cast<std::size_t>(level)].front();
   sample.plane = blurred_in_angle(light, level, head, 2 * pixel);
@@ -317,9 +317,8 @@ Result<std::vector<HeadState>> search_rotations(const std::vector<HeadPyramid>& 
   const double per_radian = pixels_per_radian(heads);
   std::vector<Sample> samples;
   for (std::size_t h = 0; h < heads.size(); ++h) {
-    Result<Sample> sample = make_sample(pyramids[h], heads[h], per_radian);
-    if (!sample) return fail(sample.error());
-    samples.push_back(std::move(*sample));
+    NODAL_TRY_ASSIGN(Sample sample, make_sample(pyramids[h], heads[h], per_radian));
+    samples.push_back(std::move(sample));
   }
   std::vector<Pair> pairs = possible_pairs(heads, used);
   const std::vector<Vector3d> turns = grid_of_turns();

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "protocol/base/angles.h"
+#include "protocol/base/try.h"
 #include "stitch/geometry/head.h"
 
 namespace nodal::registration {
@@ -39,11 +40,10 @@ double edge_of(const geometry::Head& head) {
 bool SeenRadii::determine_lenses() const { return span >= kLeastSpan; }
 
 Result<SeenRadii> seen_radii(const Calibration& calibration) {
-  const Result<std::vector<geometry::Head>> heads = geometry::make_heads(calibration);
-  if (!heads) return fail(heads.error());
+  NODAL_TRY_ASSIGN(const std::vector<geometry::Head> heads, geometry::make_heads(calibration));
   std::array<Ring, kRings> rings;
   SeenRadii seen{0, 180, 0};
-  for (const geometry::Head& head : *heads) {
+  for (const geometry::Head& head : heads) {
     const HeadCalibration& is = head.calibration();
     const double edge = edge_of(head);
     std::array<Ring, kRings> own;
@@ -55,7 +55,7 @@ Result<SeenRadii> seen_radii(const Calibration& calibration) {
       const double radius = std::hypot(at.x - is.center_x, (at.y - is.center_y) / is.aspect);
       Ring& ring = own[std::min(kRings - 1, static_cast<std::size_t>(radius / edge * kRings))];
       ++ring.samples;
-      ring.shared += std::ranges::any_of(*heads, [&](const geometry::Head& other) {
+      ring.shared += std::ranges::any_of(heads, [&](const geometry::Head& other) {
         const auto there = &other == &head ? std::nullopt : other.project(*ray);
         return there && other.contains(*there);
       });

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "protocol/base/raymap_rate.h"
+#include "protocol/base/try.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/seam_map.h"
 #include "protocol/take/tally.h"
@@ -33,10 +34,9 @@ sets::SetFrame blended(const media::TakeFrame& frame) {
 }  // namespace
 
 Result<RaymapConfig> raymap_of(const media::TakeFolder& folder) {
-  const auto text = folder.text(take::kRigFile, kMostTomlBytes);
-  if (!text) return fail(text.error());
+  NODAL_TRY_ASSIGN(const auto text, folder.text(take::kRigFile, kMostTomlBytes));
   const auto read = [&](const std::string& file) { return folder.text(file, kMaxRayFileBytes); };
-  return sets::raymap_config_of(*text, folder.shown(take::kRigFile), read);
+  return sets::raymap_config_of(text, folder.shown(take::kRigFile), read);
 }
 
 TakeRender::TakeRender(const media::TakeFolder& folder, RenderOptions options, std::vector<Used> calibrations)
@@ -59,9 +59,8 @@ Result<std::unique_ptr<TakeRender>> TakeRender::make(const media::TakeFolder& fo
     return {};
   };
   const auto add_file = [&](const std::string& name, std::uint64_t first_set) -> Status {
-    const auto text = folder.text(name, kMaxCalibrationBytes);
-    if (!text) return fail(text.error());
-    auto parsed = parse_calibration(*text);
+    NODAL_TRY_ASSIGN(const auto text, folder.text(name, kMaxCalibrationBytes));
+    auto parsed = parse_calibration(text);
     if (!parsed) return fail(parsed.error().in(folder.shown(name)));
     return add(std::move(*parsed), first_set, folder.shown(name));
   };
@@ -120,18 +119,18 @@ Result<bool> TakeRender::next_set(const std::function<void(double)>& compiled) {
       if (set_.heads[i].there) before[i] = blended(set_.heads[i]);
     }
   }
-  if (const Status tables = use_tables(compiled); !tables) return fail(tables.error());
-  if (const Status read = sets_.read_pictures(set_); !read) return fail(read.error());
+  NODAL_TRY(use_tables(compiled));
+  NODAL_TRY(sets_.read_pictures(set_));
   const std::uint64_t period = sets::seam_period(set_.evidence.number());
   if (has_seams()) {
-    if (const Status used = use_seams(); !used) return fail(used.error());
+    NODAL_TRY(use_seams());
   } else if (period != seams_period_ && placed_) {
     blend_.adopt(std::exchange(placed_, {}));
   }
   blend_.begin(before);
   undecodable_ = begin_set();
   if (blend_.installed()->seams && !has_seams() && period != seams_period_) {
-    if (const Status placed = place_seams(period); !placed) return fail(placed.error());
+    NODAL_TRY(place_seams(period));
   }
   return true;
 }
@@ -213,31 +212,27 @@ Status TakeRender::use_tables(const std::function<void(double)>& compiled) {
     heads[*stream.head].size = {stream.width, stream.height};
   }
   if (compiled_ == used_ && formats == formats_ && fields == fields_) return {};
-  const auto fitted = sets::calibration_of(used_->calibration, heads, "take.json");
-  if (!fitted) return fail(fitted.error());
-  auto job = sets::TableJob::make(*fitted, options_.raymap, fields.value_or(Fields::kProgressive), formats);
-  if (!job) return fail(job.error());
-  while (!job->done()) {
-    job->compile_some(2 * workers_.threads() * kCompiledRows, [&](int from, int until, const auto& compile) {
+  NODAL_TRY_ASSIGN(const auto fitted, sets::calibration_of(used_->calibration, heads, "take.json"));
+  NODAL_TRY_ASSIGN(auto job,
+                   sets::TableJob::make(fitted, options_.raymap, fields.value_or(Fields::kProgressive), formats));
+  while (!job.done()) {
+    job.compile_some(2 * workers_.threads() * kCompiledRows, [&](int from, int until, const auto& compile) {
       workers_.run((until - from + kCompiledRows - 1) / kCompiledRows, [&](int i) {
         const int first = from + i * kCompiledRows;
         compile(first, std::min(until, first + kCompiledRows));
       });
     });
-    if (compiled) compiled(job->percent() / 100.0);
+    if (compiled) compiled(job.percent() / 100.0);
   }
-  auto tables = std::move(*job).finish();
-  if (!tables) return fail(tables.error());
-  auto meter = table::compile_meter_table(*fitted);
-  if (!meter) return fail(meter.error());
+  NODAL_TRY_ASSIGN(auto tables, std::move(job).finish());
+  NODAL_TRY_ASSIGN(auto meter, table::compile_meter_table(fitted));
   std::shared_ptr<const sets::SeamViews> seams;
   if (options_.raymap.seams == SeamPlacement::kPlaced) {
-    auto views = sets::SeamViews::make(*fitted, options_.raymap, *tables);
-    if (!views) return fail(views.error());
-    seams = std::move(*views);
+    NODAL_TRY_ASSIGN(auto views, sets::SeamViews::make(fitted, options_.raymap, tables));
+    seams = std::move(views);
   }
-  blend_.adopt(sets::make_installed(used_->id, fitted->name, std::move(*tables), std::move(*meter),
-                                    table::compile_tone_table(*fitted, options_.raymap.format, options_.raymap.soft),
+  blend_.adopt(sets::make_installed(used_->id, fitted.name, std::move(tables), std::move(meter),
+                                    table::compile_tone_table(fitted, options_.raymap.format, options_.raymap.soft),
                                     formats, std::move(seams)));
   own_seams_ = blend_.installed();
   recorded_seams_.reset();

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "protocol/base/result.h"
+#include "protocol/base/try.h"
 #include "stitch/blend/prepare.h"
 #include "stitch/decode/frame_decoder.h"
 #include "stitch/sets/seam_views.h"
@@ -51,10 +52,10 @@ InstalledPtr make_installed(const Sha256& id, std::string name, std::vector<blen
 
 Result<InstalledPtr> with_seams(const InstalledCalibration& installed, std::vector<std::uint8_t> labels) {
   const SeamLabels& before = installed.seam_labels;
-  auto tables = installed.seams->tables(installed.tables, before ? *before : std::vector<std::uint8_t>(), labels);
-  if (!tables) return fail(tables.error());
+  NODAL_TRY_ASSIGN(auto tables,
+                   installed.seams->tables(installed.tables, before ? *before : std::vector<std::uint8_t>(), labels));
   return std::make_shared<const InstalledCalibration>(InstalledCalibration{
-      installed.id, installed.name, std::move(*tables), installed.tone, installed.prepared, installed.decoders,
+      installed.id, installed.name, std::move(tables), installed.tone, installed.prepared, installed.decoders,
       installed.meter, installed.exposures, installed.seams, installed.seam_pictures,
       std::make_shared<const std::vector<std::uint8_t>>(std::move(labels))});
 }

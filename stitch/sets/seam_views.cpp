@@ -2,6 +2,7 @@
 
 #include <array>
 
+#include "protocol/base/try.h"
 #include "stitch/blend/blend.h"
 #include "stitch/blend/prepare.h"
 #include "stitch/geometry/raymap/layout.h"
@@ -27,9 +28,8 @@ Result<std::shared_ptr<const SeamViews>> SeamViews::make(const Calibration& cali
   const PixelFormat format = in_8_bits(raymap.format);
   std::vector<PixelFormat> formats;  // as blended
   for (const blend::BlendTable::Source& source : tables[0].sources) formats.push_back(source.format);
-  auto scores = table::seam_scores(calibration, formats, format, kSeamMapWidth);
-  if (!scores) return fail(scores.error());
-  made->scores_ = std::move(*scores);
+  NODAL_TRY_ASSIGN(auto scores, table::seam_scores(calibration, formats, format, kSeamMapWidth));
+  made->scores_ = std::move(scores);
   table::TableOptions options;
   options.transition = table::Transition::kFeather;
   options.sharpen = 0;
@@ -50,12 +50,11 @@ Result<std::shared_ptr<const SeamViews>> SeamViews::make(const Calibration& cali
     for (blend::GridTable& grid : view.grids) {
       for (blend::PatchRecord& record : grid.records) record.source |= static_cast<std::uint8_t>(h);
     }
-    if (const Status proven = table::validate_blend_table(view); !proven) return fail(proven.error());
+    NODAL_TRY(table::validate_blend_table(view));
   }
-  const auto layout = geometry::make_layout(raymap.layout, raymap.width, raymap.height);
-  if (!layout) return fail(layout.error());
+  NODAL_TRY_ASSIGN(const auto layout, geometry::make_layout(raymap.layout, raymap.width, raymap.height));
   for (const blend::BlendTable& table : tables) {
-    made->seamed_.emplace_back(table, **layout, kSeamMapWidth, raymap.seam_width_deg);
+    made->seamed_.emplace_back(table, *layout, kSeamMapWidth, raymap.seam_width_deg);
   }
   return std::shared_ptr<const SeamViews>(made);
 }
@@ -111,7 +110,7 @@ Result<std::vector<blend::BlendTable>> SeamViews::tables(std::span<const blend::
   std::vector<blend::BlendTable> made;
   for (std::size_t k = 0; k < tables.size(); ++k) {
     table::SeamedTable::Moved moved = seamed_[k].with(tables[k], before, labels);
-    if (const Status proven = table::validate_tiles(moved.table, moved.made); !proven) return fail(proven.error());
+    NODAL_TRY(table::validate_tiles(moved.table, moved.made));
     made.push_back(std::move(moved.table));
   }
   return made;

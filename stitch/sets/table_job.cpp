@@ -4,6 +4,8 @@
 #include <string>
 #include <utility>
 
+#include "protocol/base/try.h"
+
 namespace nodal::sets {
 namespace {
 
@@ -36,16 +38,15 @@ Result<TableJob> TableJob::make(const Calibration& calibration, const RaymapConf
     const FieldParity first = first_field(fields);
     job.fields_ = {first, other(first)};
   }
-  if (Status begun = job.next_table(); !begun) return fail(begun.error());
+  NODAL_TRY(job.next_table());
   return job;
 }
 
 Status TableJob::next_table() {
   options_.field = fields_[tables_.size()];
   rows_done_ = 0;
-  auto compiler = table::TableCompiler::make(calibration_, spec_, formats_, options_);
-  if (!compiler) return fail(compiler.error());
-  compiler_.emplace(std::move(*compiler));
+  NODAL_TRY_ASSIGN(auto compiler, table::TableCompiler::make(calibration_, spec_, formats_, options_));
+  compiler_.emplace(std::move(compiler));
   return {};
 }
 

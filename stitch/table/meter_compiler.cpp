@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "protocol/base/try.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/response.h"
 
@@ -35,10 +36,9 @@ std::uint16_t corner(double at, int size) {
 }  // namespace
 
 Result<blend::MeterTable> compile_meter_table(const Calibration& calibration) {
-  const Result<std::vector<geometry::Head>> heads = geometry::make_heads(calibration);
-  if (!heads) return fail(heads.error());
+  NODAL_TRY_ASSIGN(const std::vector<geometry::Head> heads, geometry::make_heads(calibration));
   blend::MeterTable table;
-  for (const geometry::Head& head : *heads) table.heads.push_back(describe(head));
+  for (const geometry::Head& head : heads) table.heads.push_back(describe(head));
   for (int row = 0; row < kRows; ++row) {
     // The solid angle of a cell, as a fraction of the sphere: (sin b - sin a) / 2 / columns.
     const double top = std::numbers::pi * (static_cast<double>(row) / kRows - 0.5);
@@ -50,8 +50,8 @@ Result<blend::MeterTable> compile_meter_table(const Calibration& calibration) {
       const geometry::Ray ray =
           geometry::Ray::towards({std::sin(theta) * std::cos(phi), std::sin(phi), std::cos(theta) * std::cos(phi)});
       std::uint32_t seen = 0;
-      for (std::size_t h = 0; h < heads->size(); ++h) {
-        const geometry::Head& head = (*heads)[h];
+      for (std::size_t h = 0; h < heads.size(); ++h) {
+        const geometry::Head& head = heads[h];
         const auto pixel = head.project(ray);
         if (!pixel || !head.contains(*pixel)) continue;
         const auto& gain = head.calibration().gain;
@@ -62,7 +62,7 @@ Result<blend::MeterTable> compile_meter_table(const Calibration& calibration) {
       }
       table.cells.push_back({static_cast<std::uint32_t>(std::lround(part * (1 << 24))),
                              static_cast<std::uint32_t>(table.samples.size())});
-      for (std::size_t h = 0; h < heads->size(); ++h) {
+      for (std::size_t h = 0; h < heads.size(); ++h) {
         if ((seen >> h & 1) != 0) table.heads[h].overlaps |= seen & ~(std::uint32_t{1} << h);
       }
     }

@@ -6,6 +6,7 @@
 #include <limits>
 #include <string>
 
+#include "protocol/base/try.h"
 #include "stitch/table/head_weight.h"
 #include "stitch/table/ray_interpolation.h"
 #include "stitch/table/tone_compiler.h"
@@ -108,11 +109,9 @@ double same_radius(const geometry::Head& head, const PlaneGrid& plane_grid) {
 Result<RaySampler> RaySampler::make(const Calibration& calibration, const geometry::RaymapLayout& layout,
                                     PixelFormat raymap_format, std::span<const PixelFormat> head_formats,
                                     const TableOptions& options) {
-  if (Status checked = check_transition(options); !checked) return fail(checked.error());
-  if (Status checked = check_formats(calibration, raymap_format, head_formats, options.field.has_value()); !checked)
-    return fail(checked.error());
-  Result<std::vector<geometry::Head>> heads = geometry::make_heads(calibration);
-  if (!heads) return fail(heads.error());
+  NODAL_TRY(check_transition(options));
+  NODAL_TRY(check_formats(calibration, raymap_format, head_formats, options.field.has_value()));
+  NODAL_TRY_ASSIGN(std::vector<geometry::Head> heads, geometry::make_heads(calibration));
 
   RaySampler sampler;
   sampler.layout_ = &layout;
@@ -120,7 +119,7 @@ Result<RaySampler> RaySampler::make(const Calibration& calibration, const geomet
   sampler.options_ = options;
   sampler.power_ = linear_power(calibration);
   sampler.head_formats_.assign(head_formats.begin(), head_formats.end());
-  sampler.heads_ = std::move(*heads);
+  sampler.heads_ = std::move(heads);
   for (const geometry::Head& head : sampler.heads_) {
     sampler.optics_.push_back(HeadOptics::of(head, raymap_format, sampler.power_, options));
     const bool seams = options.transition != Transition::kFeather;

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "protocol/base/try.h"
 #include "stitch/geometry/mask_holes.h"
 #include "stitch/geometry/raymap/layout.h"
 #include "stitch/table/append_record.h"
@@ -235,26 +236,23 @@ TableCompiler::~TableCompiler() = default;
 
 Result<TableCompiler> TableCompiler::make(const Calibration& calibration, const RaymapSpec& raymap,
                                           std::span<const PixelFormat> head_formats, const TableOptions& options) {
-  Result<std::unique_ptr<geometry::RaymapLayout>> layout =
-      geometry::make_layout(raymap.layout, raymap.width, raymap.height);
-  if (!layout) return fail(layout.error());
-  Result<TableCompiler> compiler = make(calibration, **layout, raymap.format, head_formats, options);
-  if (compiler) compiler->work_->own_layout = std::move(*layout);
+  NODAL_TRY_ASSIGN(std::unique_ptr<geometry::RaymapLayout> layout,
+                   geometry::make_layout(raymap.layout, raymap.width, raymap.height));
+  Result<TableCompiler> compiler = make(calibration, *layout, raymap.format, head_formats, options);
+  if (compiler) compiler->work_->own_layout = std::move(layout);
   return compiler;
 }
 
 Result<TableCompiler> TableCompiler::make(const Calibration& calibration, const geometry::RaymapLayout& layout,
                                           PixelFormat raymap_format, std::span<const PixelFormat> head_formats,
                                           const TableOptions& options) {
-  Result<RaySampler> sampler = RaySampler::make(calibration, layout, raymap_format, head_formats, options);
-  if (!sampler) return fail(sampler.error());
-  auto work = std::make_unique<Work>(Work{nullptr, std::move(*sampler), std::nullopt, 0, {}, {}, {}, {}});
+  NODAL_TRY_ASSIGN(RaySampler sampler, RaySampler::make(calibration, layout, raymap_format, head_formats, options));
+  auto work = std::make_unique<Work>(Work{nullptr, std::move(sampler), std::nullopt, 0, {}, {}, {}, {}});
   if (options.transition != Transition::kFeather) {
     TableOptions all = options;
     all.transition = Transition::kFeather;
-    Result<RaySampler> cover = RaySampler::make(calibration, layout, raymap_format, head_formats, all);
-    if (!cover) return fail(cover.error());
-    work->cover = std::move(*cover);
+    NODAL_TRY_ASSIGN(RaySampler cover, RaySampler::make(calibration, layout, raymap_format, head_formats, all));
+    work->cover = std::move(cover);
   }
   return TableCompiler(std::move(work));
 }
@@ -320,19 +318,18 @@ Result<blend::BlendTable> TableCompiler::finish() && {
   const auto add_grids = [&](std::vector<blend::GridTable>& grids) -> Status {
     for (const RaySampler::Grid& shape : sampler.grids()) {
       const auto height = static_cast<std::size_t>(tile_rows(shape));
-      Result<blend::GridTable> grid = join(shape, rows.first(height));
-      if (!grid) return fail(grid.error());
+      NODAL_TRY_ASSIGN(blend::GridTable grid, join(shape, rows.first(height)));
       rows = rows.subspan(height);
-      for (const blend::PatchRecord& record : grid->records) {
+      for (const blend::PatchRecord& record : grid.records) {
         std::uint8_t& levels = table.sources[record.head()].levels;
         levels = std::max(levels, static_cast<std::uint8_t>(record.pyramid_level() + 1));
         if (record.pyramid_level() == 0) unshrunk |= 1U << record.head();
       }
-      grids.push_back(std::move(*grid));
+      grids.push_back(std::move(grid));
     }
     return {};
   };
-  if (Status added = add_grids(table.grids); !added) return fail(added.error());
+  NODAL_TRY(add_grids(table.grids));
   for (std::size_t g = 0; g < table.grids.size(); ++g) {
     table.grids[g].places = std::move(work_->orders[g].places);
     add_batches(table.grids[g], components_on(table.format, static_cast<int>(g)), work_->orders[g].cells);
@@ -341,7 +338,7 @@ Result<blend::BlendTable> TableCompiler::finish() && {
   }
   for (std::size_t h = 0; h < work_->low_sizes.size(); ++h) table.sources[h].low_size = work_->low_sizes[h];
   if (work_->cover && sampler.options().cover) {
-    if (Status added = add_grids(table.cover); !added) return fail(added.error());
+    NODAL_TRY(add_grids(table.cover));
   }
   if (table.grids[0].records.empty()) {
     return fail(Errc::kNoCoverage, "no head sees any ray of the " + std::string(sampler.layout().name()) +
@@ -352,25 +349,24 @@ Result<blend::BlendTable> TableCompiler::finish() && {
     if ((unshrunk >> h & 1) == 0) table.sources[h].sharpen = 0;
   }
   name_made_rows(table);
-  if (Status proven = validate_blend_table(table); !proven) return fail(proven.error());
+  NODAL_TRY(validate_blend_table(table));
   return table;
 }
 
 Result<blend::BlendTable> compile_blend_table(const Calibration& calibration, const RaymapSpec& raymap,
                                               std::span<const PixelFormat> head_formats, const TableOptions& options) {
-  Result<TableCompiler> compiler = TableCompiler::make(calibration, raymap, head_formats, options);
-  if (!compiler) return fail(compiler.error());
-  compiler->compile_rows(0, compiler->row_count());
-  return std::move(*compiler).finish();
+  NODAL_TRY_ASSIGN(TableCompiler compiler, TableCompiler::make(calibration, raymap, head_formats, options));
+  compiler.compile_rows(0, compiler.row_count());
+  return std::move(compiler).finish();
 }
 
 Result<blend::BlendTable> compile_blend_table(const Calibration& calibration, const geometry::RaymapLayout& layout,
                                               PixelFormat raymap_format, std::span<const PixelFormat> head_formats,
                                               const TableOptions& options) {
-  Result<TableCompiler> compiler = TableCompiler::make(calibration, layout, raymap_format, head_formats, options);
-  if (!compiler) return fail(compiler.error());
-  compiler->compile_rows(0, compiler->row_count());
-  return std::move(*compiler).finish();
+  NODAL_TRY_ASSIGN(TableCompiler compiler,
+                   TableCompiler::make(calibration, layout, raymap_format, head_formats, options));
+  compiler.compile_rows(0, compiler.row_count());
+  return std::move(compiler).finish();
 }
 
 }  // namespace nodal::table

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "protocol/base/try.h"
 #include "stitch/table/batches.h"
 #include "stitch/table/made_rows.h"
 
@@ -354,7 +355,7 @@ Status check_cover(const BlendTable& table) {
     }
     if (!cover.records.empty() && cover.gains.empty() != grid.gains.empty()) return invalid(where + ": gains");
     if (!cover.places.empty()) return invalid(where + " has places of its own");
-    if (Status proven = GridProof(table, cover, g, "cover").run(); !proven) return proven;
+    NODAL_TRY(GridProof(table, cover, g, "cover").run());
   }
   return {};
 }
@@ -362,19 +363,19 @@ Status check_cover(const BlendTable& table) {
 }  // namespace
 
 Status validate_blend_table(const BlendTable& table) {
-  if (Status shape = check_shape(table); !shape) return shape;
-  if (Status components = check_components(table); !components) return components;
+  NODAL_TRY(check_shape(table));
+  NODAL_TRY(check_components(table));
   for (std::size_t g = 0; g < table.grids.size(); ++g) {
-    if (Status grid = GridProof(table, table.grids[g], g, "grid").run(); !grid) return grid;
+    NODAL_TRY(GridProof(table, table.grids[g], g, "grid").run());
   }
-  if (Status cover = check_cover(table); !cover) return cover;
+  NODAL_TRY(check_cover(table));
   if (!all_read_is_made(table)) return invalid("a patch reads a part of a halved picture that is not made");
   return check_low(table);
 }
 
 Status validate_tiles(const BlendTable& table, const std::vector<std::vector<bool>>& tiles) {
   for (std::size_t g = 0; g < table.grids.size(); ++g) {
-    if (Status grid = GridProof(table, table.grids[g], g, "grid").run(&tiles[g]); !grid) return grid;
+    NODAL_TRY(GridProof(table, table.grids[g], g, "grid").run(&tiles[g]));
   }
   return {};
 }

@@ -337,6 +337,7 @@ TEST_F(RenderTest, Exported_FilmsHaveTheSamePicturesAndTablesARowForEachFrame) {
   EXPECT_EQ(read("out/sets.csv").find("index,number,mid_exposure_ns"), 0U);
   EXPECT_NE(nodal({"take", "export", take(), "--to", take()}).code, 0) << "into the take itself";
   const std::string exported = read("out/cam0.mkv");
+  const Refusing overwriting;
   const Finished again = nodal({"take", "export", take(), "--to", path("out")});
   EXPECT_NE(again.code, 0) << "films are there already";
   EXPECT_NE(again.err.find("already; name another folder"), std::string::npos) << again.err;

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -23,6 +24,16 @@ using Words = std::vector<std::string>;
 /// Six rectilinear heads of 100 degrees, `side` px square, that look along the axes: forward, right, back, left, up,
 /// down. Every ray is seen by one to three heads. Two results of the same size differ only in `name`.
 Calibration six_heads(const std::string& name, int side = 96);
+
+/// While it lives, `nodal` refuses to write over files, as it does for users; for other tests it replaces them
+/// (tests/support/process.cpp).
+class Refusing {
+ public:
+  Refusing() { ::setenv("NODAL_OVERWRITE", "0", 1); }
+  ~Refusing() { ::unsetenv("NODAL_OVERWRITE"); }
+  Refusing(const Refusing&) = delete;
+  Refusing& operator=(const Refusing&) = delete;
+};
 
 /// A temporary folder with rig.toml, truth.json and six.json, and a nodald that runs in it.
 class RigTest : public ::testing::Test {

@@ -100,6 +100,7 @@ TEST_F(TakeTells, OneTakeCannotBeDeleted_JsonHasItAndTheOthersToo) {
 }
 
 TEST_F(TakeTells, ExportedToAFolderWithFilms_IsRefusedAndReplacesThemWithOverwrite) {
+  const Refusing overwriting;
   start_rig();
   record(5);
   const Words exports{"take", "export", path("takes/000001"), "--to", path("out")};

@@ -76,7 +76,7 @@ fuzz_canary(rate_accepted_from_settings settings_file ${rate_accepted} PATCH fir
 
 # Memory that grows by what requests hold: their unknown fields are not dropped, and a setting is merged into those before.
 fuzz_canary(unknown_fields_from_hosts control
-  PATCH protocol/session.cpp "drop_unknown_fields(*request)" "(void)request"
+  PATCH protocol/session.cpp "drop_unknown_fields(request)" "(void)request"
   PATCH firmware/hosts/wire_commands.cpp "if (request.heads_size() > kMaxHeads) {"
   "static wire::HeadSetRequest all; all.MergeFrom(request); if (request.heads_size() > kMaxHeads) {")
 

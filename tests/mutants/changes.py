@@ -65,6 +65,8 @@ class Source:
                 index = token.partner  # arguments of a template are constants
             elif token.text == "if" and token.kind == "word":
                 self.condition_of_if(index)
+            elif token.text == "NODAL_TRY":
+                self.error_passed_on(index)
             elif token.text == "while" and self.tokens[index + 1].text == "(":
                 self.negation("the loop's condition is negated", index + 2, self.tokens[index + 1].partner, index)
             elif token.text == "?" and token.kind == "sign":
@@ -188,6 +190,13 @@ class Source:
             if leaves:
                 self.add(self.never(closing + 1), first, closing,
                          [whole, f"; static_cast<bool>({name.text}) && !{ON}"], index)
+
+    def error_passed_on(self, index):
+        """An error that NODAL_TRY() does not pass on. NODAL_TRY_ASSIGN() has no value to go on with."""
+        first, last = index + 2, self.tokens[index + 1].partner
+        self.add("the error is not passed on", first, last,
+                 ["[&]() -> ::nodal::Status {{ auto nodal_result = (", self.span(first, last),
+                  f"); if (nodal_result || {ON}) return {{{{}}}}; return ::nodal::fail(nodal_result.error()); }}}}()"], index)
 
     def at_depth_0(self, first, last):
         at = first

@@ -73,6 +73,7 @@ class Changes(unittest.TestCase):
         self.assertEqual(named("if (a) {\ng();\nreturn 1;\n}\nh();"),
                          ["the condition is negated", "the early return is never taken"])
         self.assertEqual(named("x = y % 3;"), ["% becomes /"])
+        self.assertEqual(named("NODAL_TRY(f(a));"), ["the error is not passed on"])
         self.assertEqual(named("x -= y;"), ["-= becomes +="])
         self.assertEqual(named("x = !y ? 1 : 2;"), ["! is dropped", "the choice is negated"])
 
@@ -97,6 +98,11 @@ class Changes(unittest.TestCase):
     def test_a_condition_with_a_declaration__keeps_it(self):
         self.assertIn("if (auto e = f(); static_cast<bool>(e) && !on(1)) return e;",
                       only("if (auto e = f()) return e;", "the early return is never taken"))
+
+    def test_an_error_that_is_passed_on__is_kept_back(self):
+        self.assertIn("NODAL_TRY([&]() -> ::nodal::Status { auto nodal_result = (f()); if (nodal_result || on(1)) return {}; "
+                      "return ::nodal::fail(nodal_result.error()); }());",
+                      only("NODAL_TRY(f());", "the error is not passed on"))
 
     def test_lines__stay_where_they_are(self):
         text = only("x = a &&  // why\n    b;\ny = 1;", "&& becomes ||")

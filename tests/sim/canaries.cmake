@@ -69,7 +69,7 @@ canary(set_waits_for_ever SETS firmware/capture/capture_sets.cpp
   "if (now < due(open_.front())) break\;" "if (now < due(open_.front()) + Duration::seconds(10)) break\;")
 canary(head_not_looked_for SETS firmware/capture/capture_head.cpp
   "constexpr Duration kRetry = Duration::milliseconds(200)\;" "constexpr Duration kRetry = Duration::milliseconds(2600)\;")
-canary(calibration_not_synced SETS firmware/storage/durable_file.cpp "if (done) done = disk.sync(*handle)\;" "")
+canary(calibration_not_synced SETS firmware/storage/durable_file.cpp "if (done) done = disk.sync(handle)\;" "")
 canary(told_and_not_kept SETS firmware/calibration/calibration_keeper.cpp
   "if (kept) kept = store_->set_in_force(done.id)\;" "")
 canary(raymap_names_the_first SETS firmware/picture/blender.cpp

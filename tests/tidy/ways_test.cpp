@@ -91,5 +91,13 @@ TEST(Ways, AStepOnBoard_TakesWhatAQueueHoldsAndEnds) {
   }
 }
 
+TEST(Ways, AnErrorThatIsOnlyPassedOn_IsPassedOnByNodalTry) {
+  const std::regex by_hand(
+      R"(if \((?:const )?(?:Status|auto|Result<.*>) (\w+) = .*; !\1\) return (?:fail\(\1\.error\(\)\)|\1);)");
+  for (const Found& found : lines_with(by_hand, kPrograms)) {
+    ADD_FAILURE() << found.place << " passes an error on by hand; use NODAL_TRY() of protocol/base/try.h";
+  }
+}
+
 }  // namespace
 }  // namespace nodal::tidy

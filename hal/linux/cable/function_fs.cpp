@@ -17,6 +17,7 @@
 
 #include "hal/linux/cable/answer_thread.h"
 #include "hal/linux/link/descriptor_link.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal::cable {
 namespace {
@@ -58,8 +59,8 @@ class FunctionFs final : public UsbFunction {
       if (file.get() < 0) return system_error(Errc::kIo, folder_ + name, errno);
       return {};
     };
-    if (Status from = endpoint("/ep1", from_host_); !from) return from;
-    if (Status to = endpoint("/ep2", to_host_); !to) return to;
+    NODAL_TRY(endpoint("/ep1", from_host_));
+    NODAL_TRY(endpoint("/ep2", to_host_));
     done_ = Descriptor(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
     either_ = Descriptor(::epoll_create1(EPOLL_CLOEXEC));
     if (done_.get() < 0 || either_.get() < 0) return system_error(Errc::kIo, folder_, errno);
@@ -200,7 +201,7 @@ Result<std::unique_ptr<UsbFunction>> open_function(const std::string& folder, co
     return system_error(Errc::kIo, path + ": writing the USB descriptors", errno);
   }
   auto function = std::make_unique<FunctionFs>(folder, ep0);
-  if (const Status open = function->open(); !open) return fail(open.error());
+  NODAL_TRY(function->open());
   return function;
 }
 

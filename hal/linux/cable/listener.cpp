@@ -3,6 +3,7 @@
 
 #include "hal/linux/cable/cable.h"
 #include "hal/linux/cable/function_fs.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal::cable {
 namespace {
@@ -32,10 +33,9 @@ class CableListener final : public LinkListenerPort {
   explicit CableListener(std::shared_ptr<Cable> cable) : cable_(std::move(cable)) {}
 
   Result<std::unique_ptr<LinkPort>> accept() override {
-    const auto session = cable_->take_session();
-    if (!session) return fail(session.error());
-    if (!*session) return nullptr;
-    return std::make_unique<CableLink>(cable_, **session);
+    NODAL_TRY_ASSIGN(const auto session, cable_->take_session());
+    if (!session) return nullptr;
+    return std::make_unique<CableLink>(cable_, *session);
   }
   void add_wake_ups(WakeUps& to) const override { cable_->add_wake_ups(to); }
 
@@ -50,9 +50,8 @@ std::unique_ptr<LinkListenerPort> listen_over(std::unique_ptr<UsbFunction> funct
 }
 
 Result<std::unique_ptr<LinkListenerPort>> listen_cable(const std::string& folder, const std::string& rig) {
-  auto function = open_function(folder, rig);
-  if (!function) return fail(function.error());
-  return listen_over(std::move(*function), "usb:" + folder);
+  NODAL_TRY_ASSIGN(auto function, open_function(folder, rig));
+  return listen_over(std::move(function), "usb:" + folder);
 }
 
 }  // namespace nodal::hal::cable

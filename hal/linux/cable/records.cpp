@@ -4,6 +4,7 @@
 #include <string>
 
 #include "protocol/base/bytes.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal::cable {
 namespace {
@@ -88,7 +89,7 @@ Result<std::span<const std::uint8_t>> RecordReader::next(std::span<const std::ui
     header_bytes_ += part.size();
     if (header_bytes_ < kHeaderBytes) return std::span<const std::uint8_t>();
     header_bytes_ = 0;
-    if (const Status good = read_header(); !good) return fail(good.error());
+    NODAL_TRY(read_header());
     return std::span<const std::uint8_t>();
   }
   const auto part = take(payload_);

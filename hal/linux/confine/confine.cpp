@@ -19,6 +19,7 @@
 #include <utility>
 
 #include "hal/linux/confine/own_descriptor.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal::linux_os {
 namespace {
@@ -96,7 +97,7 @@ Result<int> restrict_files(const Confinement& what) {
   for (const auto& [paths, rights] : {std::pair{&what.read, kToRead}, std::pair{&what.write, kToWrite},
                                       std::pair{&what.execute, kExecute | kReadFile}}) {
     for (const std::string& path : *paths) {
-      if (const Status allowed = allow(ruleset.get(), path, rights & handled); !allowed) return fail(allowed.error());
+      NODAL_TRY(allow(ruleset.get(), path, rights & handled));
     }
   }
   if (::syscall(kRestrictSelf, ruleset.get(), 0) != 0) return refused("Landlock");
@@ -290,16 +291,14 @@ Status limit(int resource, std::uint64_t value, const char* name) {
 }  // namespace
 
 Result<Confined> confine(const Confinement& what) {
-  if (const Status done = limit(RLIMIT_AS, what.memory_bytes, "RLIMIT_AS"); !done) return fail(done.error());
-  if (const Status done = limit(RLIMIT_CPU, what.cpu_seconds, "RLIMIT_CPU"); !done) return fail(done.error());
+  NODAL_TRY(limit(RLIMIT_AS, what.memory_bytes, "RLIMIT_AS"));
+  NODAL_TRY(limit(RLIMIT_CPU, what.cpu_seconds, "RLIMIT_CPU"));
   if (::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) return refused("no_new_privs");
   Confined done;
-  const auto landlock = restrict_files(what);
-  if (!landlock) return fail(landlock.error());
-  done.landlock = *landlock;
-  const auto seccomp = restrict_calls(what);
-  if (!seccomp) return fail(seccomp.error());
-  done.seccomp = *seccomp;
+  NODAL_TRY_ASSIGN(const auto landlock, restrict_files(what));
+  done.landlock = landlock;
+  NODAL_TRY_ASSIGN(const auto seccomp, restrict_calls(what));
+  done.seccomp = seccomp;
   done.missing = missing(done.landlock > 0, done.seccomp);
   return done;
 }

@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "protocol/base/try.h"
+
 namespace nodal::hal::device {
 namespace {
 
@@ -60,10 +62,9 @@ void DeviceHead::fail_for_good(Error why) {
 Status DeviceHead::start(TriggerMode trigger) {
   if (state_ == State::kFailed) return fail(*final_);
   if (state_ != State::kStopped) return fail(error(Errc::kWrongState, "is started already; stop it first"));
-  auto job = begin(trigger);
-  if (!job) return fail(job.error());
+  NODAL_TRY_ASSIGN(auto job, begin(trigger));
   restarts_in_row_ = 0;
-  post_stream(std::move(*job));
+  post_stream(std::move(job));
   return {};
 }
 

@@ -5,6 +5,8 @@
 #include <system_error>
 #include <utility>
 
+#include "protocol/base/try.h"
+
 namespace nodal::hal::gpio {
 namespace {
 
@@ -19,7 +21,7 @@ Status state_of(const LineName& name, const std::string& doing, int error) {
 }  // namespace
 
 Status GpioOutputPin::set(bool high, Instant now, Duration lease) {
-  if (Status fine = step(now); !fine) return fine;
+  NODAL_TRY(step(now));
   if (lease.ns() <= 0) {
     return fail(Errc::kBadValue, "line " + line_->name().text() + ": a lease must be longer than 0 ns");
   }
@@ -55,12 +57,12 @@ Instant GpioOutputPin::work(Instant now) {
 Status GpioInputPin::there() const { return state_of(name_, "reading", error_.load()); }
 
 Result<bool> GpioInputPin::level() {
-  if (Status fine = there(); !fine) return fail(fine.error());
+  NODAL_TRY(there());
   return level_.load();
 }
 
 Result<std::optional<PinEdge>> GpioInputPin::take_edge() {
-  if (Status fine = there(); !fine) return fail(fine.error());
+  NODAL_TRY(there());
   return edges_.pop();
 }
 
@@ -119,9 +121,8 @@ Instant GpioInputPin::work(Instant now) {
 Pins::~Pins() { runner_.reset(); }
 
 Result<GpioOutputPin*> Pins::add_output(const PinRequest& request) {
-  auto line = claim_output(system_, request.line, request.active_low);
-  if (!line) return fail(line.error());
-  return &outputs_.emplace_back(std::move(*line), request.active_low);
+  NODAL_TRY_ASSIGN(auto line, claim_output(system_, request.line, request.active_low));
+  return &outputs_.emplace_back(std::move(line), request.active_low);
 }
 
 Result<GpioInputPin*> Pins::add_input(const PinRequest& request) {

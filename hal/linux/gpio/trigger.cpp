@@ -5,6 +5,7 @@
 #include <system_error>
 
 #include "protocol/base/limits.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal::gpio {
 namespace {
@@ -40,11 +41,10 @@ Status GpioTrigger::claim() {
     return {};
   };
   for (const TriggerLines::Output& output : lines_.outputs) {
-    auto line = claim_output(system_, output.line, !lines_.active_high);
-    if (!line) return fail(line.error());
-    outputs_.push_back(std::move(*line));
+    NODAL_TRY_ASSIGN(auto line, claim_output(system_, output.line, !lines_.active_high));
+    outputs_.push_back(std::move(line));
   }
-  if (Status read_back = claim_in(lines_.read_back, Bias::kAsIs, read_back_line_); !read_back) return read_back;
+  NODAL_TRY(claim_in(lines_.read_back, Bias::kAsIs, read_back_line_));
   return claim_in(lines_.input, lines_.input_bias, input_);
 }
 
@@ -141,7 +141,7 @@ Instant GpioTrigger::step(Instant now) {
 }
 
 Status GpioTrigger::start(const TriggerSettings& settings) {
-  if (Status fine = check(settings); !fine) return fine;
+  NODAL_TRY(check(settings));
   for (Line* line : {input_.get(), read_back_line_.get()}) {
     if (line == nullptr) continue;
     // Edges from before the start: as many as the kernel keeps.
@@ -221,22 +221,20 @@ Result<bool> GpioTrigger::read(Line& line, const LineName& name) {
 
 Result<std::optional<TriggerEdge>> GpioTrigger::take_followed() {
   for (;;) {
-    const auto some = read(*input_, *lines_.input);
-    if (!some) return fail(some.error());
-    if (!*some) return std::optional<TriggerEdge>{};
+    NODAL_TRY_ASSIGN(const auto some, read(*input_, *lines_.input));
+    if (!some) return std::optional<TriggerEdge>{};
     --events_left_;
     if (auto pulse = sync_.add(events_[events_read_++].at, std::exchange(after_overrun_, false))) return pulse;
   }
 }
 
 Result<std::optional<TriggerEdge>> GpioTrigger::take_sent() {
-  if (const Status fine = there(); !fine) return fail(fine.error());
+  NODAL_TRY(there());
   if (!read_back_line_) return log_.take(id_);
   while (const auto sent = log_.take(id_)) read_back_.add_pulse(*sent);
   for (;;) {
-    const auto some = read(*read_back_line_, *lines_.read_back);
-    if (!some) return fail(some.error());
-    if (!*some) break;
+    NODAL_TRY_ASSIGN(const auto some, read(*read_back_line_, *lines_.read_back));
+    if (!some) break;
     --events_left_;
     read_back_.add_edge(events_[events_read_++].at - read_back_delay_);
   }

@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "hal/linux/iidc/registers.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal::iidc {
 namespace {
@@ -75,20 +76,18 @@ Status Camera::write_at(std::uint64_t offset, std::uint32_t value, const std::st
 }
 
 Status Camera::put(std::uint64_t offset, std::uint32_t value, std::uint32_t mask, const std::string& doing) {
-  if (Status written = write_at(offset, value, doing); !written) return written;
-  const auto now = read_at(offset, doing);
-  if (!now) return fail(now.error());
-  if ((*now & mask) == (value & mask)) return {};
+  NODAL_TRY(write_at(offset, value, doing));
+  NODAL_TRY_ASSIGN(const auto now, read_at(offset, doing));
+  if ((now & mask) == (value & mask)) return {};
   return fail(Errc::kDeviceFailed, "head '" + head_ + "': " + doing +
-                                       ": the camera does not accept it: its register is " + hex(*now) + " after " +
+                                       ": the camera does not accept it: its register is " + hex(now) + " after " +
                                        hex(value) + " was written");
 }
 
 Status Camera::prepare() {
-  const auto functions = read(reg::kBasicFunctions, "reading its functions");
-  if (!functions) return fail(functions.error());
-  if ((*functions & reg::kHasPower) != 0) {
-    if (Status on = write(reg::kPower, reg::kPresent, "switching it on"); !on) return on;
+  NODAL_TRY_ASSIGN(const auto functions, read(reg::kBasicFunctions, "reading its functions"));
+  if ((functions & reg::kHasPower) != 0) {
+    NODAL_TRY(write(reg::kPower, reg::kPresent, "switching it on"));
   }
   return transmit(false);
 }
@@ -99,111 +98,95 @@ Status Camera::transmit(bool on) {
 }
 
 Result<std::uint64_t> Camera::absolute_place(FeatureId id) {
-  const auto place = read(in_table(reg::kAbsolutePlaces, id), "reading " + name_of(id));
-  if (!place) return fail(place.error());
-  return std::uint64_t{*place} * 4;
+  NODAL_TRY_ASSIGN(const auto place, read(in_table(reg::kAbsolutePlaces, id), "reading " + name_of(id)));
+  return std::uint64_t{place} * 4;
 }
 
 Result<Feature> Camera::feature(FeatureId id) {
   const std::string doing = "reading " + name_of(id);
-  const auto all = read(reg::kFeaturesPresent, doing);
-  if (!all) return fail(all.error());
+  NODAL_TRY_ASSIGN(const auto all, read(reg::kFeaturesPresent, doing));
   Feature feature;
-  if ((*all & reg::bit(static_cast<unsigned>(id))) == 0) return feature;
-  const auto inquiry = read(in_table(reg::kFeatureInquiries, id), doing);
-  if (!inquiry) return fail(inquiry.error());
-  const auto now = read(in_table(reg::kFeatures, id), doing);
-  if (!now) return fail(now.error());
-  feature.present = (*inquiry & reg::kPresent) != 0;
-  feature.can_switch = (*inquiry & reg::kCanSwitch) != 0;
-  feature.has_auto = (*inquiry & reg::kCanAutomatic) != 0;
-  feature.absolute = (*inquiry & reg::kAbsolute) != 0;
-  feature.low = *inquiry >> 12 & reg::kTwelveBits;
-  feature.high = *inquiry & reg::kTwelveBits;
-  feature.value = *now & reg::kTwelveBits;
-  feature.blue = *now >> 12 & reg::kTwelveBits;
+  if ((all & reg::bit(static_cast<unsigned>(id))) == 0) return feature;
+  NODAL_TRY_ASSIGN(const auto inquiry, read(in_table(reg::kFeatureInquiries, id), doing));
+  NODAL_TRY_ASSIGN(const auto now, read(in_table(reg::kFeatures, id), doing));
+  feature.present = (inquiry & reg::kPresent) != 0;
+  feature.can_switch = (inquiry & reg::kCanSwitch) != 0;
+  feature.has_auto = (inquiry & reg::kCanAutomatic) != 0;
+  feature.absolute = (inquiry & reg::kAbsolute) != 0;
+  feature.low = inquiry >> 12 & reg::kTwelveBits;
+  feature.high = inquiry & reg::kTwelveBits;
+  feature.value = now & reg::kTwelveBits;
+  feature.blue = now >> 12 & reg::kTwelveBits;
   if (!feature.present || !feature.absolute) return feature;
-  const auto place = absolute_place(id);
-  if (!place) return fail(place.error());
+  NODAL_TRY_ASSIGN(const auto place, absolute_place(id));
   for (const auto& [offset, value] :
        {std::pair{reg::kAbsoluteLow, &feature.absolute_low}, std::pair{reg::kAbsoluteHigh, &feature.absolute_high},
         std::pair{reg::kAbsoluteValue, &feature.absolute_value}}) {
-    const auto bits = read_at(*place + offset, doing);
-    if (!bits) return fail(bits.error());
-    *value = std::bit_cast<float>(*bits);
+    NODAL_TRY_ASSIGN(const auto bits, read_at(place + offset, doing));
+    *value = std::bit_cast<float>(bits);
   }
   return feature;
 }
 
 Status Camera::set_manual(FeatureId id) {
-  const auto found = feature(id);
-  if (!found) return fail(found.error());
+  NODAL_TRY_ASSIGN(const auto found, feature(id));
   const std::string doing = "setting " + name_of(id) + " to manual";
-  const auto now = read(in_table(reg::kFeatures, id), doing);
-  if (!now) return fail(now.error());
+  NODAL_TRY_ASSIGN(const auto now, read(in_table(reg::kFeatures, id), doing));
   std::uint32_t mask = 0;
-  if (found->has_auto) mask |= reg::kAutomatic;
-  if (found->can_switch) mask |= reg::kOn;
-  if (found->absolute) mask |= reg::kAbsolute;
+  if (found.has_auto) mask |= reg::kAutomatic;
+  if (found.can_switch) mask |= reg::kOn;
+  if (found.absolute) mask |= reg::kAbsolute;
   const std::uint32_t wanted =
-      (*now & ~reg::kAutomatic) | reg::kPresent | reg::kOn | (found->absolute ? reg::kAbsolute : 0);
+      (now & ~reg::kAutomatic) | reg::kPresent | reg::kOn | (found.absolute ? reg::kAbsolute : 0);
   return put(info().command_base + in_table(reg::kFeatures, id), wanted, mask, doing);
 }
 
 Status Camera::switch_off(FeatureId id) {
   const std::string doing = "switching off " + name_of(id);
-  const auto now = read(in_table(reg::kFeatures, id), doing);
-  if (!now) return fail(now.error());
-  return put(info().command_base + in_table(reg::kFeatures, id), *now & ~reg::kOn, reg::kOn, doing);
+  NODAL_TRY_ASSIGN(const auto now, read(in_table(reg::kFeatures, id), doing));
+  return put(info().command_base + in_table(reg::kFeatures, id), now & ~reg::kOn, reg::kOn, doing);
 }
 
 Status Camera::set_value(FeatureId id, std::uint32_t value) {
   const std::string doing = "setting " + name_of(id);
-  const auto now = read(in_table(reg::kFeatures, id), doing);
-  if (!now) return fail(now.error());
-  return write(in_table(reg::kFeatures, id), (*now & ~reg::kTwelveBits) | (value & reg::kTwelveBits), doing);
+  NODAL_TRY_ASSIGN(const auto now, read(in_table(reg::kFeatures, id), doing));
+  return write(in_table(reg::kFeatures, id), (now & ~reg::kTwelveBits) | (value & reg::kTwelveBits), doing);
 }
 
 Status Camera::set_absolute(FeatureId id, float value) {
-  const auto place = absolute_place(id);
-  if (!place) return fail(place.error());
-  return write_at(*place + reg::kAbsoluteValue, std::bit_cast<std::uint32_t>(value), "setting " + name_of(id));
+  NODAL_TRY_ASSIGN(const auto place, absolute_place(id));
+  return write_at(place + reg::kAbsoluteValue, std::bit_cast<std::uint32_t>(value), "setting " + name_of(id));
 }
 
 Status Camera::set_white_balance(std::uint32_t blue, std::uint32_t red) {
-  const auto now = read(in_table(reg::kFeatures, FeatureId::kWhiteBalance), "setting the white balance");
-  if (!now) return fail(now.error());
+  NODAL_TRY_ASSIGN(const auto now,
+                   read(in_table(reg::kFeatures, FeatureId::kWhiteBalance), "setting the white balance"));
   const std::uint32_t values = (blue & reg::kTwelveBits) << 12 | (red & reg::kTwelveBits);
-  return write(in_table(reg::kFeatures, FeatureId::kWhiteBalance), (*now & 0xFF00'0000) | values,
+  return write(in_table(reg::kFeatures, FeatureId::kWhiteBalance), (now & 0xFF00'0000) | values,
                "setting the white balance");
 }
 
 Result<TriggerAbility> Camera::trigger() {
-  const auto all = read(reg::kFeaturesPresent, "reading its trigger");
-  if (!all) return fail(all.error());
+  NODAL_TRY_ASSIGN(const auto all, read(reg::kFeaturesPresent, "reading its trigger"));
   TriggerAbility ability;
-  if ((*all & reg::bit(reg::kTriggerFeature)) == 0) return ability;
-  const auto inquiry = read(reg::kFeatureInquiries + 4 * reg::kTriggerFeature, "reading its trigger");
-  if (!inquiry) return fail(inquiry.error());
-  if ((*inquiry & reg::kPresent) == 0) return ability;
-  ability.edge = (*inquiry & reg::kCanMode0) != 0;
-  ability.pulse_width = (*inquiry & reg::kCanMode1) != 0;
+  if ((all & reg::bit(reg::kTriggerFeature)) == 0) return ability;
+  NODAL_TRY_ASSIGN(const auto inquiry, read(reg::kFeatureInquiries + 4 * reg::kTriggerFeature, "reading its trigger"));
+  if ((inquiry & reg::kPresent) == 0) return ability;
+  ability.edge = (inquiry & reg::kCanMode0) != 0;
+  ability.pulse_width = (inquiry & reg::kCanMode1) != 0;
   return ability;
 }
 
 Status Camera::set_trigger(const std::optional<TriggerChoice>& choice) {
   const std::string doing = choice ? "setting its trigger" : "switching off its trigger";
-  const auto ability = trigger();
-  if (!ability) return fail(ability.error());
-  const bool present = ability->edge || ability->pulse_width;
+  NODAL_TRY_ASSIGN(const auto ability, trigger());
+  const bool present = ability.edge || ability.pulse_width;
   if (!choice && !present) return {};
-  const auto inquiry = read(reg::kFeatureInquiries + 4 * reg::kTriggerFeature, doing);
-  if (!inquiry) return fail(inquiry.error());
-  const auto now = read(reg::kFeatures + 4 * reg::kTriggerFeature, doing);
-  if (!now) return fail(now.error());
+  NODAL_TRY_ASSIGN(const auto inquiry, read(reg::kFeatureInquiries + 4 * reg::kTriggerFeature, doing));
+  NODAL_TRY_ASSIGN(const auto now, read(reg::kFeatures + 4 * reg::kTriggerFeature, doing));
   const std::uint64_t at = info().command_base + reg::kFeatures + 4 * reg::kTriggerFeature;
-  if (!choice) return put(at, *now & ~reg::kOn, reg::kOn, doing);
-  if (!(choice->pulse_width ? ability->pulse_width : ability->edge)) {
+  if (!choice) return put(at, now & ~reg::kOn, reg::kOn, doing);
+  if (!(choice->pulse_width ? ability.pulse_width : ability.edge)) {
     return fail(Errc::kUnsupported,
                 "head '" + head_ + "': the camera has no trigger mode " +
                     (choice->pulse_width ? "1 (the pulse is the exposure)" : "0 (an edge starts it)"));
@@ -211,7 +194,7 @@ Status Camera::set_trigger(const std::optional<TriggerChoice>& choice) {
   // Where the polarity cannot be set, the bit that is read says what the camera has, and a request for another would
   // expose at the wrong edge.
   const std::uint32_t polarity = choice->active_high ? reg::kActiveHigh : 0;
-  if ((*inquiry & reg::kCanPolarity) == 0 && (*now & reg::kActiveHigh) != polarity) {
+  if ((inquiry & reg::kCanPolarity) == 0 && (now & reg::kActiveHigh) != polarity) {
     return fail(Errc::kUnsupported, std::string("head '") + head_ + "': its trigger input is active " +
                                         (choice->active_high ? "low" : "high") +
                                         " and cannot be changed; set polarity in [trigger]");

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "protocol/base/limits.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal::iidc {
 namespace {
@@ -49,20 +50,18 @@ Result<std::unique_ptr<Controls>> Controls::find(Camera& camera, const HeadReque
   std::array<Feature, 3> found;
   constexpr std::array kIds{FeatureId::kShutter, FeatureId::kGain, FeatureId::kWhiteBalance};
   for (std::size_t i = 0; i < kIds.size(); ++i) {
-    const auto feature = camera.feature(kIds[i]);
-    if (!feature) return fail(feature.error());
-    found[i] = *feature;
-    if (!feature->present) continue;
-    if (Status manual = camera.set_manual(kIds[i]); !manual) return fail(manual.error());
+    NODAL_TRY_ASSIGN(const auto feature, camera.feature(kIds[i]));
+    found[i] = feature;
+    if (!feature.present) continue;
+    NODAL_TRY(camera.set_manual(kIds[i]));
   }
   // These change what the others do.
   for (const FeatureId id : {FeatureId::kAutoExposure, FeatureId::kBrightness}) {
-    const auto feature = camera.feature(id);
-    if (!feature) return fail(feature.error());
-    if (!feature->present) continue;
+    NODAL_TRY_ASSIGN(const auto feature, camera.feature(id));
+    if (!feature.present) continue;
     Status set;
-    if (feature->has_auto) set = camera.set_manual(id);
-    if (set && id == FeatureId::kAutoExposure && feature->can_switch) set = camera.switch_off(id);
+    if (feature.has_auto) set = camera.set_manual(id);
+    if (set && id == FeatureId::kAutoExposure && feature.can_switch) set = camera.switch_off(id);
     if (!set) return fail(set.error());
   }
   auto controls = std::unique_ptr<Controls>(new Controls());
@@ -95,9 +94,8 @@ Result<std::unique_ptr<Controls>> Controls::find(Camera& camera, const HeadReque
   }
   if (found[2].present && found[2].high > found[2].low) controls->balance_ = found[2];
   limits.has_white_balance = controls->balance_.has_value();
-  const auto trigger = camera.trigger();
-  if (!trigger) return fail(trigger.error());
-  limits.has_trigger_input = request.trigger.pulse_width ? trigger->pulse_width : trigger->edge;
+  NODAL_TRY_ASSIGN(const auto trigger, camera.trigger());
+  limits.has_trigger_input = request.trigger.pulse_width ? trigger.pulse_width : trigger.edge;
   return controls;
 }
 
@@ -106,21 +104,18 @@ Result<HeadSettings> Controls::read(Camera& camera) {
   if (by_pulse_ && triggered_) {
     settings.exposure = *by_pulse_;
   } else if (shutter_) {
-    const auto now = camera.feature(FeatureId::kShutter);
-    if (!now) return fail(now.error());
-    settings.exposure = exposure_in(now->absolute_value);
-    shutters_.add(now->value, settings.exposure);
+    NODAL_TRY_ASSIGN(const auto now, camera.feature(FeatureId::kShutter));
+    settings.exposure = exposure_in(now.absolute_value);
+    shutters_.add(now.value, settings.exposure);
   }
   if (gain_) {
-    const auto now = camera.feature(FeatureId::kGain);
-    if (!now) return fail(now.error());
-    settings.gain = gain_in(*now);
-    gains_.add(now->value, settings.gain);
+    NODAL_TRY_ASSIGN(const auto now, camera.feature(FeatureId::kGain));
+    settings.gain = gain_in(now);
+    gains_.add(now.value, settings.gain);
   }
   if (balance_) {
-    const auto now = camera.feature(FeatureId::kWhiteBalance);
-    if (!now) return fail(now.error());
-    settings.white_balance = {q12_of(now->value, *balance_), q12_of(now->blue, *balance_)};
+    NODAL_TRY_ASSIGN(const auto now, camera.feature(FeatureId::kWhiteBalance));
+    settings.white_balance = {q12_of(now.value, *balance_), q12_of(now.blue, *balance_)};
   }
   return settings;
 }

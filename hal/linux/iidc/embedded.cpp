@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "hal/linux/iidc/registers.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal::iidc {
 namespace {
@@ -23,9 +24,8 @@ Result<bool> switch_on_embedded(Camera& camera) {
     if (set.error().code == Errc::kDeviceGone) return fail(set.error());
     return false;
   }
-  const auto then = camera.read(reg::kFrameInfo, doing);
-  if (!then) return fail(then.error());
-  return (*then & kAllInfo) == kWanted;
+  NODAL_TRY_ASSIGN(const auto then, camera.read(reg::kFrameInfo, doing));
+  return (then & kAllInfo) == kWanted;
 }
 
 std::optional<EmbeddedInfo> take_embedded(std::span<std::uint8_t> picture, std::size_t row_bytes, std::size_t repeat) {

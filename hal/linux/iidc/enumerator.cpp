@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "hal/linux/iidc/head.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal::iidc {
 namespace {
@@ -49,19 +50,14 @@ Result<std::shared_ptr<device::Channel>> open_channel(Bus& bus, device::UsbBuses
   if (error == ENODEV) return fail(no_such_camera(bus, path));
   if (error != 0) return fail(explain(path, "opening the camera", error));
   auto camera = std::make_unique<Camera>(std::move(device), path);
-  if (Status ready = camera->prepare(); !ready) return fail(ready.error());
-  auto granted = negotiate(*camera, path, request);
-  if (!granted) return fail(granted.error());
-  auto share = claim_bandwidth(buses, path, camera->info(), *granted);
-  if (!share) return fail(share.error());
-  auto controls = Controls::find(*camera, request);
-  if (!controls) return fail(controls.error());
-  const auto embedded = switch_on_embedded(*camera);
-  if (!embedded) return fail(embedded.error());
-  const auto settings = (*controls)->read(*camera);
-  if (!settings) return fail(settings.error());
-  return std::make_shared<Channel>(std::move(camera), request, std::move(*granted), std::move(*controls), *settings,
-                                   *embedded, std::move(*share));
+  NODAL_TRY(camera->prepare());
+  NODAL_TRY_ASSIGN(auto granted, negotiate(*camera, path, request));
+  NODAL_TRY_ASSIGN(auto share, claim_bandwidth(buses, path, camera->info(), granted));
+  NODAL_TRY_ASSIGN(auto controls, Controls::find(*camera, request));
+  NODAL_TRY_ASSIGN(const auto embedded, switch_on_embedded(*camera));
+  NODAL_TRY_ASSIGN(const auto settings, controls->read(*camera));
+  return std::make_shared<Channel>(std::move(camera), request, std::move(granted), std::move(controls), settings,
+                                   embedded, std::move(share));
 }
 
 }  // namespace

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cerrno>
 
+#include "protocol/base/try.h"
+
 namespace nodal::hal::iidc {
 namespace {
 
@@ -30,13 +32,12 @@ Result<device::DeviceHead::StreamJob> IidcHead::begin(TriggerMode mode) {
     trigger = channel_->request.trigger;
   }
   return StreamJob([channel = channel_, trigger, &clock = clock()]() -> Status {
-    if (Status begun = channel->stream.begin(channel->request.buffers, trigger); !begun) return begun;
+    NODAL_TRY(channel->stream.begin(channel->request.buffers, trigger));
     if (!channel->request.trigger.pulse_width) return {};
     // The trigger decides whether the pulse or the shutter is the exposure.
     channel->controls->set_triggered(trigger.has_value());
-    auto now = channel->read();
-    if (!now) return fail(now.error());
-    channel->report({Channel::Report::About::kControls, 0, clock.now(), std::nullopt, *now});
+    NODAL_TRY_ASSIGN(auto now, channel->read());
+    channel->report({Channel::Report::About::kControls, 0, clock.now(), std::nullopt, now});
     return {};
   });
 }

@@ -7,6 +7,7 @@
 
 #include "hal/linux/iidc/camera.h"
 #include "hal/linux/iidc/registers.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal::iidc {
 namespace {
@@ -70,31 +71,28 @@ double hertz_of(FrameRate rate) { return static_cast<double>(rate.numerator) / r
 }  // namespace
 
 Result<std::vector<Mode>> Camera::modes() {
-  const auto formats = read(reg::kFormats, "reading its formats");
-  if (!formats) return fail(formats.error());
+  NODAL_TRY_ASSIGN(const auto formats, read(reg::kFormats, "reading its formats"));
   std::vector<Mode> modes;
   for (int format = 0; format < 3; ++format) {
-    if ((*formats & reg::bit(static_cast<unsigned>(format))) == 0) continue;
-    if (Status added = add_fixed_modes(format, modes); !added) return fail(added.error());
+    if ((formats & reg::bit(static_cast<unsigned>(format))) == 0) continue;
+    NODAL_TRY(add_fixed_modes(format, modes));
   }
-  if ((*formats & reg::bit(kFormat7)) != 0) {
-    if (Status added = add_scalable_modes(modes); !added) return fail(added.error());
+  if ((formats & reg::bit(kFormat7)) != 0) {
+    NODAL_TRY(add_scalable_modes(modes));
   }
   return modes;
 }
 
 Status Camera::add_fixed_modes(int format, std::vector<Mode>& modes) {
   const auto format_4 = static_cast<std::uint32_t>(format) * 4;
-  const auto present = read(reg::kModes + format_4, "reading its modes");
-  if (!present) return fail(present.error());
+  NODAL_TRY_ASSIGN(const auto present, read(reg::kModes + format_4, "reading its modes"));
   for (const FixedMode& fixed : kFixedModes) {
-    if (fixed.format != format || (*present & reg::bit(static_cast<unsigned>(fixed.number))) == 0) continue;
-    const auto rates =
-        read(reg::kRates + 8 * format_4 + 4 * static_cast<std::uint32_t>(fixed.number), "reading its rates");
-    if (!rates) return fail(rates.error());
+    if (fixed.format != format || (present & reg::bit(static_cast<unsigned>(fixed.number))) == 0) continue;
+    NODAL_TRY_ASSIGN(const auto rates, read(reg::kRates + 8 * format_4 + 4 * static_cast<std::uint32_t>(fixed.number),
+                                            "reading its rates"));
     Mode mode{fixed.format, fixed.number, fixed.pixels, fixed.width, fixed.height};
     for (unsigned i = 0; i < kFixedRates.size(); ++i) {
-      if ((*rates & reg::bit(i)) != 0) mode.rates.push_back(kFixedRates[i]);
+      if ((rates & reg::bit(i)) != 0) mode.rates.push_back(kFixedRates[i]);
     }
     if (!mode.rates.empty()) modes.push_back(std::move(mode));
   }
@@ -103,15 +101,13 @@ Status Camera::add_fixed_modes(int format, std::vector<Mode>& modes) {
 
 Status Camera::add_scalable_modes(std::vector<Mode>& modes) {
   const std::string doing = "reading its modes of format 7";
-  const auto present = read(reg::kModes + 4 * kFormat7, doing);
-  if (!present) return fail(present.error());
+  NODAL_TRY_ASSIGN(const auto present, read(reg::kModes + 4 * kFormat7, doing));
   for (unsigned number = 0; number < 8; ++number) {
-    if ((*present & reg::bit(number)) == 0) continue;
-    const auto place = read(reg::kFormat7Places + 4 * number, doing);
-    if (!place) return fail(place.error());
+    if ((present & reg::bit(number)) == 0) continue;
+    NODAL_TRY_ASSIGN(const auto place, read(reg::kFormat7Places + 4 * number, doing));
     Mode mode{kFormat7, static_cast<int>(number)};
     mode.scalable = true;
-    mode.place = std::uint64_t{*place} * 4;
+    mode.place = std::uint64_t{place} * 4;
     std::array<std::uint32_t, 5> values{};
     constexpr std::array kOffsets{reg::kMostSize, reg::kUnitSize, reg::kUnitPlace, reg::kCodings, reg::kColourFilter};
     for (std::size_t i = 0; i < values.size(); ++i) {
@@ -140,25 +136,21 @@ Status Camera::add_scalable_modes(std::vector<Mode>& modes) {
 Status Camera::set_mode(const Mode& mode) {
   const std::string doing = "setting its video mode";
   for (const auto& [offset, number] : {std::pair{reg::kFormat, mode.format}, std::pair{reg::kMode, mode.number}}) {
-    if (Status set = put(info().command_base + offset, in_top(number), kTop, doing); !set) return set;
+    NODAL_TRY(put(info().command_base + offset, in_top(number), kTop, doing));
   }
   if (info().usb) return {};
   // 400 Mbit/s, which every camera and controller has; the channel is chosen when the stream's buffers are made.
-  const auto channel = read(reg::kIsoChannel, doing);
-  if (!channel) return fail(channel.error());
-  return write(reg::kIsoChannel, (*channel & kIsoChannelBits) | kIsoSpeed400, doing);
+  NODAL_TRY_ASSIGN(const auto channel, read(reg::kIsoChannel, doing));
+  return write(reg::kIsoChannel, (channel & kIsoChannelBits) | kIsoSpeed400, doing);
 }
 
 Result<Selected> Camera::select(const Selection& selection) {
-  if (Status set = set_mode(selection.mode); !set) return fail(set.error());
-  const auto selected = selection.mode.scalable ? select_scalable(selection) : select_fixed(selection);
-  if (!selected) return fail(selected.error());
-  const auto functions = read(reg::kBasicFunctions, "setting its video mode");
-  if (!functions) return fail(functions.error());
-  if ((*functions & reg::kHasModeError) == 0) return *selected;
-  const auto error = read(reg::kModeError, "setting its video mode");
-  if (!error) return fail(error.error());
-  if ((*error & reg::kPresent) == 0) return *selected;
+  NODAL_TRY(set_mode(selection.mode));
+  NODAL_TRY_ASSIGN(const auto selected, selection.mode.scalable ? select_scalable(selection) : select_fixed(selection));
+  NODAL_TRY_ASSIGN(const auto functions, read(reg::kBasicFunctions, "setting its video mode"));
+  if ((functions & reg::kHasModeError) == 0) return selected;
+  NODAL_TRY_ASSIGN(const auto error, read(reg::kModeError, "setting its video mode"));
+  if ((error & reg::kPresent) == 0) return selected;
   return fail(Errc::kUnsupported,
               "head '" + head_ + "': the camera refuses this combination of format, size and rate; choose another");
 }
@@ -166,11 +158,8 @@ Result<Selected> Camera::select(const Selection& selection) {
 Result<Selected> Camera::select_fixed(const Selection& selection) {
   const auto rate = std::find(kFixedRates.begin(), kFixedRates.end(), selection.rate);
   NODAL_ASSERT(rate != kFixedRates.end());
-  if (Status set = put(info().command_base + reg::kRate, in_top(static_cast<int>(rate - kFixedRates.begin())), kTop,
-                       "setting its rate");
-      !set) {
-    return fail(set.error());
-  }
+  NODAL_TRY(put(info().command_base + reg::kRate, in_top(static_cast<int>(rate - kFixedRates.begin())), kTop,
+                "setting its rate"));
   return Selected{packed_size(selection.mode.pixels, selection.width, selection.height), hertz_of(selection.rate)};
 }
 
@@ -180,7 +169,7 @@ Status Camera::apply(const Mode& mode, std::uint32_t error_bit, const std::strin
   if (!state && state.error().code == Errc::kDeviceGone) return fail(state.error());
   if (!state || (*state & reg::kPresent) == 0) return {};
   if (error_bit == reg::kError1) {
-    if (Status set = write_at(mode.place + reg::kValueSetting, reg::kSetting1, doing); !set) return set;
+    NODAL_TRY(write_at(mode.place + reg::kValueSetting, reg::kSetting1, doing));
     for (int i = 0; i < kMostPolls; ++i) {
       state = read_at(mode.place + reg::kValueSetting, doing);
       if (!state) return fail(state.error());
@@ -202,15 +191,14 @@ Result<Selected> Camera::select_scalable(const Selection& selection) {
   for (const Setting& one : {Setting{reg::kCoding, mode.coding << 24, 0xFF00'0000}, Setting{reg::kPlace, 0, ~0U},
                              Setting{reg::kSize, pair_of(selection.width, selection.height), ~0U},
                              Setting{reg::kPlace, pair_of(selection.left, selection.top), ~0U}}) {
-    if (Status set = put(mode.place + one.offset, one.value, one.mask, doing); !set) return fail(set.error());
+    NODAL_TRY(put(mode.place + one.offset, one.value, one.mask, doing));
   }
-  if (Status applied = apply(mode, reg::kError1, doing); !applied) return fail(applied.error());
+  NODAL_TRY(apply(mode, reg::kError1, doing));
 
   const std::string packets = "setting the size of its packets";
-  const auto limits = read_at(mode.place + reg::kPacketLimits, packets);
-  if (!limits) return fail(limits.error());
-  const auto unit = static_cast<std::uint32_t>(std::max(high(*limits), 1));
-  const auto most = static_cast<std::uint32_t>(low(*limits));
+  NODAL_TRY_ASSIGN(const auto limits, read_at(mode.place + reg::kPacketLimits, packets));
+  const auto unit = static_cast<std::uint32_t>(std::max(high(limits), 1));
+  const auto most = static_cast<std::uint32_t>(low(limits));
   const std::size_t picture = packed_size(mode.pixels, selection.width, selection.height);
   const double least = static_cast<double>(picture) * hertz_of(selection.rate) / kPacketsPerSecond;
   const auto smallest = static_cast<std::uint32_t>(std::ceil(least / unit)) * unit;
@@ -221,8 +209,8 @@ Result<Selected> Camera::select_scalable(const Selection& selection) {
                                         "; this size at this rate needs " + std::to_string(bytes) +
                                         "; choose a smaller size, a lower rate or another packet_bytes");
   }
-  if (Status set = put(mode.place + reg::kPacket, bytes << 16, 0xFFFF'0000, packets); !set) return fail(set.error());
-  if (Status applied = apply(mode, reg::kError2, packets); !applied) return fail(applied.error());
+  NODAL_TRY(put(mode.place + reg::kPacket, bytes << 16, 0xFFFF'0000, packets));
+  NODAL_TRY(apply(mode, reg::kError2, packets));
   const auto told = read_at(mode.place + reg::kPacketsPerFrame, packets);
   if (!told && told.error().code == Errc::kDeviceGone) return fail(told.error());
   std::size_t count = told ? *told : 0;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <set>
 
+#include "protocol/base/try.h"
+
 namespace nodal::hal::iidc {
 namespace {
 
@@ -41,7 +43,7 @@ class Negotiation {
       : camera_(camera), head_(head), request_(request), modes_(std::move(modes)) {}
 
   Result<Selection> choose() {
-    if (Status there = has_format(); !there) return fail(there.error());
+    NODAL_TRY(has_format());
     if (const auto fixed = choose_fixed()) return *fixed;
     return choose_scalable();
   }
@@ -127,47 +129,41 @@ class Negotiation {
 
 /// Where the rate is the camera's own setting, it is set; elsewhere the mode determines it.
 Status set_rate(Camera& camera, FrameRate rate) {
-  const auto feature = camera.feature(FeatureId::kFrameRate);
-  if (!feature) return fail(feature.error());
-  if (!feature->present || !feature->absolute) return {};
-  if (Status manual = camera.set_manual(FeatureId::kFrameRate); !manual) return manual;
+  NODAL_TRY_ASSIGN(const auto feature, camera.feature(FeatureId::kFrameRate));
+  if (!feature.present || !feature.absolute) return {};
+  NODAL_TRY(camera.set_manual(FeatureId::kFrameRate));
   return camera.set_absolute(FeatureId::kFrameRate, static_cast<float>(hertz(rate)));
 }
 
 /// The rate in free run, with the one that was set.
 Result<double> own_rate(Camera& camera, const Selected& selected) {
-  const auto feature = camera.feature(FeatureId::kFrameRate);
-  if (!feature) return fail(feature.error());
-  if (!feature->present || !feature->absolute) return selected.hertz;
-  return std::min(selected.hertz, static_cast<double>(feature->absolute_value));
+  NODAL_TRY_ASSIGN(const auto feature, camera.feature(FeatureId::kFrameRate));
+  if (!feature.present || !feature.absolute) return selected.hertz;
+  return std::min(selected.hertz, static_cast<double>(feature.absolute_value));
 }
 
 }  // namespace
 
 Result<Granted> negotiate(Camera& camera, const std::string& head, const HeadRequest& request) {
-  auto modes = camera.modes();
-  if (!modes) return fail(modes.error());
-  const auto selection = Negotiation(camera, head, request, std::move(*modes)).choose();
-  if (!selection) return fail(selection.error());
-  const auto selected = camera.select(*selection);
-  if (!selected) return fail(selected.error());
+  NODAL_TRY_ASSIGN(auto modes, camera.modes());
+  NODAL_TRY_ASSIGN(const auto selection, Negotiation(camera, head, request, std::move(modes)).choose());
+  NODAL_TRY_ASSIGN(const auto selected, camera.select(selection));
   // Also of a head that will be triggered: it runs free until then.
-  if (Status set = set_rate(camera, request.rate); !set) return fail(set.error());
-  const auto rate = own_rate(camera, *selected);
-  if (!rate) return fail(rate.error());
-  if (!request.triggered && std::abs(*rate / hertz(request.rate) - 1) >= kSameRate) {
-    return fail(Errc::kUnsupported, "head '" + head + "': the camera delivers " + std::to_string(*rate) +
+  NODAL_TRY(set_rate(camera, request.rate));
+  NODAL_TRY_ASSIGN(const auto rate, own_rate(camera, selected));
+  if (!request.triggered && std::abs(rate / hertz(request.rate) - 1) >= kSameRate) {
+    return fail(Errc::kUnsupported, "head '" + head + "': the camera delivers " + std::to_string(rate) +
                                         " frames a second, and the rig's rate is " + text_of(request.rate) +
                                         "; choose another size, packet_bytes or rate");
   }
   Granted granted;
-  granted.format = {request.pixels, selection->width, selection->height, Fields::kProgressive, request.rate};
-  granted.frame_bytes = selected->frame_bytes;
-  granted.picture_bytes = packed_size(request.pixels, selection->width, selection->height);
+  granted.format = {request.pixels, selection.width, selection.height, Fields::kProgressive, request.rate};
+  granted.frame_bytes = selected.frame_bytes;
+  granted.picture_bytes = packed_size(request.pixels, selection.width, selection.height);
   if (granted.frame_bytes < granted.picture_bytes || granted.frame_bytes > (std::size_t{1} << 30)) {
     return fail(Errc::kDeviceFailed, "head '" + head + "': the camera's frames have " +
                                          std::to_string(granted.frame_bytes) + " bytes, and a picture of " +
-                                         size_text(selection->width, selection->height) + " is " +
+                                         size_text(selection.width, selection.height) + " is " +
                                          std::to_string(granted.picture_bytes));
   }
   return granted;

@@ -1,14 +1,15 @@
 #include "hal/linux/iidc/stream.h"
 
+#include "protocol/base/try.h"
+
 namespace nodal::hal::iidc {
 
 Status Stream::begin(int buffers, const std::optional<TriggerChoice>& trigger) {
   end();
-  if (Status quiet = camera_.transmit(false); !quiet) return quiet;
-  if (Status set = camera_.set_trigger(trigger); !set) return set;
-  auto source = camera_.make_source(buffers, granted_.frame_bytes);
-  if (!source) return fail(source.error());
-  source_ = std::move(*source);
+  NODAL_TRY(camera_.transmit(false));
+  NODAL_TRY(camera_.set_trigger(trigger));
+  NODAL_TRY_ASSIGN(auto source, camera_.make_source(buffers, granted_.frame_bytes));
+  source_ = std::move(source);
   Status begun = transfer();
   if (!begun) end();
   return begun;

@@ -13,6 +13,7 @@
 
 #include "hal/linux/link/address.h"
 #include "hal/linux/link/descriptor_link.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal {
 namespace {
@@ -162,9 +163,8 @@ Result<Descriptor> lock_beside(const SocketAddress& address) {
 }
 
 Result<std::unique_ptr<LinkListenerPort>> listen_unix(const SocketAddress& address, const SocketFile& file) {
-  const Result<Descriptor> lock = lock_beside(address);
-  if (!lock) return fail(lock.error());
-  if (Status free = remove_stale(address); !free) return fail(free.error());
+  NODAL_TRY(lock_beside(address));
+  NODAL_TRY(remove_stale(address));
 
   Descriptor socket = open_socket(address);
   if (socket.get() < 0) return system_error(Errc::kIo, address.text, errno);
@@ -184,30 +184,28 @@ Result<std::unique_ptr<LinkListenerPort>> listen_unix(const SocketAddress& addre
 }  // namespace
 
 Result<std::unique_ptr<LinkPort>> connect_link(std::string_view text) {
-  const auto address = parse_address(text);
-  if (!address) return fail(address.error());
-  Descriptor socket = open_socket(*address);
-  if (socket.get() < 0) return system_error(Errc::kIo, address->text, errno);
-  switch (const int error = connect_within(socket.get(), *address, kConnectTimeoutMs)) {
+  NODAL_TRY_ASSIGN(const auto address, parse_address(text));
+  Descriptor socket = open_socket(address);
+  if (socket.get() < 0) return system_error(Errc::kIo, address.text, errno);
+  switch (const int error = connect_within(socket.get(), address, kConnectTimeoutMs)) {
     case 0: break;
     case ENOENT:
-      return fail(Errc::kUnreachable, address->text +
+      return fail(Errc::kUnreachable, address.text +
                                           ": there is no such socket; is nodald running, and is this the "
                                           "socket its rig.toml names?");
-    case ECONNREFUSED: return fail(Errc::kUnreachable, address->text + ": nobody listens there; is nodald running?");
+    case ECONNREFUSED: return fail(Errc::kUnreachable, address.text + ": nobody listens there; is nodald running?");
     case EACCES:
-    case EPERM: return fail(Errc::kUnreachable, address->text + ": this user may not open the socket; its group may");
-    case EAGAIN: return fail(Errc::kUnreachable, address->text + ": the program that listens there takes no links now");
-    default: return system_error(Errc::kUnreachable, address->text, error);
+    case EPERM: return fail(Errc::kUnreachable, address.text + ": this user may not open the socket; its group may");
+    case EAGAIN: return fail(Errc::kUnreachable, address.text + ": the program that listens there takes no links now");
+    default: return system_error(Errc::kUnreachable, address.text, error);
   }
   const int fd = socket.get();
-  return std::make_unique<DescriptorLink>(std::move(socket), fd, address->text);
+  return std::make_unique<DescriptorLink>(std::move(socket), fd, address.text);
 }
 
 Result<std::unique_ptr<LinkListenerPort>> listen_link(std::string_view text, const SocketFile& file) {
-  const auto address = parse_address(text);
-  if (!address) return fail(address.error());
-  return listen_unix(*address, file);
+  NODAL_TRY_ASSIGN(const auto address, parse_address(text));
+  return listen_unix(address, file);
 }
 
 const std::string& listener_address(const LinkListenerPort& listener) {

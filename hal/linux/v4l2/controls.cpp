@@ -5,6 +5,7 @@
 #include <string>
 
 #include "protocol/base/limits.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal::v4l2 {
 namespace {
@@ -70,19 +71,17 @@ Result<Controls> Controls::find(const Device& device, std::int32_t gain_step_mdb
   };
   for (const Off& off : {Off{V4L2_CID_EXPOSURE_AUTO, V4L2_EXPOSURE_MANUAL}, Off{V4L2_CID_EXPOSURE_AUTO_PRIORITY, 0},
                          Off{V4L2_CID_AUTOGAIN, 0}, Off{V4L2_CID_AUTO_WHITE_BALANCE, 0}}) {
-    const auto there = find_range(device, off.id);
-    if (!there) return fail(there.error());
-    if (!*there) continue;
-    if (Status set = set_one(device, off.id, off.value); !set) return fail(set.error());
+    NODAL_TRY_ASSIGN(const auto there, find_range(device, off.id));
+    if (!there) continue;
+    NODAL_TRY(set_one(device, off.id, off.value));
   }
 
   Controls controls;
   controls.gain_step_mdb_ = gain_step_mdb;
   const auto find_one = [&](std::uint32_t id, std::optional<Range>& range) -> Status {
     if (range) return {};
-    auto found = find_range(device, id);
-    if (!found) return fail(found.error());
-    range = *found;
+    NODAL_TRY_ASSIGN(auto found, find_range(device, id));
+    range = found;
     return {};
   };
   for (const auto& [id, range] : {std::pair{std::uint32_t{V4L2_CID_EXPOSURE_ABSOLUTE}, &controls.exposure_},
@@ -90,7 +89,7 @@ Result<Controls> Controls::find(const Device& device, std::int32_t gain_step_mdb
                                   std::pair{std::uint32_t{V4L2_CID_ANALOGUE_GAIN}, &controls.gain_},
                                   std::pair{std::uint32_t{V4L2_CID_RED_BALANCE}, &controls.red_},
                                   std::pair{std::uint32_t{V4L2_CID_BLUE_BALANCE}, &controls.blue_}}) {
-    if (Status found = find_one(id, *range); !found) return fail(found.error());
+    NODAL_TRY(find_one(id, *range));
   }
   if (gain_step_mdb <= 0) controls.gain_.reset();
   if (!controls.red_ || !controls.blue_ || controls.red_->usual <= 0 || controls.blue_->usual <= 0) {
@@ -133,22 +132,18 @@ Result<HeadSettings> Controls::read(const Device& device) const {
     return control.value;
   };
   if (exposure_) {
-    const auto value = get(*exposure_);
-    if (!value) return fail(value.error());
-    settings.exposure = Exposure::microseconds(*value * kExposureUnitUs);
+    NODAL_TRY_ASSIGN(const auto value, get(*exposure_));
+    settings.exposure = Exposure::microseconds(value * kExposureUnitUs);
   }
   if (gain_) {
-    const auto value = get(*gain_);
-    if (!value) return fail(value.error());
+    NODAL_TRY_ASSIGN(const auto value, get(*gain_));
     settings.gain = Gain::millidecibels(static_cast<std::int32_t>(
-        std::clamp<std::int64_t>(std::int64_t{*value} * gain_step_mdb_, -kMostGainMdb, kMostGainMdb)));
+        std::clamp<std::int64_t>(std::int64_t{value} * gain_step_mdb_, -kMostGainMdb, kMostGainMdb)));
   }
   if (red_) {
-    const auto red = get(*red_);
-    if (!red) return fail(red.error());
-    const auto blue = get(*blue_);
-    if (!blue) return fail(blue.error());
-    settings.white_balance = {q12_of(*red, red_->usual), q12_of(*blue, blue_->usual)};
+    NODAL_TRY_ASSIGN(const auto red, get(*red_));
+    NODAL_TRY_ASSIGN(const auto blue, get(*blue_));
+    settings.white_balance = {q12_of(red, red_->usual), q12_of(blue, blue_->usual)};
   }
   return settings;
 }

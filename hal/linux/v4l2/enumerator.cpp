@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "hal/linux/v4l2/head.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal::v4l2 {
 namespace {
@@ -36,18 +37,13 @@ Result<UsbBuses::Share> claim_bandwidth(System& system, UsbBuses& buses, const s
 
 Result<std::shared_ptr<Channel>> open_channel(System& system, UsbBuses& buses, const std::string& path,
                                               const HeadRequest& request) {
-  auto device = open_device(system, path, path.substr(kScheme.size()));
-  if (!device) return fail(device.error());
-  auto granted = negotiate(**device, request);
-  if (!granted) return fail(granted.error());
-  auto share = claim_bandwidth(system, buses, path, **device, *granted);
-  if (!share) return fail(share.error());
-  auto controls = Controls::find(**device, request.gain_step_mdb);
-  if (!controls) return fail(controls.error());
-  const auto settings = controls->read(**device);
-  if (!settings) return fail(settings.error());
-  return std::make_shared<Channel>(std::move(*device), request, std::move(*granted), std::move(*controls), *settings,
-                                   std::move(*share));
+  NODAL_TRY_ASSIGN(auto device, open_device(system, path, path.substr(kScheme.size())));
+  NODAL_TRY_ASSIGN(auto granted, negotiate(*device, request));
+  NODAL_TRY_ASSIGN(auto share, claim_bandwidth(system, buses, path, *device, granted));
+  NODAL_TRY_ASSIGN(auto controls, Controls::find(*device, request.gain_step_mdb));
+  NODAL_TRY_ASSIGN(const auto settings, controls.read(*device));
+  return std::make_shared<Channel>(std::move(device), request, std::move(granted), std::move(controls), settings,
+                                   std::move(share));
 }
 
 }  // namespace

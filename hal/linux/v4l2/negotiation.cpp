@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "hal/linux/v4l2/driver_text.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal::v4l2 {
 namespace {
@@ -268,15 +269,12 @@ std::optional<Fields> fields_of(std::uint32_t field, Fields interlaced) {
 
 Result<Granted> negotiate(const Device& device, const HeadRequest& request) {
   Granted granted;
-  const auto input = choose_input(device, request.input);
-  if (!input) return fail(input.error());
-  granted.input = *input;
-  const auto standard = choose_standard(device, request.standard);
-  if (!standard) return fail(standard.error());
+  NODAL_TRY_ASSIGN(const auto input, choose_input(device, request.input));
+  granted.input = input;
+  NODAL_TRY_ASSIGN(const auto standard, choose_standard(device, request.standard));
   // V4L2_FIELD_INTERLACED, by definition: M/NTSC transmits the bottom field first, all others the top field.
-  granted.interlaced = (*standard & V4L2_STD_525_60) != 0 ? Fields::kBottomFirst : Fields::kTopFirst;
-  const auto code = choose_format(device, request.pixels);
-  if (!code) return fail(code.error());
+  granted.interlaced = (standard & V4L2_STD_525_60) != 0 ? Fields::kBottomFirst : Fields::kTopFirst;
+  NODAL_TRY_ASSIGN(const auto code, choose_format(device, request.pixels));
 
   v4l2_format format{};
   format.type = device.buffer_type();
@@ -289,8 +287,8 @@ Result<Granted> negotiate(const Device& device, const HeadRequest& request) {
     wanted.width = static_cast<std::uint32_t>(request.width);
     wanted.height = static_cast<std::uint32_t>(request.height);
   }
-  wanted.code = code->code;
-  wanted.memory_planes = static_cast<std::uint32_t>(code->memory_planes);
+  wanted.code = code.code;
+  wanted.memory_planes = static_cast<std::uint32_t>(code.memory_planes);
   const bool interlaced = request.fields != Fields::kProgressive;
   const bool separate = interlaced && request.separate_fields;
   wanted.field = !interlaced ? V4L2_FIELD_NONE : separate ? V4L2_FIELD_ALTERNATE : V4L2_FIELD_INTERLACED;
@@ -326,21 +324,20 @@ Result<Granted> negotiate(const Device& device, const HeadRequest& request) {
                                         (ours ? "; write fields = \"" + field_words(*fields) + "\" in rig.toml"
                                               : "; choose another standard or input in rig.toml")));
   }
-  const bool planar = component_count(request.pixels) > 1 && (*code).pixels != PixelFormat::kYuyv &&
-                      (*code).pixels != PixelFormat::kUyvy && (*code).pixels != PixelFormat::kRgb24;
+  const bool planar = component_count(request.pixels) > 1 && code.pixels != PixelFormat::kYuyv &&
+                      code.pixels != PixelFormat::kUyvy && code.pixels != PixelFormat::kRgb24;
   if (granted.storage == FieldStorage::kSequential && (planar || got.height % 2 != 0)) {
     return fail(unsupported(device,
                             "delivers the fields of a frame one after the other, which is only supported for YUYV, "
                             "UYVY, RGB24 and GREY of even height; change format in rig.toml"));
   }
-  auto layout = make_layout(*code, static_cast<int>(got.width), buffer_height, got.strides);
+  auto layout = make_layout(code, static_cast<int>(got.width), buffer_height, got.strides);
   if (!layout) return fail(layout.error().in("head '" + device.head() + "'"));
-  if (const Status rate = set_rate(device, request.rate, *standard); !rate) return fail(rate.error());
+  NODAL_TRY(set_rate(device, request.rate, standard));
 
   granted.layout = *layout;
-  const auto coding = coding_of(device, got, request.pixels);
-  if (!coding) return fail(coding.error());
-  granted.coding = *coding;
+  NODAL_TRY_ASSIGN(const auto coding, coding_of(device, got, request.pixels));
+  granted.coding = coding;
   granted.format = {request.pixels, layout->width, static_cast<int>(got.height), request.fields, request.rate};
   // A timestamp is taken at the end of its buffer: of a frame, or of its first field.
   const Duration period = request.rate.period();

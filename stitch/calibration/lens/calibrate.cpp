@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "protocol/base/angles.h"
+#include "protocol/base/try.h"
 #include "stitch/calibration/lens/find_pattern.h"
 #include "stitch/calibration/lens/photometry.h"
 #include "stitch/calibration/lens/region.h"
@@ -208,7 +209,7 @@ void add_notes(const LensOptions& options, LensReport& report) {
 
 Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photographs, const PatternRaster& pattern,
                                        const LensOptions& options) {
-  if (Status checked = check_photographs(photographs); !checked) return fail(checked.error());
+  NODAL_TRY(check_photographs(photographs));
   const auto tell = [&](const std::string& what, double done) {
     if (options.progress) options.progress(what, done);
   };
@@ -236,14 +237,13 @@ Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photog
     radial.push_back(*pose);
   }
   tell("a first lens", 0.15);
-  Result<Arrangement> start = first_arrangement(radial, options.kind, center, options.aspect);
-  if (!start) return fail(start.error());
-  refine_start(radial, options.aspect_known, *start);
-  if (Status checked = check_views_differ(start->poses); !checked) return fail(checked.error());
+  NODAL_TRY_ASSIGN(Arrangement start, first_arrangement(radial, options.kind, center, options.aspect));
+  refine_start(radial, options.aspect_known, start);
+  NODAL_TRY(check_views_differ(start.poses));
 
   const ScaleSpace light(pattern_light(pattern));
   DenseAlignment dense(light, lumas, region, options.for_each);
-  DenseState state{std::move(*start), std::vector<double>(photographs.size(), std::log(0.8))};
+  DenseState state{std::move(start), std::vector<double>(photographs.size(), std::log(0.8))};
   std::vector<bool> fixed(static_cast<std::size_t>(state.arrangement.lens.count), false);
   fixed[kAspect] = options.aspect_known;
   for (int level = dense.coarsest(); level > 0; --level) {
@@ -260,7 +260,7 @@ Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photog
   }
   tell("light and uncertainties", 0.9);
   DenseSurvey survey = dense.survey(state);
-  if (Status checked = check_fits(photographs, survey.fits); !checked) return fail(checked.error());
+  NODAL_TRY(check_fits(photographs, survey.fits));
 
   LensCalibration out;
   const Eigen::MatrixXd C = covariance(end, fixed);
@@ -271,7 +271,7 @@ Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photog
   out.report.focal = measured(kFirstCoefficient);
   out.report.mapping_deviation_px = mapping_deviation(lens, C, region);
   out.report.covered = survey.covered;
-  if (Status checked = check_determined(state.arrangement, out.report); !checked) return fail(checked.error());
+  NODAL_TRY(check_determined(state.arrangement, out.report));
   for (std::size_t v = 0; v < photographs.size(); ++v) {
     const Pose& pose = state.arrangement.poses[v];
     ViewReport view;
@@ -287,10 +287,10 @@ Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photog
   }
   out.report.residuals = std::move(survey.residuals);
   fill_head(state, region, options, lumas[0].width, lumas[0].height, out.head);
-  if (Status cut = cut_at_turning_point(lens, out); !cut) return fail(cut.error());
+  NODAL_TRY(cut_at_turning_point(lens, out));
   fill_photometry(survey.calm, out);
   add_notes(options, out.report);
-  if (Status checked = check_head(out.head); !checked) return fail(checked.error());
+  NODAL_TRY(check_head(out.head));
   tell("done", 1);
   return out;
 }

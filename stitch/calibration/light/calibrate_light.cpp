@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <numeric>
 
+#include "protocol/base/try.h"
 #include "stitch/calibration/light/light_fit.h"
 #include "stitch/geometry/held_light.h"
 
@@ -129,12 +130,11 @@ Status find_responses(const std::vector<geometry::Head>& heads, const std::vecto
     }
     return fit;
   };
-  const Result<ResponseFit> all = fitted(places, "the");
-  if (!all) return fail(all.error());
+  NODAL_TRY_ASSIGN(const ResponseFit all, fitted(places, "the"));
   report.response_found = true;
-  report.sigma_gamma = all->sigma_gamma;
-  report.response_left_stops = all->rms / kStop;
-  for (Response& response : model.response) response = all->response;
+  report.sigma_gamma = all.sigma_gamma;
+  report.response_left_stops = all.rms / kStop;
+  for (Response& response : model.response) response = all.response;
   if (report.response_left_stops > kLargeLeft) {
     report.notes.push_back("the exposures disagree by " + text(report.response_left_stops) +
                            " stops rms: the scene changed between them, or the stops are not what the heads did");
@@ -148,9 +148,8 @@ Status find_responses(const std::vector<geometry::Head>& heads, const std::vecto
                              "takes the others'");
       continue;
     }
-    const Result<ResponseFit> fit = fitted(own, "head '" + heads[h].name() + "': its");
-    if (!fit) return fail(fit.error());
-    model.response[h] = fit->response;
+    NODAL_TRY_ASSIGN(const ResponseFit fit, fitted(own, "head '" + heads[h].name() + "': its"));
+    model.response[h] = fit.response;
   }
   return {};
 }
@@ -225,20 +224,18 @@ void fill_report(const LightGroups& groups, const LightModel& before, const Ligh
 
 Result<LightReport> calibrate_light(const Calibration& prior, const std::vector<ExposedSet>& sets,
                                     const LightOptions& options) {
-  if (Status checked = check_calibration(prior); !checked) return fail(checked.error());
-  if (Status checked = check_sets(prior, sets); !checked) return fail(checked.error());
-  const Result<std::vector<geometry::Head>> heads = geometry::make_heads(prior);
-  if (!heads) return fail(heads.error());
+  NODAL_TRY(check_calibration(prior));
+  NODAL_TRY(check_sets(prior, sets));
+  NODAL_TRY_ASSIGN(const std::vector<geometry::Head> heads, geometry::make_heads(prior));
   LightReport report;
   report.calibration = prior;
   const LightModel before = model_of(prior);
   LightModel start = before;
-  const Result<bool> known = stops_known(sets);
-  if (!known) return fail(known.error());
-  if (*known) {
-    if (Status found = find_responses(*heads, sets, options, start, report); !found) return fail(found.error());
+  NODAL_TRY_ASSIGN(const bool known, stops_known(sets));
+  if (known) {
+    NODAL_TRY(find_responses(heads, sets, options, start, report));
   }
-  const LightGroups all = shared_rays(*heads, sets);
+  const LightGroups all = shared_rays(heads, sets);
   const std::vector<bool> placed = placed_heads(all, prior.heads.size());
   if (std::ranges::count(placed, true) == 0) {
     return fail(Errc::kNoCoverage, "no two heads share " + std::to_string(kLeastRays) +
@@ -251,7 +248,7 @@ Result<LightReport> calibrate_light(const Calibration& prior, const std::vector<
   const LightFit fit = fit_gains(groups, start, {placed, options.own_vignetting});
   fill_heads(fit.model, placed, report);
   fill_report(groups, before, fit, placed, report);
-  if (Status checked = check_calibration(report.calibration); !checked) return fail(checked.error());
+  NODAL_TRY(check_calibration(report.calibration));
   return report;
 }
 

@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "protocol/base/try.h"
 #include "stitch/geometry/envelope/obj.h"
 
 namespace nodal::geometry {
@@ -27,23 +28,21 @@ double solid_angle_of(const TriangleTree::Triangle& t) {
 }  // namespace
 
 Result<Envelope> Envelope::named(std::string_view text) {
-  Result<Solid> solid = Solid::named(text);
-  if (!solid) return fail(solid.error());
+  NODAL_TRY_ASSIGN(Solid solid, Solid::named(text));
   Envelope envelope;
-  envelope.solid_.emplace(std::move(*solid));
+  envelope.solid_.emplace(std::move(solid));
   return envelope;
 }
 
 Result<Envelope> Envelope::from_obj(std::string_view text) {
-  const Result<ObjMesh> mesh = read_obj(text, kMaxObjBytes, kMaxTriangles);
-  if (!mesh) return fail(mesh.error());
-  return from_mesh(*mesh);
+  NODAL_TRY_ASSIGN(const ObjMesh mesh, read_obj(text, kMaxObjBytes, kMaxTriangles));
+  return from_mesh(mesh);
 }
 
 Result<Envelope> Envelope::from_mesh(const ObjMesh& mesh) {
   if (mesh.triangles.size() > kMaxTriangles)
     return fail(Errc::kTooLarge, "more than " + std::to_string(kMaxTriangles) + " triangles: simplify the mesh");
-  if (const Status closed = check_closed(mesh); !closed) return fail(closed.error());
+  NODAL_TRY(check_closed(mesh));
   const auto corner = [&](const ObjMesh::Triangle& triangle, std::size_t k) {
     return mesh.vertices[triangle.corners[k].vertex];
   };
@@ -61,7 +60,7 @@ Result<Envelope> Envelope::from_mesh(const ObjMesh& mesh) {
     envelope.lines_.push_back(triangle.line);
   }
   envelope.mesh_ = TriangleTree(std::move(triangles));
-  if (const Status good = envelope.check_eye(Vector3d::Zero()); !good) return fail(good.error());
+  NODAL_TRY(envelope.check_eye(Vector3d::Zero()));
   if (std::abs(seen - 4 * std::acos(-1.0)) > 1e-6)
     return fail(Errc::kBadValue, "the mesh goes around the nodal point more than once");
   return envelope;

@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "protocol/base/try.h"
 #include "stitch/geometry/envelope/solid.h"
 
 namespace nodal::geometry {
@@ -100,16 +101,15 @@ Result<ObjMesh> read_obj(std::string_view text, std::size_t most_bytes, std::siz
     text.remove_prefix(std::min(end + 1, text.size()));
     const std::string_view kind = words.next();
     if (kind == "v") {
-      const auto vertex =
-          read_numbers<Eigen::Vector3d>(words, line, "after v there must be three numbers, metres, up to 1e6");
-      if (!vertex) return fail(vertex.error());
-      mesh.vertices.push_back(*vertex);
+      NODAL_TRY_ASSIGN(const auto vertex, read_numbers<Eigen::Vector3d>(
+                                              words, line, "after v there must be three numbers, metres, up to 1e6"));
+      mesh.vertices.push_back(vertex);
     } else if (kind == "vt") {
-      const auto texture = read_numbers<Eigen::Vector2d>(words, line, "after vt there must be two numbers");
-      if (!texture) return fail(texture.error());
-      mesh.textures.push_back(*texture);
+      NODAL_TRY_ASSIGN(const auto texture,
+                       read_numbers<Eigen::Vector2d>(words, line, "after vt there must be two numbers"));
+      mesh.textures.push_back(texture);
     } else if (kind == "f") {
-      if (const Status read = read_face(words, line, most_triangles, mesh); !read) return fail(read.error());
+      NODAL_TRY(read_face(words, line, most_triangles, mesh));
     }
   }
   if (mesh.triangles.empty()) return fail(Errc::kBadFormat, "there is no face (a line that begins with f) in it");

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "protocol/base/angles.h"
+#include "protocol/base/try.h"
 #include "protocol/lens_range.h"
 
 namespace nodal::geometry {
@@ -90,7 +91,7 @@ std::optional<double> KannalaBrandt::radius(double angle) const {
 double KannalaBrandt::slope(double angle, double) const { return radius_of_angle_.slope(angle); }
 
 Result<Lens> Lens::make(const LensModel& model, double max_angle) {
-  if (Status checked = check_lens(model, max_angle); !checked) return fail(checked.error());
+  NODAL_TRY(check_lens(model, max_angle));
   Lens lens(std::visit(
       [](const auto& m) -> Model {
         using M = std::decay_t<decltype(m)>;

@@ -1,5 +1,7 @@
 #include "stitch/geometry/raymap/layout.h"
 
+#include "protocol/base/try.h"
+
 namespace nodal::geometry {
 
 Result<std::unique_ptr<RaymapLayout>> make_layout(const LayoutName& name, int width, int height) {
@@ -11,9 +13,8 @@ Result<std::unique_ptr<RaymapLayout>> make_layout(const LayoutName& name, int wi
 }
 
 Result<std::unique_ptr<RaymapLayout>> make_layout(std::string_view text, int width, int height) {
-  const Result<LayoutName> name = LayoutName::parse(text);
-  if (!name) return fail(name.error());
-  return make_layout(*name, width, height);
+  NODAL_TRY_ASSIGN(const LayoutName name, LayoutName::parse(text));
+  return make_layout(name, width, height);
 }
 
 }  // namespace nodal::geometry

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "protocol/base/sha256.h"
+#include "protocol/base/try.h"
 
 namespace nodal::geometry {
 namespace {
@@ -92,10 +93,9 @@ Result<RayList> parse_ray_list(std::string_view text) {
     text.remove_prefix(std::min(end + 1, text.size()));
     if (content.find_first_not_of(" \t\r") == std::string_view::npos) continue;
     if (count == 0) {
-      const Result<RaymapSize> size = read_size(content, line);
-      if (!size) return fail(size.error());
-      list.size = *size;
-      count = static_cast<std::size_t>(size->width) * static_cast<std::size_t>(size->height);
+      NODAL_TRY_ASSIGN(const RaymapSize size, read_size(content, line));
+      list.size = size;
+      count = static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height);
       continue;
     }
     if (list.rays.size() == count) {
@@ -117,17 +117,16 @@ Result<RayList> parse_ray_list(std::string_view text) {
     return fail(Errc::kTruncated, "there are " + std::to_string(list.rays.size()) + " rays, and the first line says " +
                                       std::to_string(count));
   }
-  if (const Status different = check_different(list, lines); !different) return fail(different.error());
+  NODAL_TRY(check_different(list, lines));
   return list;
 }
 
 Result<std::string> make_ray_list_known(std::string_view text) {
-  Result<RayList> list = parse_ray_list(text);
-  if (!list) return fail(list.error());
+  NODAL_TRY_ASSIGN(RayList list, parse_ray_list(text));
   const Sha256 digest = sha256(std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
   std::uint64_t digits = 0;
   for (std::size_t k = 0; k < 8; ++k) digits = digits << 8 | digest[k];
-  auto made = std::make_unique<const Known>(Known{digits, std::move(*list)});
+  auto made = std::make_unique<const Known>(Known{digits, std::move(list)});
   for (std::atomic<const Known*>& slot : all_known()) {
     const Known* there = nullptr;
     if (slot.compare_exchange_strong(there, made.get())) there = made.release();

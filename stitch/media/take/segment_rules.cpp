@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "protocol/base/try.h"
 #include "protocol/take/seam_map.h"
 #include "stitch/media/ut_video.h"
 
@@ -74,11 +75,11 @@ Status check_segment(const take::Segment& segment, std::uint32_t number, const t
   }
   for (const take::wire::Set& set : segment.sets) {
     for (const take::wire::Frame& frame : set.frames()) {
-      if (const Status good = check_frame(streams[frame.file()], frame, set.index()); !good) return good;
+      NODAL_TRY(check_frame(streams[frame.file()], frame, set.index()));
     }
   }
   for (const take::wire::Seams& seams : segment.seams) {
-    if (const Status good = take::check_seams(seams, about.heads.size()); !good) return good;
+    NODAL_TRY(take::check_seams(seams, about.heads.size()));
   }
   return {};
 }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "protocol/base/try.h"
 #include "protocol/take/limits.h"
 
 namespace nodal::media {
@@ -25,13 +26,12 @@ Error differs(const std::string& name, const std::string& how) {
 }  // namespace
 
 Result<std::vector<std::uint8_t>> read_take_file(TakeFiles& files, const std::string& name, std::uint64_t limit) {
-  const auto file = files.open(name);
-  if (!file) return fail(file.error());
-  if ((*file)->size() > limit) {
-    return fail(Errc::kTooLarge, fmt::format("{}: {} bytes; at most {}", files.shown(name), (*file)->size(), limit));
+  NODAL_TRY_ASSIGN(const auto file, files.open(name));
+  if (file->size() > limit) {
+    return fail(Errc::kTooLarge, fmt::format("{}: {} bytes; at most {}", files.shown(name), file->size(), limit));
   }
-  std::vector<std::uint8_t> bytes(static_cast<std::size_t>((*file)->size()));
-  if (const Status read = (*file)->read(0, bytes); !read) return fail(read.error());
+  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(file->size()));
+  NODAL_TRY(file->read(0, bytes));
   return bytes;
 }
 
@@ -56,23 +56,21 @@ Result<TakeFolder> TakeFolder::open(std::shared_ptr<TakeFiles> files) {
   if (!listed && listed.error().code != Errc::kNotFound) return fail(listed.error());
   if (!about) return fail(about.error());
   if (!listed) return fail(listed.error());
-  auto document = take::parse_take_json(text_of(*about), take.shown(take::kTakeFile));
-  if (!document) return fail(document.error());
+  NODAL_TRY_ASSIGN(auto document, take::parse_take_json(text_of(*about), take.shown(take::kTakeFile)));
   const std::string name = take.shown(take::kManifestFile);
-  auto manifest = take::parse_manifest(text_of(*listed), name);
-  if (!manifest) return fail(manifest.error());
-  if (manifest->number != document->number) {
+  NODAL_TRY_ASSIGN(auto manifest, take::parse_manifest(text_of(*listed), name));
+  if (manifest.number != document.number) {
     return fail(Errc::kBadFormat,
-                fmt::format("{}: is of take {}, and take.json of take {}", name, manifest->number, document->number));
+                fmt::format("{}: is of take {}, and take.json of take {}", name, manifest.number, document.number));
   }
-  take.about_ = std::move(*document);
-  take.manifest_ = std::move(*manifest);
+  take.about_ = std::move(document);
+  take.manifest_ = std::move(manifest);
   for (const take::Manifest::File& file : take.manifest_.files) {
     if (!file.name.starts_with(kEvidence)) continue;
     take.segments_.push_back(static_cast<std::uint32_t>(std::stoul(file.name.substr(kEvidence.size()))));
   }
   std::ranges::sort(take.segments_);
-  if (const auto whole = take.whole(take::kTakeFile, take::kMaxTakeJsonBytes); !whole) return fail(whole.error());
+  NODAL_TRY(take.whole(take::kTakeFile, take::kMaxTakeJsonBytes));
   return take;
 }
 
@@ -86,46 +84,42 @@ Result<std::vector<std::uint8_t>> TakeFolder::whole(const std::string& name, std
   if (file == nullptr) {
     return fail(Errc::kNotFound, fmt::format("{}: does not list {}", shown(take::kManifestFile), name));
   }
-  auto bytes = read_take_file(*files_, name, limit);
-  if (!bytes) return bytes;
+  NODAL_TRY_ASSIGN(auto bytes, read_take_file(*files_, name, limit));
   PieceHashes hashes;
-  hashes.update(*bytes);
-  if (bytes->size() != file->bytes || take::digest_of(hashes.all()) != file->digest) {
+  hashes.update(bytes);
+  if (bytes.size() != file->bytes || take::digest_of(hashes.all()) != file->digest) {
     return fail(differs(shown(name), "differs from the manifest"));
   }
   return bytes;
 }
 
 Result<std::string> TakeFolder::text(const std::string& name, std::uint64_t limit) const {
-  const auto bytes = whole(name, limit);
-  if (!bytes) return fail(bytes.error());
-  return std::string(text_of(*bytes));
+  NODAL_TRY_ASSIGN(const auto bytes, whole(name, limit));
+  return std::string(text_of(bytes));
 }
 
 Result<TakeSegment> TakeFolder::segment(std::size_t k, SetsBefore before) const {
   const std::string name = take::evidence_file(segments_[k]);
   const std::string path = shown(name);
-  const auto bytes = whole(name, take::kMaxEvidenceBytes);
-  if (!bytes) return fail(bytes.error());
-  auto evidence = take::read_evidence(*bytes, path);
-  if (!evidence) return fail(evidence.error());
+  NODAL_TRY_ASSIGN(const auto bytes, whole(name, take::kMaxEvidenceBytes));
+  NODAL_TRY_ASSIGN(auto evidence, take::read_evidence(bytes, path));
   const auto wrong = [&](const std::string& what) { return fail(Errc::kBadFormat, path + ": " + what); };
-  if (const Status good = check_segment(*evidence, segments_[k], about_, before); !good) {
+  if (const Status good = check_segment(evidence, segments_[k], about_, before); !good) {
     return fail(good.error().in(path));
   }
-  const std::uint64_t first_set = evidence->begin.first_set(), next = before.kept + before.deleted;
+  const std::uint64_t first_set = evidence.begin.first_set(), next = before.kept + before.deleted;
   if (first_set - before.kept > manifest_.deleted_sets) {
     return wrong(fmt::format("begins with set {} where {} comes next", first_set, next));
   }
-  if (!evidence->end || evidence->good_bytes != bytes->size()) return wrong("has no end");
-  const std::uint64_t sets = before.kept + evidence->sets.size();
+  if (!evidence.end || evidence.good_bytes != bytes.size()) return wrong("has no end");
+  const std::uint64_t sets = before.kept + evidence.sets.size();
   if (k + 1 == segments_.size() && sets != manifest_.sets) {
     return wrong(fmt::format("is the last, after {} sets, and the manifest says {} sets", sets, manifest_.sets));
   }
   TakeSegment segment;
   segment.before_ = {before.kept, first_set - before.kept};
-  segment.evidence_ = std::move(*evidence);
-  if (const Status opened = segment.open_files(*files_, manifest_); !opened) return fail(opened.error());
+  segment.evidence_ = std::move(evidence);
+  NODAL_TRY(segment.open_files(*files_, manifest_));
   return segment;
 }
 
@@ -134,18 +128,17 @@ Status TakeSegment::open_files(TakeFiles& files, const take::Manifest& manifest)
     const int index = static_cast<int>(k);
     streams_.push_back(stream_of(evidence_.begin.files(index)));
     const std::string shown = files.shown(streams_.back().file);
-    auto file = files.open(streams_.back().file);
-    if (!file) return fail(file.error());
+    NODAL_TRY_ASSIGN(auto file, files.open(streams_.back().file));
     const std::uint64_t length = evidence_.end->length(index);
-    if ((*file)->size() != length) {
-      return fail(differs(shown, fmt::format("has {} bytes, not {}", (*file)->size(), length)));
+    if (file->size() != length) {
+      return fail(differs(shown, fmt::format("has {} bytes, not {}", file->size(), length)));
     }
     std::vector<take::Xxh128> hashes = evidence_.hashes_of(k);
     const auto listed = std::ranges::find(manifest.files, streams_.back().file, &take::Manifest::File::name);
     if (listed == manifest.files.end() || listed->bytes != length || listed->digest != take::digest_of(hashes)) {
       return fail(Errc::kBadFormat, shown + ": manifest and evidence do not say the same of it");
     }
-    files_.push_back({std::move(*file), shown, std::move(hashes)});
+    files_.push_back({std::move(file), shown, std::move(hashes)});
   }
   return {};
 }
@@ -155,7 +148,7 @@ Status TakeSegment::load(File& file, std::uint64_t piece) {
   file.piece_number.reset();
   const std::uint64_t from = piece * PieceHashes::kPiece;
   file.piece.resize(static_cast<std::size_t>(std::min(PieceHashes::kPiece, file.file->size() - from)));
-  if (const Status read = file.file->read(from, file.piece); !read) return read;
+  NODAL_TRY(file.file->read(from, file.piece));
   if (take::xxh128(file.piece) != file.hashes[static_cast<std::size_t>(piece)]) {
     return fail(differs(file.shown, fmt::format("its MiB at byte {} differs from what was recorded", from)));
   }
@@ -171,7 +164,7 @@ Status TakeSegment::read(std::uint32_t file, std::uint64_t at, std::uint64_t byt
   into.resize(static_cast<std::size_t>(bytes));
   for (std::size_t done = 0; done < into.size();) {
     const std::uint64_t piece = (at + done) / PieceHashes::kPiece;
-    if (const Status loaded = load(from, piece); !loaded) return loaded;
+    NODAL_TRY(load(from, piece));
     const auto offset = static_cast<std::size_t>((at + done) % PieceHashes::kPiece);
     const std::size_t some = std::min(into.size() - done, from.piece.size() - offset);
     std::copy_n(from.piece.begin() + static_cast<std::ptrdiff_t>(offset), some,

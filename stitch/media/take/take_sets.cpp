@@ -2,6 +2,7 @@
 #include <utility>
 
 #include "protocol/base/limits.h"
+#include "protocol/base/try.h"
 #include "stitch/media/take/take_folder.h"
 #include "stitch/media/ut_video.h"
 
@@ -46,9 +47,8 @@ Result<bool> TakeSets::next(TakeSet& set) {
     if (next_segment_ == folder_.segments()) return false;
     const SetsBefore before = segment_ ? segment_->after() : SetsBefore();
     segment_.reset();
-    auto opened = folder_.segment(next_segment_++, before);
-    if (!opened) return fail(opened.error());
-    segment_.emplace(std::move(*opened));
+    NODAL_TRY_ASSIGN(auto opened, folder_.segment(next_segment_++, before));
+    segment_.emplace(std::move(opened));
     next_set_ = 0;
   }
   const take::wire::Set& told = segment_->evidence().sets[next_set_++];
@@ -64,7 +64,7 @@ Result<bool> TakeSets::next(TakeSet& set) {
 
 Status TakeSets::read_pictures(TakeSet& set) {
   for (std::size_t head = 0; head < set.heads.size(); ++head) {
-    if (const Status read = read_picture(set, head); !read) return read;
+    NODAL_TRY(read_picture(set, head));
   }
   return {};
 }
@@ -74,7 +74,7 @@ Status TakeSets::read_picture(TakeSet& set, std::size_t head) {
     const TakeStream& stream = segment_->streams()[frame.file()];
     if (stream.head != head || !set.heads[head].placeholder.empty()) continue;
     std::vector<std::uint8_t>& bytes = set.bytes[head];
-    if (const Status read = segment_->read(frame.file(), frame.at(), frame.bytes(), bytes); !read) return read;
+    NODAL_TRY(segment_->read(frame.file(), frame.at(), frame.bytes(), bytes));
     if (stream.lossless) {
       std::vector<std::uint8_t> picture;
       const Status decoded = decode_ut_video(bytes, stream.format, stream.width, stream.height, picture);

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "protocol/base/limits.h"
+#include "protocol/base/try.h"
 #include "protocol/files/open_file.h"
 #include "stitch/media/file_kind.h"
 #include "stitch/media/linear_words.h"
@@ -91,15 +92,14 @@ Error too_large(const Reader& reader) {
 }
 
 Status open(const std::filesystem::path& file, Reader& reader) {
-  const Result<FilePtr> in = open_file(file, reader);
-  if (!in) return fail(in.error());
+  NODAL_TRY_ASSIGN(const FilePtr in, open_file(file, reader));
   std::vector<std::uint8_t>& bytes = reader.memory.bytes;
   std::vector<std::uint8_t> piece(std::size_t{1} << 16);
-  while (const std::size_t got = std::fread(piece.data(), 1, piece.size(), in->get())) {
+  while (const std::size_t got = std::fread(piece.data(), 1, piece.size(), in.get())) {
     bytes.insert(bytes.end(), piece.begin(), piece.begin() + static_cast<std::ptrdiff_t>(got));
     if (bytes.size() > kMaxTiffFileBytes) return fail(too_large(reader));
   }
-  if (std::ferror(in->get()) != 0) {
+  if (std::ferror(in.get()) != 0) {
     return fail(reader.error(Errc::kIo, std::string("cannot be read: ") + std::strerror(errno)));
   }
   reader.file_bytes = bytes.size();
@@ -110,13 +110,12 @@ Status open(const std::filesystem::path& file, Reader& reader) {
 
 /// Reads only the file's directory.
 Status open_directory(const std::filesystem::path& file, Reader& reader) {
-  const Result<FilePtr> in = open_file(file, reader);
-  if (!in) return fail(in.error());
+  NODAL_TRY_ASSIGN(const FilePtr in, open_file(file, reader));
   std::error_code unknown;
   reader.file_bytes = std::filesystem::file_size(file, unknown);
   if (unknown) return fail(reader.error(Errc::kIo, "cannot be read: " + unknown.message()));
   if (reader.file_bytes > kMaxTiffFileBytes) return fail(too_large(reader));
-  const int descriptor = ::dup(fileno(in->get()));
+  const int descriptor = ::dup(fileno(in.get()));
   if (descriptor < 0) return fail(reader.error(Errc::kIo, std::string("cannot be read: ") + std::strerror(errno)));
   reader.tiff = open_tiff_file(descriptor, reader.memory);
   if (!reader.tiff) return fail(reader.broken(Errc::kBadFormat, "is broken"));
@@ -251,9 +250,8 @@ class PlainSamples {
 template <class Row>
 Status decode_plain(Reader& reader, const Row& row) {
   TIFF* tiff = reader.tiff.get();
-  const Result<Blocks> found = plain_blocks(reader);
-  if (!found) return fail(found.error());
-  const Blocks& blocks = *found;
+  NODAL_TRY_ASSIGN(const Blocks found, plain_blocks(reader));
+  const Blocks& blocks = found;
   const auto width = static_cast<std::uint32_t>(reader.header.width);
   const auto height = static_cast<std::uint32_t>(reader.header.height);
   const PlainSamples made(blocks, field<std::uint16_t>(tiff, TIFFTAG_PHOTOMETRIC, 0) == PHOTOMETRIC_MINISWHITE);
@@ -344,13 +342,13 @@ bool is_tiff(const std::filesystem::path& file) {
 
 Result<ImageHeader> read_tiff_header(const std::filesystem::path& file) {
   Reader reader{file.string()};
-  if (const Status opened = open_directory(file, reader); !opened) return fail(opened.error());
+  NODAL_TRY(open_directory(file, reader));
   return reader.header;
 }
 
 Result<DecodedImage> read_tiff(const std::filesystem::path& file, std::optional<PixelFormat> as) {
   Reader reader{file.string()};
-  if (const Status opened = open(file, reader); !opened) return fail(opened.error());
+  NODAL_TRY(open(file, reader));
   const ImageHeader& header = reader.header;
   if (as && as != header.deep) {
     return fail(reader.error(Errc::kUnsupported,

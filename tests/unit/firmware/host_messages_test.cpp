@@ -62,7 +62,8 @@ TakeEntry longest_entry(TakeState state) {
   }
   entry.ended = std::string(take::kMaxTakeTextBytes, 'x');
   entry.sets = entry.lost_sets = entry.deleted_sets = take::kMaxSets;
-  entry.gaps = {take::kMaxSets, take::kMaxSets, take::kMaxSets, take::kMaxSets, Duration::nanoseconds(take::kMaxTimeNs)};
+  entry.gaps = {take::kMaxSets, take::kMaxSets, take::kMaxSets, take::kMaxSets,
+                Duration::nanoseconds(take::kMaxTimeNs)};
   entry.heads.assign(kMaxHeads, {take::kMaxSets, take::kMaxSets, take::kMaxSets});
   entry.bytes = UINT64_MAX;
   entry.length = Duration::nanoseconds(take::kMaxTimeNs);

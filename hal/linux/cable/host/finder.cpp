@@ -5,6 +5,7 @@
 
 #include "hal/linux/cable/host/device.h"
 #include "hal/linux/cable/records.h"
+#include "protocol/base/try.h"
 #include "protocol/files/open_file.h"
 
 namespace nodal::hal::cable {
@@ -154,32 +155,29 @@ tl::unexpected<Error> cannot_open(const std::string& text, const std::string& pl
 }  // namespace
 
 Result<std::vector<PluggedRig>> plugged_rigs() {
-  const auto context = open_usb();
-  if (!context) return fail(context.error());
+  NODAL_TRY_ASSIGN(const auto context, open_usb());
   std::vector<PluggedRig> rigs;
-  for (Found& found : examine_all(DeviceList(context->get()))) rigs.push_back(std::move(found.rig));
+  for (Found& found : examine_all(DeviceList(context.get()))) rigs.push_back(std::move(found.rig));
   return rigs;
 }
 
 Result<OpenDevice> open_device(std::string_view serial) {
-  auto context = open_usb();
-  if (!context) return fail(context.error());
+  NODAL_TRY_ASSIGN(auto context, open_usb());
   OpenDevice open;
-  open.context = std::move(*context);
+  open.context = std::move(context);
   const DeviceList devices(open.context.get());
-  const auto chosen = choose(examine_all(devices), serial);
-  if (!chosen) return fail(chosen.error());
-  open.text = "usb:" + chosen->rig.serial;
-  open.interface = chosen->interface;
-  open.to_rig = chosen->to_rig;
-  open.from_rig = chosen->from_rig;
+  NODAL_TRY_ASSIGN(const auto chosen, choose(examine_all(devices), serial));
+  open.text = "usb:" + chosen.rig.serial;
+  open.interface = chosen.interface;
+  open.to_rig = chosen.to_rig;
+  open.from_rig = chosen.from_rig;
   libusb_device_handle* handle = nullptr;
-  if (const int error = libusb_open(chosen->device, &handle); error != 0) {
-    return cannot_open(open.text, chosen->rig.place, error);
+  if (const int error = libusb_open(chosen.device, &handle); error != 0) {
+    return cannot_open(open.text, chosen.rig.place, error);
   }
   open.handle.reset(handle);
   if (const int error = libusb_claim_interface(handle, open.interface); error != 0) {
-    return cannot_open(open.text, chosen->rig.place, error);
+    return cannot_open(open.text, chosen.rig.place, error);
   }
   return open;
 }

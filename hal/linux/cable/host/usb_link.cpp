@@ -13,6 +13,7 @@
 #include "hal/linux/cable/receive_ring.h"
 #include "hal/linux/cable/records.h"
 #include "hal/linux/link/descriptor_link.h"
+#include "protocol/base/try.h"
 
 namespace nodal::hal::cable {
 namespace {
@@ -65,7 +66,7 @@ class UsbLink final : public LinkPort {
                                   static_cast<int>(kTransferBytes), done, &slot, 0);
       }
     }
-    if (const Status polled = make_pollable(); !polled) return polled;
+    NODAL_TRY(make_pollable());
     received_.begin(session_);
     if (why_) return fail(Errc::kUnreachable, device_.text + ": " + *why_);
     return {};
@@ -223,28 +224,27 @@ class UsbLink final : public LinkPort {
 }  // namespace
 
 Result<std::unique_ptr<LinkPort>> connect_cable(std::string_view serial) {
-  auto device = open_device(serial);
-  if (!device) return fail(device.error());
+  NODAL_TRY_ASSIGN(auto device, open_device(serial));
   // Both ends count packets modulo 2; a host that was killed may have left them out of step.
-  libusb_clear_halt(device->handle.get(), device->to_rig);
-  libusb_clear_halt(device->handle.get(), device->from_rig);
+  libusb_clear_halt(device.handle.get(), device.to_rig);
+  libusb_clear_halt(device.handle.get(), device.from_rig);
   std::array<std::uint8_t, kAnswerBytes> bytes{};
-  const int n = libusb_control_transfer(device->handle.get(), kOpenRequestType, kOpenRequest, kVersion,
-                                        static_cast<std::uint16_t>(device->interface), bytes.data(),
+  const int n = libusb_control_transfer(device.handle.get(), kOpenRequestType, kOpenRequest, kVersion,
+                                        static_cast<std::uint16_t>(device.interface), bytes.data(),
                                         static_cast<std::uint16_t>(bytes.size()), kOpenTimeoutMs);
   if (n < 0) {
     const std::string why = n == LIBUSB_ERROR_TIMEOUT ? "nodald did not answer within 3 s" : libusb_strerror(n);
-    return fail(Errc::kUnreachable, device->text + ": " + why);
+    return fail(Errc::kUnreachable, device.text + ": " + why);
   }
   const auto answer = read_answer(std::span(bytes).first(static_cast<std::size_t>(n)));
-  if (!answer) return fail(Errc::kUnreachable, device->text + ": this USB device is not a rig");
+  if (!answer) return fail(Errc::kUnreachable, device.text + ": this USB device is not a rig");
   if (answer->version != kVersion) {
-    return fail(Errc::kVersionMismatch, device->text + ": the rig's version of the cable is " +
+    return fail(Errc::kVersionMismatch, device.text + ": the rig's version of the cable is " +
                                             std::to_string(answer->version) + ", this program's " +
                                             std::to_string(kVersion) + "; update the older one");
   }
-  auto link = std::make_unique<UsbLink>(std::move(*device), answer->session);
-  if (const Status open = link->open(); !open) return fail(open.error());
+  auto link = std::make_unique<UsbLink>(std::move(device), answer->session);
+  NODAL_TRY(link->open());
   return link;
 }
 
