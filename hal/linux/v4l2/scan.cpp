@@ -23,6 +23,11 @@ namespace {
 constexpr std::size_t kLongestText = 64;
 constexpr std::uint32_t kSmallestSide = 16, kLargestSide = 16384;  ///< of a head's picture
 
+template <std::size_t kSize>
+std::string shown_text(const std::uint8_t (&field)[kSize]) {
+  return printable(text_of(field), kLongestText);
+}
+
 /// Asks one device, and counts the questions.
 class Question {
  public:
@@ -69,7 +74,7 @@ class Question {
     v4l2_input input{};
     if (!ask(VIDIOC_G_INPUT, &current) || current < 0) return;
     input.index = static_cast<std::uint32_t>(current);
-    if (ask(VIDIOC_ENUMINPUT, &input)) found_.input = text_of(input.name);
+    if (ask(VIDIOC_ENUMINPUT, &input)) found_.input = shown_text(input.name);
     v4l2_std_id standard = 0;
     if (!ask(VIDIOC_G_STD, &standard) || standard == 0) return;
     for (std::uint32_t i = 0;; ++i) {
@@ -177,7 +182,7 @@ class Question {
       v4l2_queryctrl query{};
       query.id = id;
       if (device_.ioctl(VIDIOC_QUERYCTRL, &query) != 0 || (query.flags & V4L2_CTRL_FLAG_DISABLED) != 0) continue;
-      const std::string name = text_of(query.name);
+      const std::string name = shown_text(query.name);
       if (query.minimum > query.maximum || query.default_value < query.minimum || query.default_value > query.maximum) {
         odd("reports for '" + name + "' a range of " + std::to_string(query.minimum) + " to " +
             std::to_string(query.maximum) + " and a default of " + std::to_string(query.default_value) + "; left out");
@@ -205,7 +210,7 @@ std::optional<FoundDevice> scan_one(System& system, const std::string& node) {
     return found;
   }
   v4l2_capability capability{};
-  if ((*device)->ioctl(VIDIOC_QUERYCAP, &capability) == 0) found.driver = text_of(capability.driver);
+  if ((*device)->ioctl(VIDIOC_QUERYCAP, &capability) == 0) found.driver = shown_text(capability.driver);
   found.model = printable((*device)->card(), kLongestText);
   if (const std::string bus = (*device)->bus(); !bus.empty() && is_printable(bus)) found.port = "v4l2:" + bus;
   found.usb = system.usb(node);

@@ -18,7 +18,7 @@ namespace {
 constexpr Duration kPatience = Duration::seconds(10);
 constexpr Duration kAnHour = Duration::seconds(3600);
 
-/// A link that moves so many bytes a step of the clock in each direction, once it trickles.
+/// A link that moves so many bytes a second of the clock in each direction, once it trickles.
 class TricklingLink final : public hal::LinkPort {
  public:
   TricklingLink(std::unique_ptr<hal::LinkPort> link, const bool& trickles, const std::size_t& bytes,
@@ -26,16 +26,10 @@ class TricklingLink final : public hal::LinkPort {
       : link_(std::move(link)), trickles_(trickles), bytes_(bytes), now_(now) {}
 
   Result<std::size_t> read(std::span<std::uint8_t> into) override {
-    if (!trickles_) return link_->read(into);
-    if (read_at_ == now_) return 0;
-    read_at_ = now_;
-    return link_->read(into.first(std::min(into.size(), bytes_)));
+    return counted(link_->read(into.first(std::min(into.size(), allowed(read_)))), read_);
   }
   Result<std::size_t> write(std::span<const std::uint8_t> from) override {
-    if (!trickles_) return link_->write(from);
-    if (written_at_ == now_) return 0;
-    written_at_ = now_;
-    return link_->write(from.first(std::min(from.size(), bytes_)));
+    return counted(link_->write(from.first(std::min(from.size(), allowed(written_)))), written_);
   }
   void add_wake_ups(hal::WakeUps& to, bool to_read, bool to_write) const override {
     link_->add_wake_ups(to, to_read, to_write);
@@ -44,11 +38,27 @@ class TricklingLink final : public hal::LinkPort {
   std::optional<hal::PeerIdentity> identity() const override { return link_->identity(); }
 
  private:
+  /// What one direction may move: what time has allowed since `at`, and what was not used before.
+  struct Allowance {
+    Duration at;
+    std::size_t left = 0;
+  };
+  std::size_t allowed(Allowance& allowance) const {
+    const auto since = static_cast<std::size_t>((now_ - allowance.at).ns());
+    allowance.left = trickles_ ? allowance.left + bytes_ * since / 1'000'000'000U : std::size_t{1} << 30;
+    allowance.at = now_;
+    return allowance.left;
+  }
+  Result<std::size_t> counted(Result<std::size_t> moved, Allowance& allowance) const {
+    if (moved) allowance.left = trickles_ ? allowance.left - *moved : 0;
+    return moved;
+  }
+
   std::unique_ptr<hal::LinkPort> link_;
   const bool& trickles_;
   const std::size_t& bytes_;
   const Duration& now_;
-  Duration read_at_, written_at_;
+  Allowance read_, written_;
 };
 
 /// A connection whose clock advances only where it waits.
