@@ -108,9 +108,20 @@ void EndDeadline::end_by_force() {
   ::_exit(kExitStageHung);
 }
 
-/// A signal handler: it never waits for the lock. The lock is held already after end_by_exception(), which calls abort().
+/// For a signal handler, which must not wait without an end: the thread of the deadline holds the lock for microseconds, and a
+/// thread whose make_safe_ hangs or has crashed holds it for ever.
+bool EndDeadline::lock_soon() {
+  constexpr int kTries = 100;
+  for (int i = 0; i < kTries; ++i) {
+    if (mutex_.try_lock()) return true;
+    (void)::poll(nullptr, 0, 1);
+  }
+  return false;
+}
+
+/// A signal handler. After end_by_exception(), which calls abort(), all is done, and this thread holds the lock.
 void EndDeadline::end_by_crash(int signal) {
-  if (mutex_.try_lock()) {
+  if (!ends_by_exception_.load() && lock_soon()) {
     if (make_safe_) make_safe_();
     char thread[16] = "a thread";
     (void)::pthread_getname_np(::pthread_self(), thread, sizeof thread);
@@ -122,6 +133,7 @@ void EndDeadline::end_by_crash(int signal) {
 /// Called on the thread that threw. The lock is never released, so that a second such thread waits for the end.
 void EndDeadline::end_by_exception() {
   mutex_.lock();
+  ends_by_exception_.store(true);
   if (make_safe_) make_safe_();
   char thread[16] = "a thread";
   (void)::pthread_getname_np(::pthread_self(), thread, sizeof thread);

@@ -56,6 +56,7 @@ class EndDeadline {
   [[noreturn]] void end_by_force();
   [[noreturn]] void end_by_exception();
   void end_by_crash(int signal);
+  bool lock_soon();
 
   std::mutex mutex_;
   std::condition_variable changed_;
@@ -64,6 +65,7 @@ class EndDeadline {
   std::function<void()> make_safe_;
   std::atomic<const char*> what_{"the rig"};
   std::atomic<int> finished_{-1};
+  std::atomic<bool> ends_by_exception_{false};
   hal::Thread thread_;
 };
 

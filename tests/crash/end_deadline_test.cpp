@@ -54,6 +54,22 @@ TEST(EndDeadline, Crash_OutputsAreSafeAndTheSignalEndsTheProcess) {
   }
 }
 
+TEST(EndDeadline, CrashWhileAnotherThreadSetsTheDeadline_OutputsAreSafeToo) {
+  for (int i = 0; i < 10; ++i) {
+    EXPECT_EXIT(
+        {
+          EndDeadline deadline;
+          const EndDeadline::Protection protection = deadline.protect(make_safe);
+          std::thread([&] {
+            for (;;) deadline.arm(std::chrono::hours(1));
+          }).detach();
+          std::this_thread::sleep_for(milliseconds(1));
+          ::raise(SIGSEGV);
+        },
+        testing::KilledBySignal(SIGSEGV), "safe\\. nodald: .* received SIGSEGV");
+  }
+}
+
 TEST(EndDeadline, NotEndedInTime_IsTheEndWithOutputsSafeAndSaysWhatHangs) {
   EXPECT_EXIT(
       {
