@@ -1,6 +1,7 @@
 #include "hal/linux/link/link_helper.h"
 
 #include <fcntl.h>
+#include <poll.h>
 #include <signal.h>
 #include <sys/prctl.h>
 #include <sys/socket.h>
@@ -245,7 +246,14 @@ void set_signals(std::initializer_list<int> signals, void (*action)(int)) {
 class HelpedLink final : public DescriptorLink {
  public:
   HelpedLink(Descriptor bytes, int fd, Descriptor messages, std::string peer)
-      : DescriptorLink(std::move(bytes), fd, std::move(peer)), messages_(std::move(messages)) {}
+      : DescriptorLink(std::move(bytes), fd, std::move(peer)), fd_(fd), messages_(std::move(messages)) {}
+  /// Waits until the link's process has closed the rig's link and ended, but no longer than its farewell may take: a cable carries
+  /// one host, so the next program would find it taken.
+  ~HelpedLink() override {
+    ::shutdown(fd_, SHUT_RDWR);
+    pollfd ended{messages_.get(), 0, 0};  // POLLHUP is always reported
+    (void)::poll(&ended, 1, static_cast<int>((kFarewell * 2).ms()));
+  }
 
  private:
   std::string closed_because() override {
@@ -255,6 +263,7 @@ class HelpedLink final : public DescriptorLink {
     return why->message.starts_with(named) ? why->message.substr(named.size()) : why->message;
   }
 
+  const int fd_;
   Descriptor messages_;
 };
 

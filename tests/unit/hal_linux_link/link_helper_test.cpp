@@ -72,6 +72,36 @@ TEST(LinkHelper, SeveralLinks_AreApart) {
   EXPECT_EQ(read_all(**second, 3), "two");
 }
 
+/// A link that takes a while to close, as a cable's farewell does, and leaves a file then.
+class SlowlyClosedLink final : public LinkPort {
+ public:
+  explicit SlowlyClosedLink(std::filesystem::path closed) : closed_(std::move(closed)) {}
+  ~SlowlyClosedLink() override {
+    ::usleep(200'000);
+    std::ofstream(closed_) << "closed";
+  }
+  Result<std::size_t> read(std::span<std::uint8_t>) override { return 0; }
+  Result<std::size_t> write(std::span<const std::uint8_t> from) override { return from.size(); }
+  const std::string& peer() const override { return peer_; }
+  std::optional<PeerIdentity> identity() const override { return std::nullopt; }
+  void add_wake_ups(WakeUps&, bool, bool) const override {}
+
+ private:
+  const std::filesystem::path closed_;
+  const std::string peer_ = "slowly closed";
+};
+
+TEST(LinkHelper, ALinkThatIsDestroyed_IsClosedWhenItsDestructorReturns) {
+  const test::TemporaryFolder folder;
+  auto helper = LinkHelper::start(
+      [&]() -> Result<std::unique_ptr<LinkPort>> { return std::make_unique<SlowlyClosedLink>(folder / "closed"); });
+  ASSERT_TRUE(helper);
+  auto link = (*helper)->connect();
+  ASSERT_TRUE(link) << link.error().text();
+  link->reset();
+  EXPECT_TRUE(std::filesystem::exists(folder / "closed")) << "the next program would find the cable taken";
+}
+
 TEST(LinkHelper, ALinkThatCannotBeOpened_HasTheErrorOfItsKind) {
   const auto programs = helper_for({"nodal-no-such-program"});
   EXPECT_EQ(programs->connect().error().code, Errc::kNotFound);

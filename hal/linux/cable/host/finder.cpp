@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <optional>
+#include <thread>
 #include <utility>
 
 #include "hal/linux/cable/host/device.h"
@@ -152,6 +154,20 @@ tl::unexpected<Error> cannot_open(const std::string& text, const std::string& pl
   return fail(Errc::kUnreachable, text + ": the USB device at " + place + ": " + libusb_strerror(error));
 }
 
+/// Claims the interface. A host that was killed holds it until its link's process has said farewell, so a busy one is asked again for
+/// a while. Returns 0 or libusb's error.
+int claim(libusb_device_handle* handle, int interface) {
+  constexpr auto kFarewellsEnd = std::chrono::milliseconds(2500);
+  constexpr auto kAskAgain = std::chrono::milliseconds(50);
+  const auto until = std::chrono::steady_clock::now() + kFarewellsEnd;
+  int error = libusb_claim_interface(handle, interface);
+  while (error == LIBUSB_ERROR_BUSY && std::chrono::steady_clock::now() < until) {
+    std::this_thread::sleep_for(kAskAgain);
+    error = libusb_claim_interface(handle, interface);
+  }
+  return error;
+}
+
 }  // namespace
 
 Result<std::vector<PluggedRig>> plugged_rigs() {
@@ -176,7 +192,7 @@ Result<OpenDevice> open_device(std::string_view serial) {
     return cannot_open(open.text, chosen.rig.place, error);
   }
   open.handle.reset(handle);
-  if (const int error = libusb_claim_interface(handle, open.interface); error != 0) {
+  if (const int error = claim(handle, open.interface); error != 0) {
     return cannot_open(open.text, chosen.rig.place, error);
   }
   return open;
