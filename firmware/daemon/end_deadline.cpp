@@ -119,9 +119,10 @@ bool EndDeadline::lock_soon() {
   return false;
 }
 
-/// A signal handler. After end_by_exception(), which calls abort(), all is done, and this thread holds the lock.
+/// A signal handler. After end_by_exception(), which calls abort(), all is done, and this thread holds the lock. A crash of another
+/// thread meanwhile leaves end_by_exception() the time of lock_soon().
 void EndDeadline::end_by_crash(int signal) {
-  if (!ends_by_exception_.load() && lock_soon()) {
+  if (ends_by_exception_.load() != ::gettid() && lock_soon()) {
     if (make_safe_) make_safe_();
     char thread[16] = "a thread";
     (void)::pthread_getname_np(::pthread_self(), thread, sizeof thread);
@@ -133,7 +134,7 @@ void EndDeadline::end_by_crash(int signal) {
 /// Called on the thread that threw. The lock is never released, so that a second such thread waits for the end.
 void EndDeadline::end_by_exception() {
   mutex_.lock();
-  ends_by_exception_.store(true);
+  ends_by_exception_.store(::gettid());
   if (make_safe_) make_safe_();
   char thread[16] = "a thread";
   (void)::pthread_getname_np(::pthread_self(), thread, sizeof thread);

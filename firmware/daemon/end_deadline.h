@@ -2,6 +2,8 @@
 // as std::bad_alloc does, and when nodald crashes.
 #pragma once
 
+#include <sys/types.h>
+
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
@@ -65,7 +67,7 @@ class EndDeadline {
   std::function<void()> make_safe_;
   std::atomic<const char*> what_{"the rig"};
   std::atomic<int> finished_{-1};
-  std::atomic<bool> ends_by_exception_{false};
+  std::atomic<pid_t> ends_by_exception_{0};  ///< the thread that does; 0: none
   hal::Thread thread_;
 };
 

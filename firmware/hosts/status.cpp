@@ -84,7 +84,6 @@ std::string problem_of(const HeadReport& head) {
   return head.ignores.empty() ? mended(head.recoveries) : head.ignores;
 }
 
-/// "+48 ppm".
 /// The words of rig.toml's trigger_mode, and "free".
 const char* name_of(hal::TriggerMode mode) {
   switch (mode) {

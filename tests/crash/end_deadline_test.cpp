@@ -70,6 +70,24 @@ TEST(EndDeadline, CrashWhileAnotherThreadSetsTheDeadline_OutputsAreSafeToo) {
   }
 }
 
+TEST(EndDeadline, CrashWhileAnExceptionMakesTheOutputsSafe_TheyAreSafeFirst) {
+  EXPECT_EXIT(
+      {
+        EndDeadline deadline;
+        const EndDeadline::Protection protection = deadline.protect([] {
+          std::this_thread::sleep_for(milliseconds(30));
+          make_safe();
+        });
+        std::thread([] {
+          pthread_setname_np(pthread_self(), "a-stage");
+          throw std::runtime_error("nobody expects this");
+        }).detach();
+        std::this_thread::sleep_for(milliseconds(10));
+        ::raise(SIGSEGV);
+      },
+      testing::KilledBySignal(SIGABRT), "safe\\. nodald: exception in a-stage: nobody expects this");
+}
+
 TEST(EndDeadline, NotEndedInTime_IsTheEndWithOutputsSafeAndSaysWhatHangs) {
   EXPECT_EXIT(
       {
