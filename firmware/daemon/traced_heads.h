@@ -25,7 +25,7 @@ class TracedHeads final : public hal::HeadEnumerator {
  private:
   hal::HeadEnumerator& heads_;
   hal::ClockPort& clock_;
-  std::map<std::string, std::string> results_;  ///< of the newest attempt to open each path: only changes are written
+  std::map<std::string, std::string> results_;  ///< by path, of its newest opening: only changes are written
 };
 
 }  // namespace nodal::daemon

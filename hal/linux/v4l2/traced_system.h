@@ -40,7 +40,7 @@ class TracedSystem final : public System {
     std::string node;
     int asked = 0;  ///< calls of VIDIOC_DQBUF without a frame since the last line about them
     Instant frame;  ///< when the last frame came, or the stream began
-    Instant line;   ///< when the last line about missing frames was due
+    Instant line;   ///< when the newest line about missing frames was written, or as `frame`
   };
 
   std::string node_of(int fd);
