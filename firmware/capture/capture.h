@@ -71,15 +71,15 @@ struct CaptureReport {
   FrameCounts frames;  ///< sum over all heads
   std::uint64_t sets = 0;
   std::uint64_t full_sets = 0;        ///< sets with every head of the rig
-  std::vector<OutletReport> outlets;  ///< in the order in which they registered
+  std::vector<OutletReport> outlets;  ///< one report per outlet, in order of registration
   ExposureControl::Report exposure;
   GenlockReport genlock;
   FrameRate rate;  ///< at which sets come
 };
 
-/// A frame is held in an open set. The set is closed when every head that delivers has a frame in it, or kHalfPeriodsToWait
-/// after the middle of its exposure, whichever is first. Sets are closed in order. Every outlet gets a loan of the closed
-/// set; an outlet whose queue is full counts the set as missed, so capture never waits.
+/// A frame is held in an open set. The set is closed when every head that delivers has a frame in it, or
+/// kHalfPeriodsToWait after the middle of its exposure, whichever is first. Sets are closed in order. Every outlet gets
+/// a loan of the closed set; an outlet whose queue is full counts the set as missed, so capture never waits.
 ///
 /// Threading: thread-bound to capture; an outlet's other end is its reader's thread; commands() and answers() are SPSC
 ///   rings whose other ends are control's; snapshot() is read by control.
@@ -98,7 +98,8 @@ class Capture {
   /// Stops heads and trigger. The blend must have released every set before.
   void close();
 
-  /// Registers a reader of frame sets; call it before the first step(). A closed outlet receives no sets until it is opened.
+  /// Registers a reader of frame sets; call it before the first step(). A closed outlet receives no sets until it is
+  /// opened.
   Outlet<SetLoan>& add_outlet(const OutletSpec& spec, bool open = true);
   /// The ring with the meter's readings. Without it the exposure programs change nothing.
   void meter_from(SpscRing<blend::SphereLight>& light) { light_in_ = &light; }
@@ -171,9 +172,10 @@ class Capture {
   SetClock clock_;
   DriftMeter pulse_drift_;
   std::array<DriftMeter, kMaxHeads> head_drift_;
-  std::array<PulseWatch, kMaxHeads> pulse_watch_;  ///< of wired heads
-  const FrameRate rate_;                           ///< from rig.toml
-  FrameRate rate_now_;                             ///< rate_, or the rate that a host started the genlock with
+  /// Phase and drift of each wired head's exposures; unused for other heads.
+  std::array<PulseWatch, kMaxHeads> pulse_watch_;
+  const FrameRate rate_;  ///< from rig.toml
+  FrameRate rate_now_;    ///< rate_, or the rate that a host started the genlock with
   RateInForce set_rate_;
   bool genlock_wanted_;  ///< rig.toml says that the genlock starts with the rig, and it was not started yet
   hal::TriggerMode mode_ = hal::TriggerMode::kFreeRun;
@@ -185,7 +187,7 @@ class Capture {
   Instant now_;  ///< time of the current step
 
   CaptureLog* log_ = nullptr;      ///< null: nothing is noted
-  std::uint32_t collections_ = 0;  ///< of the current step
+  std::uint32_t collections_ = 0;  ///< calls of CaptureLog::collecting() in the current step
   /// What log_ knows.
   struct Logged {
     GenlockState genlock = GenlockState::kOff;

@@ -9,7 +9,8 @@
 namespace nodal::firmware {
 namespace {
 
-/// Interval of the retries while a head is disconnected: short enough to find it within a few frames, and a try is cheap.
+/// Interval of the retries while a head is disconnected: short enough to find it within a few frames, and a try is
+/// cheap.
 constexpr Duration kRetry = Duration::milliseconds(200);
 
 std::string microseconds(Exposure exposure) { return std::to_string(exposure.us()) + " us"; }
@@ -33,8 +34,8 @@ std::optional<LossReason> bad_fields(Fields came, Fields promised) {
   return whole(came) && whole(promised) ? LossReason::kFieldOrder : LossReason::kFieldParity;
 }
 
-/// Whether the requested settings are in effect, within 1/16 of the value, 400 mdB of gain (1/15 stop) or 0.05 of gamma:
-/// heads round requests to steps of their own, which are smaller than that.
+/// Whether the requested settings are in effect, within 1/16 of the value, 400 mdB of gain (1/15 stop) or 0.05 of
+/// gamma: heads round requests to steps of their own, which are smaller than that.
 bool matches(const SettingsChange& wanted, const hal::HeadSettings& in_effect) {
   if (wanted.exposure) {
     const std::int64_t apart = in_effect.exposure.us() - wanted.exposure->us();
@@ -195,8 +196,8 @@ std::optional<hal::FrameView> CaptureHead::take_frame() {
   return std::nullopt;
 }
 
-/// Reports a head that does not apply requested settings: they differ from the settings in its frames for longer than the
-/// stated latency and kFramesOfGrace.
+/// Reports a head that does not apply requested settings: they differ from the settings in its frames for longer than
+/// the stated latency and kFramesOfGrace.
 void CaptureHead::watch_settings(const hal::HeadSettings& in_effect) {
   const SettingsChange wanted = this->wanted();
   if (matches(wanted, in_effect)) {
@@ -310,7 +311,8 @@ Status CaptureHead::change(const SettingsChange& change, std::uint64_t lease) {
   return {};
 }
 
-/// The present values of the fields that `change` has: the requested ones, else those of the newest frame, if there is one.
+/// The present values of the fields that `change` has: the requested ones, else those of the newest frame, if there is
+/// one.
 SettingsChange CaptureHead::before(const SettingsChange& change) const {
   SettingsChange all;
   if (report_.counts.frames > 0) {

@@ -32,7 +32,7 @@ struct SettingsChange {
 struct FrameCounts {
   std::uint64_t frames = 0;  ///< taken from the port
   std::uint64_t in_sets = 0;
-  std::uint64_t held = 0;  ///< in a set that is still open
+  std::uint64_t held = 0;  ///< frames in sets that are still open
   std::array<std::uint64_t, kLossReasons> losses{};
 
   std::uint64_t lost() const;
@@ -49,19 +49,20 @@ struct HeadReport {
   std::optional<hal::HeadLimits> limits;
   hal::HeadSettings in_effect;  ///< settings of the newest frame
   FrameCounts counts;
-  std::uint64_t missing_sets = 0;         ///< sets closed without a frame of it
+  std::uint64_t missing_sets = 0;         ///< sets that were closed without a frame of this head
   bool in_no_set = false;                 ///< it streams, and no set of the last kInNoSet has a frame of it
-  std::optional<LossReason> newest_loss;  ///< since its newest frame in a set
+  std::optional<LossReason> newest_loss;  ///< reason of the newest loss since its newest frame in a set; empty: none
   std::uint64_t opened = 0;               ///< how often its port was opened
-  hal::HeadRecoveries recoveries;         ///< of all its ports
+  hal::HeadRecoveries recoveries;         ///< sum over all ports that it has had
   Duration skew;                          ///< mid-exposure of the newest frame minus that of its set
-  std::optional<std::int32_t> drift_ppb;  ///< of its own clock, measured when it last ran free; positive is slow
+  std::optional<std::int32_t> drift_ppb;  ///< drift of its own clock, measured when it last ran free; positive is slow
   std::string problem;
   std::string ignores;  ///< a sentence about a requested setting that it does not apply; empty: none
 };
 
-/// One head, also while it is disconnected: opens its port by path, requests its settings again after a reconnect, counts
-/// its frames. A port is never stopped or destroyed while a frame of it is lent, because the blend may be reading it.
+/// One head, also while it is disconnected: opens its port by path, requests its settings again after a reconnect,
+/// counts its frames. A port is never stopped or destroyed while a frame of it is lent, because the blend may be
+/// reading it.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: owns the port; the enumerator outlives it.
@@ -71,8 +72,8 @@ class CaptureHead {
   CaptureHead(const HeadConfig& config, std::string path, hal::HeadEnumerator& enumerator);
   ~CaptureHead();
 
-  /// Opens, closes or restarts the port if necessary. True when something changed. A wired head is in wired mode whatever
-  /// `mode` is, so it streams on when the genlock starts or stops.
+  /// Opens, closes or restarts the port if necessary. True when something changed. A wired head is in wired mode
+  /// whatever `mode` is, so it streams on when the genlock starts or stops.
   bool step(Instant now, hal::TriggerMode mode);
   /// The next frame if it is good. A bad frame is counted under its reason and released, and nothing is returned.
   std::optional<hal::FrameView> take_frame();
@@ -91,8 +92,8 @@ class CaptureHead {
 
   /// Checks a change against the head's limits without requesting it. A disconnected head has no limits.
   Status check(const SettingsChange& change) const;
-  /// Requests a change from the head. A disconnected head gets it when it returns. A change with a lease is temporary: end_lease()
-  /// undoes it, unless a change without one has replaced it.
+  /// Requests a change from the head. A disconnected head gets it when it returns. A change with a lease is temporary:
+  /// end_lease() undoes it, unless a change without one has replaced it.
   Status change(const SettingsChange& change, std::uint64_t lease = 0);
   /// Errors: kBusy when the head has temporary settings of another lease.
   Status check_lease(std::uint64_t lease) const;
@@ -153,7 +154,7 @@ class CaptureHead {
   int missed_in_row_ = 0;        ///< sets since the last frame, good or bad
   int sets_without_it_ = 0;      ///< sets since the last one that has a frame of it, or since its start
   int frames_since_request_ = 0;
-  hal::HeadRecoveries recoveries_before_;  ///< of ports that were destroyed
+  hal::HeadRecoveries recoveries_before_;  ///< recoveries of the ports that were destroyed
   HeadReport report_;
 };
 

@@ -1,5 +1,5 @@
-// Everything that determines what capture does, and what it did, in order. A flight record stores it, and a player steps
-// capture through it again.
+// Everything that determines what capture does, and what it did, in order. A flight record stores it, and a player
+// steps capture through it again.
 #pragma once
 
 #include <cstdint>
@@ -16,9 +16,9 @@
 
 namespace nodal::firmware {
 
-// Answers of ports. The ports that capture calls note them (firmware/flight/logged_ports.h). A take_frame() or take_edge()
-// that returned nothing is not noted: its place is known, because two such calls of one port are never next to each other
-// without an event between them.
+// Answers of ports. The ports that capture calls note them (firmware/flight/logged_ports.h). A take_frame() or
+// take_edge() that returned nothing is not noted: its place is known, because two such calls of one port are never next
+// to each other without an event between them.
 
 /// HeadEnumerator::open(). With an error, only `status` counts.
 struct HeadOpened {
@@ -85,7 +85,7 @@ struct SetReturned {
 struct FramesLost {
   HeadIndex head = 0;
   LossReason reason{};
-  std::uint64_t count = 0;  ///< of all frames so far
+  std::uint64_t count = 0;  ///< frames lost so far, in total
 };
 struct GenlockChanged {
   GenlockState state{};
@@ -102,8 +102,8 @@ class CaptureLog {
  public:
   virtual ~CaptureLog() = default;
   virtual void note(CaptureEvent&& event) = 0;
-  /// Capture is about to take back the sets that no reader holds. Other threads decide which these are; a player releases
-  /// those of the record here. `collection` counts the calls of a step from 1.
+  /// Capture is about to take back the sets that no reader holds. Other threads decide which these are; a player
+  /// releases those of the record here. `collection` counts the calls of a step from 1.
   virtual void collecting(std::uint32_t collection) = 0;
 };
 

@@ -43,8 +43,8 @@ bool Capture::take_frames() {
   return any;
 }
 
-/// A frame's exposure ends before its last byte arrives, and not long before. Otherwise the head's clock has wrapped or was
-/// set; accepting one such frame would close sets of the future and make every later frame too late.
+/// A frame's exposure ends before its last byte arrives, and not long before. Otherwise the head's clock has wrapped or
+/// was set; accepting one such frame would close sets of the future and make every later frame too late.
 bool Capture::plausible(const hal::FrameView& frame) const {
   const Duration age = frame.received - frame.mid_exposure;
   return age >= Duration() && age <= kOldest + clock_.period() * kMaxOpenSets;
@@ -167,8 +167,8 @@ void Capture::close_oldest() {
   collect_sets();  // returns the frames at once if no outlet took the set
 }
 
-/// Aligns free-running heads, after every set and after every requested exposure. Nudge and exposure are requested in the
-/// same step, so that both take effect in the same frame.
+/// Aligns free-running heads, after every set and after every requested exposure. Nudge and exposure are requested in
+/// the same step, so that both take effect in the same frame.
 void Capture::align() {
   if (!std::exchange(align_now_, false) || !genlock_.aligning()) return;
   std::array<FreeHead, kMaxHeads> free;

@@ -119,9 +119,10 @@ void ExposureControl::find_goals(HeadMask present) {
   if (report_.settings.program == ExposureProgram::kJoint) limit_differences(present);
 }
 
-/// Changes the goals so that overlapping heads differ by at most `difference`: each goal becomes the mean of two, the largest
-/// allowed ones below all original goals and the smallest allowed ones above them. Then, without an anchor, all goals are
-/// shifted so that the mean exposure of the sphere does not change. With an anchor, the anchor's goal does not change.
+/// Changes the goals so that overlapping heads differ by at most `difference`: each goal becomes the mean of two, the
+/// largest allowed ones below all original goals and the smallest allowed ones above them. Then, without an anchor, all
+/// goals are shifted so that the mean exposure of the sphere does not change. With an anchor, the anchor's goal does
+/// not change.
 void ExposureControl::limit_differences(HeadMask present) {
   const Distances apart = distances_of(report_.seen, present);
   constexpr std::size_t heads = kMaxHeads;

@@ -26,15 +26,16 @@ struct ExposureOrder {
   Gain gain;
 };
 
-/// Splits an exposure in stops into shutter and gain within the range: the shutter as long as possible, the gain for the
-/// rest. The gain also supplies what rounding the shutter to whole microseconds leaves.
+/// Splits an exposure in stops into shutter and gain within the range: the shutter as long as possible, the gain for
+/// the rest. The gain also supplies what rounding the shutter to whole microseconds leaves.
 ExposureOrder split(Stops stops, const ExposureRange& range);
 /// The lowest and the highest exposure of the range.
 std::pair<Stops, Stops> reach(const ExposureRange& range);
 
-/// A closed loop that needs no model of its delay: every set carries the settings that were in effect for it, so the goal
-/// computed from its light does not depend on later requests. The requested exposure approaches the goal and never passes
-/// it. Metering never overestimates a change (blend::meter), so an inexact goal lies between the exposure and the right one.
+/// A closed loop that needs no model of its delay: every set carries the settings that were in effect for it, so the
+/// goal computed from its light does not depend on later requests. The requested exposure approaches the goal and never
+/// passes it. Metering never overestimates a change (blend::meter), so an inexact goal lies between the exposure and
+/// the right one.
 ///
 ///   error of a head's exposure | change per set
 ///   at most kRest, after it was within kStep | none, so that noise changes nothing
@@ -43,7 +44,8 @@ std::pair<Stops, Stops> reach(const ExposureRange& range);
 ///   larger | all of it
 /// and never more than `ramp`.
 ///
-/// In the joint program all heads change in proportion, so that neighbours that were within `difference` stay within it.
+/// In the joint program all heads change in proportion, so that neighbours that were within `difference` stay within
+/// it.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: none. Allocates nothing.
@@ -71,7 +73,8 @@ class ExposureControl {
 
   /// New settings, whose anchor is one of kMaxHeads heads. Exposures continue from their present values.
   void set(const ExposureSettings& settings);
-  /// Takes the reading of the next metered set and returns the new settings of the heads. Only heads with a range get any.
+  /// Takes the reading of the next metered set and returns the new settings of the heads. Only heads with a range get
+  /// any.
   Orders step(const blend::SphereLight& seen, std::span<const std::optional<ExposureRange>, kMaxHeads> ranges);
   /// The head is disconnected: forgets its requested exposure.
   void forget(std::size_t head) { requested_[head].reset(); }
