@@ -31,8 +31,8 @@ constexpr bool is_replayed(PortKind kind) { return kind == PortKind::kReplay || 
 /// the kind of the port and its name.
 struct PortAddress {
   PortKind kind = PortKind::kSim;
-  std::string
-      name;  ///< what follows the colon; for replay a file or glob, for take its folder and a head, relative to rig.toml
+  /// What follows the colon; for replay a file or glob, for take its folder and a head, both relative to rig.toml.
+  std::string name;
   /// As rig.toml has it.
   std::string text() const;
   friend bool operator==(const PortAddress&, const PortAddress&) = default;
@@ -89,7 +89,7 @@ struct HeadConfig {
   bool wired = false;                    ///< it follows the trigger's line, and its driver does not know of it
   Duration trigger_delay;                ///< from the trigger to this head's pulse; `wired`: to its exposure
   std::optional<GpioLine> trigger;       ///< the line that its pulses leave by; empty: TriggerConfig::port
-  DeviceConfig device;                   ///< of a v4l2: or iidc: port
+  DeviceConfig device;                   ///< settings of the device, used with a v4l2: or iidc: port
   TakeMode take_mode = TakeMode::kDriver;
   int line = 0;  ///< line number in rig.toml, for error messages
 };
@@ -159,7 +159,7 @@ struct TakesConfig {
   bool raymap = true;            ///< raymaps are recorded, too
   bool at_start = false;         ///< a take begins when nodald starts
   bool loop = false;             ///< when the disk is full, the oldest segments are deleted; else the take ends
-  int quality = 90;              ///< of JPEGs: 1 .. 100
+  int quality = 90;              ///< quality of JPEGs, 1 .. 100
   bool flight_recorder = false;  ///< what capture's ports answer is recorded, too
 };
 
@@ -184,8 +184,8 @@ struct RigConfig {
 
 inline constexpr std::size_t kMaxRigTomlBytes = 256 * 1024;
 
-/// Parses and checks a rig.toml. Paths stay as written. `read_rays` reads the file that [raymap] layout = "rays:FILE" names;
-/// without it such a layout is refused.
+/// Parses and checks a rig.toml. Paths stay as written. `read_rays` reads the file that [raymap] layout = "rays:FILE"
+/// names; without it such a layout is refused.
 ///
 /// Errors: the first one, with `file:line:column`, the field, what is wrong and what is allowed; an unknown key
 /// is an error that suggests the nearest known key.

@@ -33,8 +33,8 @@ struct ExposureSettings {
   friend bool operator==(const ExposureSettings&, const ExposureSettings&) = default;
 };
 
-/// A change of some fields of ExposureSettings. Capture applies it to the settings in effect at that moment, so that two
-/// requests in quick succession both take effect.
+/// A change of some fields of ExposureSettings. Capture applies it to the settings in effect at that moment, so that
+/// two requests in quick succession both take effect.
 struct ExposureChange {
   std::optional<ExposureProgram> program;
   std::optional<std::optional<HeadIndex>> anchor;  ///< the inner one is empty: no head is the anchor

@@ -1,5 +1,5 @@
-// Reads back a rig.toml that a program of Nodal wrote, before anything counts on it. Without the types of config.h, so that
-// the host's commands may use it.
+// Reads back a rig.toml that a program of Nodal wrote, before anything counts on it. Without the types of config.h, so
+// that the host's commands may use it.
 #pragma once
 
 #include <string>
