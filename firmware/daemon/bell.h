@@ -61,8 +61,8 @@ class Bell {
   std::condition_variable condition_;
 };
 
-/// Wakes one thread that also sleeps for its ports. count() and ring() as of Bell: ring() is a system call only while the
-/// thread sleeps.
+/// Wakes one thread that also sleeps for its ports. count() and ring() as of Bell: ring() is a system call only while
+/// the thread sleeps.
 ///
 /// Threading: ring() and count() from any thread, wait() from one.
 /// Ownership: owns a descriptor; the clock outlives it.
@@ -83,11 +83,11 @@ class PortBell {
     if (sleeps_.load()) ::eventfd_write(event_, 1);
   }
 
-  /// Sleeps until it is rung or something of `ports` wakes the thread, at most kLongest; `ports` must have room for one more
-  /// descriptor. Call it after the thread found no work.
+  /// Sleeps until it is rung or something of `ports` wakes the thread, at most kLongest; `ports` must have room for one
+  /// more descriptor. Call it after the thread found no work.
   ///
-  /// A port may wake the thread and then have nothing to do for it, again and again: a driver's error that lasts, or a time
-  /// that has passed. The thread then polls its ports every kPoll, which uses little of a core.
+  /// A port may wake the thread and then have nothing to do for it, again and again: a driver's error that lasts, or a
+  /// time that has passed. The thread then polls its ports every kPoll, which uses little of a core.
   void wait(std::uint64_t heard, const hal::WakeUps& ports) {
     const Instant now = clock_.now();
     const bool passed = ports.at() && *ports.at() <= now;

@@ -76,8 +76,8 @@ class Enumerators final : public hal::HeadEnumerator {
   }
 };
 
-/// The trigger of a rig with simulated and replayed heads, or with them and a line: starts both, and reports the edges of
-/// the first.
+/// The trigger of a rig with simulated and replayed heads, or with them and a line: starts both, and reports the edges
+/// of the first.
 class BothTriggers final : public hal::TriggerPort {
  public:
   BothTriggers(hal::TriggerPort& first, hal::TriggerPort& second) : first_(first), second_(second) {}

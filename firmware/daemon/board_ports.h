@@ -24,13 +24,13 @@ class BoardPorts {
   static Result<std::unique_ptr<BoardPorts>> make(const firmware::RigConfig& config, const std::filesystem::path& base);
   ~BoardPorts();
 
-  /// Opens every device and every replayed picture that rig.toml names and closes it again, which may take seconds. Errors:
-  /// the first that cannot be opened as rig.toml asks, naming its head and line.
+  /// Opens every device and every replayed picture that rig.toml names and closes it again, which may take seconds.
+  /// Errors: the first that cannot be opened as rig.toml asks, naming its head and line.
   Status check_devices(const firmware::RigConfig& config);
   /// Errors: kExists if a program listens at one of the sockets.
   Status check_links(const firmware::LinksConfig& links) const;
-  /// Claims the GPIO lines that rig.toml names, which may take long. Returns what could not be claimed, naming the key: a rig
-  /// runs without it. Call it before ports().
+  /// Claims the GPIO lines that rig.toml names, which may take long. Returns what could not be claimed, naming the key:
+  /// a rig runs without it. Call it before ports().
   std::vector<Error> claim_lines(const firmware::RigConfig& config);
   /// What works less well than it could: sentences for the log.
   std::vector<std::string> notices() const;
@@ -41,7 +41,8 @@ class BoardPorts {
   Status listen(const firmware::RigConfig& config);
 
   firmware::RigPorts ports();
-  /// Sets the trigger's line and the panel's lamps to their safe levels permanently. Any thread, also while others hang.
+  /// Sets the trigger's line and the panel's lamps to their safe levels permanently. Any thread, also while others
+  /// hang.
   void make_safe() noexcept;
   /// Advances virtual time; false when the clock is real.
   bool advance(Duration by);

@@ -47,7 +47,7 @@ std::vector<hal::v4l2::FoundDevice> MachineDevices::scan(std::chrono::millisecon
 }
 
 struct DeviceScanner::Shared {
-  MachineDevices devices;  ///< of the scan's thread, while one runs
+  MachineDevices devices;  ///< used only by the scan's thread while one runs
   std::mutex mutex;        ///< protects the following members
   bool running = false;
   std::optional<Result<firmware::DeviceList>> result;

@@ -12,8 +12,8 @@
 
 namespace nodal::daemon {
 
-/// After this time a device that has not answered a scan is listed as such. uvcvideo waits 5 s for each control of a device
-/// that does not answer. Shorter than the 10 s after which `nodal` asks whether the rig is alive.
+/// After this time a device that has not answered a scan is listed as such. uvcvideo waits 5 s for each control of a
+/// device that does not answer. Shorter than the 10 s after which `nodal` asks whether the rig is alive.
 inline constexpr std::chrono::milliseconds kScanWithin = std::chrono::seconds(8);
 
 /// V4L2 devices with their modes, and IIDC cameras, which are only listed: opening one would disturb a stream.

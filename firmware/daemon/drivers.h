@@ -7,8 +7,8 @@
 
 namespace nodal::daemon {
 
-/// The kernel's or libdc1394's own; or, with a trace, a system that passes each call on and writes a line about it. Call them
-/// after start_log(), which sets the levels. They live as long as the process.
+/// The kernel's or libdc1394's own; or, with a trace, a system that passes each call on and writes a line about it.
+/// Call them after start_log(), which sets the levels. They live as long as the process.
 hal::v4l2::System& v4l2_drivers();
 hal::iidc::Bus& iidc_cameras();
 hal::gpio::System& gpio_chips();

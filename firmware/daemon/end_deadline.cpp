@@ -19,7 +19,7 @@
 namespace nodal::daemon {
 namespace {
 
-EndDeadline* of_this_process = nullptr;  ///< for the terminate handler, which takes no argument
+EndDeadline* of_this_process = nullptr;  ///< the terminate handler takes no argument and finds the object here
 
 /// Writes to standard error directly, because the log's thread may hang, and only if the write does not block.
 void say(const char* line, int length) {
@@ -108,8 +108,8 @@ void EndDeadline::end_by_force() {
   ::_exit(kExitStageHung);
 }
 
-/// For a signal handler, which must not wait without an end: the thread of the deadline holds the lock for microseconds, and a
-/// thread whose make_safe_ hangs or has crashed holds it for ever.
+/// For a signal handler, which must not wait without an end: the thread of the deadline holds the lock for
+/// microseconds, and a thread whose make_safe_ hangs or has crashed holds it for ever.
 bool EndDeadline::lock_soon() {
   constexpr int kTries = 100;
   for (int i = 0; i < kTries; ++i) {
@@ -119,8 +119,8 @@ bool EndDeadline::lock_soon() {
   return false;
 }
 
-/// A signal handler. After end_by_exception(), which calls abort(), all is done, and this thread holds the lock. A crash of another
-/// thread meanwhile leaves end_by_exception() the time of lock_soon().
+/// A signal handler. After end_by_exception(), which calls abort(), all is done, and this thread holds the lock. A
+/// crash of another thread meanwhile leaves end_by_exception() the time of lock_soon().
 void EndDeadline::end_by_crash(int signal) {
   if (ends_by_exception_.load() != ::gettid() && lock_soon()) {
     if (make_safe_) make_safe_();

@@ -1,5 +1,5 @@
-// Ends nodald by force, with outputs at their safe levels: when a stage hangs, when an exception leaves a thread's function,
-// as std::bad_alloc does, and when nodald crashes.
+// Ends nodald by force, with outputs at their safe levels: when a stage hangs, when an exception leaves a thread's
+// function, as std::bad_alloc does, and when nodald crashes.
 #pragma once
 
 #include <sys/types.h>
@@ -15,11 +15,11 @@
 
 namespace nodal::daemon {
 
-/// A thread waits while outputs are protected. If the process has not ended within the time given to arm(), the thread makes
-/// the outputs safe, prints on standard error which part hangs, and ends the process. The terminate handler does the same at
-/// once: with exit code kExitFailed after std::bad_alloc, by abort() otherwise. So does the handler of signals that report a
-/// crash (SignalOutcome::kCrashes), and lets the signal end the process; a stack overflow is not handled. None of them
-/// allocates memory.
+/// A thread waits while outputs are protected. If the process has not ended within the time given to arm(), the thread
+/// makes the outputs safe, prints on standard error which part hangs, and ends the process. The terminate handler does
+/// the same at once: with exit code kExitFailed after std::bad_alloc, by abort() otherwise. So does the handler of
+/// signals that report a crash (SignalOutcome::kCrashes), and lets the signal end the process; a stack overflow is not
+/// handled. None of them allocates memory.
 ///
 /// Threading: one object a process; made, armed and destroyed on main; waits_for() from any thread.
 /// Ownership: what protect() refers to lives as long as its Protection.

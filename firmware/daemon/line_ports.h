@@ -13,8 +13,8 @@
 
 namespace nodal::daemon {
 
-/// Claims the lines, outputs at their safe levels. A rig runs without what cannot be claimed: then start() of the trigger
-/// is that error, and the pin is not there.
+/// Claims the lines, outputs at their safe levels. A rig runs without what cannot be claimed: then start() of the
+/// trigger is that error, and the pin is not there.
 ///
 /// Threading: made and destroyed on main; the ports as their headers say.
 /// Ownership: owns the ports; the system outlives it.
@@ -45,8 +45,8 @@ class LinePorts {
   std::string notice_;
 };
 
-/// What `nodald --safe-levels` does after a crash: claims every output line of rig.toml at its safe level and releases it,
-/// and controllers keep the level.
+/// What `nodald --safe-levels` does after a crash: claims every output line of rig.toml at its safe level and releases
+/// it, and controllers keep the level.
 struct SafeLevels {
   std::vector<std::string> lines;  ///< a sentence for each line at its safe level
   std::vector<Error> problems;

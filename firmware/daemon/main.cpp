@@ -67,7 +67,8 @@ std::string describe(const firmware::RigConfig& config) {
                      config.raymap.width, config.raymap.height, pixel_format_name(config.raymap.format));
 }
 
-/// While nodald starts it drives no output and has no socket, so a signal may end it at once, also during a blocking call.
+/// While nodald starts it drives no output and has no socket, so a signal may end it at once, also during a blocking
+/// call.
 void end_while_starting(const sigset_t& signals) {
   struct sigaction at_once {};
   at_once.sa_handler = [](int) { ::_exit(kExitFine); };

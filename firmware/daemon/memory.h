@@ -1,5 +1,5 @@
-// How nodald allocates memory from the C library and returns it to the system: the memory that compiling a table needed is
-// not kept.
+// How nodald allocates memory from the C library and returns it to the system: the memory that compiling a table needed
+// is not kept.
 #pragma once
 
 #include <string>
@@ -9,8 +9,8 @@ namespace nodal::daemon {
 /// Blocks of at least this many bytes get their own pages, which are returned when the block is freed.
 inline constexpr int kLargeBlock = 256 * 1024;
 
-/// The C library reserves 64 MiB of addresses for every arena and uses one arena per thread by default; with `ulimit -v` that
-/// can leave no addresses for the threads. Two are enough, because the frame path allocates nothing.
+/// The C library reserves 64 MiB of addresses for every arena and uses one arena per thread by default; with `ulimit
+/// -v` that can leave no addresses for the threads. Two are enough, because the frame path allocates nothing.
 inline constexpr int kArenas = 2;
 
 /// Call it before threads are started.

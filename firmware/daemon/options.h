@@ -13,12 +13,12 @@ namespace nodal::daemon {
 struct Options {
   std::string config;
   std::string store;   ///< empty: rig.toml's
-  std::string socket;  ///< for --bridge; empty: rig.toml's
+  std::string socket;  ///< path of the socket that --bridge connects to; empty: the one in rig.toml
   bool check = false;
   bool bridge = false;
   bool safe_levels = false;
   bool scan = false;
-  bool json = false;      ///< of a scan
+  bool json = false;      ///< the scan is printed as JSON
   int blend_threads = 0;  ///< 0: one per core
   LogLevels log;
 };
@@ -30,8 +30,8 @@ inline constexpr int kExitCannotStart =
     3;  ///< the store, a socket or a line cannot be opened, or no daemon answers the bridge
 inline constexpr int kExitStageHung = 4;  ///< a stage hung at the end; outputs were made safe, the end was by force
 
-/// The options; or the exit code when there is nothing more to do: help was printed, or an error of the command line was
-/// printed.
+/// The options; or the exit code when there is nothing more to do: help was printed, or an error of the command line
+/// was printed.
 struct Parsed {
   Options options;
   std::optional<int> exit;

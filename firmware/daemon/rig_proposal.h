@@ -27,9 +27,9 @@ struct RigProposal {
   std::map<std::size_t, std::string> left_out;  ///< devices that are no heads, by index: the reason
 };
 
-/// One rate for all heads: that at which most devices have a mode, then the nearest to 30 frames a second. Of each device,
-/// the largest size up to 1920x1080; while a USB bus cannot carry its heads, the one with most bytes per second gets a
-/// smaller size.
+/// One rate for all heads: that at which most devices have a mode, then the nearest to 30 frames a second. Of each
+/// device, the largest size up to 1920x1080; while a USB bus cannot carry its heads, the one with most bytes per second
+/// gets a smaller size.
 RigProposal propose_rig(const std::vector<hal::v4l2::FoundDevice>& devices);
 
 /// The proposal as a rig.toml. One without heads is refused by `--check`.

@@ -21,7 +21,7 @@ using hal::v4l2::FoundFormat;
 using hal::v4l2::FoundSize;
 using Json = nlohmann::json;
 
-constexpr std::size_t kSizesShown = 16, kRatesShown = 8;  ///< in the text
+constexpr std::size_t kSizesShown = 16, kRatesShown = 8;  ///< limits of the text report; the JSON has all
 
 std::string size_text(const FoundSize& size) {
   std::string text = fmt::format("{}x{}", size.width, size.height);

@@ -9,8 +9,8 @@
 
 namespace nodal::daemon {
 
-/// Devices, buses and reasons as comments, then the proposed rig.toml. A proposal with heads is read back as nodald reads
-/// a rig.toml. Errors: those of parse_rig_config().
+/// Devices, buses and reasons as comments, then the proposed rig.toml. A proposal with heads is read back as nodald
+/// reads a rig.toml. Errors: those of parse_rig_config().
 Result<std::string> scan_text(const std::vector<hal::v4l2::FoundDevice>& devices);
 
 /// The same as JSON, complete: the text cuts long lists. nodald(8) explains the fields. Errors: the same.

@@ -16,11 +16,12 @@ struct TakesDisk {
   std::unique_ptr<hal::DiskPort> to_read;
 };
 
-/// The folder of [takes], which is made if it is not there. With `mounted`, the disk may come later. Nothing of it stays open. Errors:
-/// kBusy if another nodald uses it; the disk's.
+/// The folder of [takes], which is made if it is not there. With `mounted`, the disk may come later. Nothing of it
+/// stays open. Errors: kBusy if another nodald uses it; the disk's.
 Result<TakesDisk> open_takes_disk(const std::filesystem::path& folder, bool mounted);
 
-/// The board's clock in nanoseconds since 1970; 0 before 2020: a board without a battery for its clock starts in the past.
+/// The board's clock in nanoseconds since 1970; 0 before 2020: a board without a battery for its clock starts in the
+/// past.
 std::int64_t utc_ns();
 
 }  // namespace nodal::daemon

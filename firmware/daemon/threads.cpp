@@ -89,7 +89,7 @@ void RigThreads::add_capture() {
       blend_bell_.ring();
       record_bell_.ring();
     }
-    if (asked || rig_.hosts_have_sets()) control_bell_.ring();  // for the answers; for the heads' pictures
+    if (asked || rig_.hosts_have_sets()) control_bell_.ring();  // it answers requests and sends the heads' pictures
     return true;
   };
   add("nodal-capture", capture_bell_, step, [this](std::uint64_t heard) {

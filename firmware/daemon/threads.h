@@ -10,10 +10,10 @@
 
 namespace nodal::daemon {
 
-/// The rig's threads: capture, encode, keeper, control, `blend_threads` that blend; in a rig that places seams one more, of
-/// low priority; and in a rig that records three more, for copying the pictures, for writing and for reading takes. Each thread calls its stage until
-/// there is no work. Then it sleeps until another thread rings its bell; capture and control also until one of their ports
-/// wakes them.
+/// The rig's threads: capture, encode, keeper, control, `blend_threads` that blend; in a rig that places seams one
+/// more, of low priority; and in a rig that records three more, for copying the pictures, for writing and for reading
+/// takes. Each thread calls its stage until there is no work. Then it sleeps until another thread rings its bell;
+/// capture and control also until one of their ports wakes them.
 ///
 /// Threading: start and stop on main.
 /// Ownership: the rig outlives it.
@@ -22,8 +22,8 @@ class RigThreads {
  public:
   struct Hooks {
     std::function<void(const std::string&)> log;  ///< called on the control thread with a sentence
-    /// Advances virtual time; empty when time is real. Called on the capture thread while the frame path is empty, with the
-    /// time of its next event.
+    /// Advances virtual time; empty when time is real. Called on the capture thread while the frame path is empty, with
+    /// the time of its next event.
     std::function<void(Instant)> advance;
     std::function<void(const char*)> waits_for;  ///< called on main with the name of the thread that is joined next
   };

@@ -11,8 +11,8 @@
 
 namespace nodal::daemon {
 
-/// Passes every call on. At level debug it writes openings, starts, settings, frames that are not good, gaps in the device's own
-/// count and a head without a frame for a second; at level trace also every frame.
+/// Passes every call on. At level debug it writes openings, starts, settings, frames that are not good, gaps in the
+/// device's own count and a head without a frame for a second; at level trace also every frame.
 ///
 /// Threading: as HeadEnumerator.
 /// Ownership: `heads` and `clock` outlive it and its heads.
