@@ -15,8 +15,8 @@
 
 namespace nodal::firmware {
 
-/// Times are stored relative to their step; settings and pictures of a head's frame only when they change. So events must be
-/// encoded, and decoded, from the first on.
+/// Times are stored relative to their step; settings and pictures of a head's frame only when they change. So events
+/// must be encoded, and decoded, from the first on.
 class FlightState {
  protected:
   struct Picture {

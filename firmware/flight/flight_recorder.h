@@ -18,7 +18,8 @@
 
 namespace nodal::firmware {
 
-/// Capture's end. An event for which there is no room ends the record, because what comes after a gap cannot be repeated.
+/// Capture's end. An event for which there is no room ends the record, because what comes after a gap cannot be
+/// repeated.
 ///
 /// Threading: thread-bound to capture, except for next() and overrun(), which the disk's stage calls.
 /// Ownership: the ports outlive it; it outlives capture.
@@ -89,9 +90,9 @@ class FlightLog {
   std::size_t open_bytes_ = 0;
   Instant opened_;
   std::deque<std::vector<std::uint8_t>> records_;
-  std::size_t bytes_ = 0;      ///< of records_
-  std::uint32_t dropped_ = 0;  ///< records before records_
-  std::uint32_t next_ = 0;     ///< of the take; counts dropped ones
+  std::size_t bytes_ = 0;      ///< bytes in records_
+  std::uint32_t dropped_ = 0;  ///< number of records that were dropped from the front of records_
+  std::uint32_t next_ = 0;     ///< number of the next record to give to the take, counted with the dropped ones
   std::uint64_t in_take_bytes_ = 0;
   bool in_take_ = false;
   bool overrun_ = false;
