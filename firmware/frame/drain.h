@@ -8,8 +8,8 @@
 
 namespace nodal::firmware {
 
-/// Takes what a ring holds, at most its capacity. What another thread pushes meanwhile waits for the next step, so a step ends
-/// however fast others push. Returns whether there was something.
+/// Takes what a ring holds, at most its capacity. What another thread pushes meanwhile waits for the next step, so a
+/// step ends however fast others push. Returns whether there was something.
 template <class T, class Use>
 bool drain(SpscRing<T>& ring, Use use) {
   for (std::size_t taken = 0; taken < ring.capacity(); ++taken) {

@@ -1,4 +1,5 @@
-// The data type of the frame path: the frames of all heads that one trigger exposed, and the reasons why a frame is lost.
+// The data type of the frame path: the frames of all heads that one trigger exposed, and the reasons why a frame is
+// lost.
 #pragma once
 
 #include <array>
@@ -44,14 +45,15 @@ std::string_view genlock_state_name(GenlockState state);
 using HeadMask = std::uint32_t;
 inline constexpr HeadMask head_bit(std::size_t head) { return HeadMask{1} << head; }
 
-/// How well a set's frames were exposed together, as far as the rig can measure it. The set, the raymap that is made from
-/// it, and the take all carry it.
+/// How well a set's frames were exposed together, as far as the rig can measure it. The set, the raymap that is made
+/// from it, and the take all carry it.
 struct SyncEvidence {
   GenlockState state = GenlockState::kOff;  ///< when the set was closed
   std::optional<std::uint64_t> trigger;     ///< number of the pulse that exposed it; empty without a pulse
   Duration spread;                          ///< latest minus earliest mid-exposure
-  /// Latest minus earliest begin of exposure, each relative to the pulse plus the head's own delay. The lock is judged by
-  /// this value, because heads with different exposure times cannot share begin and middle. Empty: no pulse exposed it.
+  /// Latest minus earliest begin of exposure, each relative to the pulse plus the head's own delay. The lock is judged
+  /// by this value, because heads with different exposure times cannot share begin and middle. Empty: no pulse exposed
+  /// it.
   std::optional<Duration> begin_spread;
   /// How much slower than nominal the exposures repeat, on the rig's clock, in 1/1000 ppm; empty until it is measured.
   std::optional<std::int32_t> drift_ppb;

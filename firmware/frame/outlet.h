@@ -1,4 +1,5 @@
-// Readers of frame sets and raymaps attach to outlets. Each outlet has a bounded queue and counts what its reader missed.
+// Readers of frame sets and raymaps attach to outlets. Each outlet has a bounded queue and counts what its reader
+// missed.
 #pragma once
 
 #include <atomic>

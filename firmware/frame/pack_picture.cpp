@@ -5,8 +5,8 @@
 namespace nodal::firmware {
 namespace {
 
-/// Whether components c and 0 alternate in memory as in a packed picture, only with another row stride, so that component
-/// 0's rows hold both.
+/// Whether components c and 0 alternate in memory as in a packed picture, only with another row stride, so that
+/// component 0's rows hold both.
 bool rides_along(const ImageView& picture, const MutableImageView& packed, std::size_t c) {
   const PlaneView& plane = picture.planes[c];
   return packed.planes[c].data - packed.planes[0].data < packed.planes[0].row_stride &&

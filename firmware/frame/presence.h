@@ -7,8 +7,8 @@
 
 namespace nodal::firmware {
 
-/// Whether the host that made a request is still connected. Control ends it with the connection; a stage drops requests of
-/// hosts that have gone before it begins them, so that they take no place in a queue from hosts that wait.
+/// Whether the host that made a request is still connected. Control ends it with the connection; a stage drops requests
+/// of hosts that have gone before it begins them, so that they take no place in a queue from hosts that wait.
 ///
 /// Threading: of_host() and end() are control's, gone() is for any thread.
 /// Ownership: copies share one state.

@@ -28,7 +28,7 @@ struct FieldOfSet {
 
 struct RaymapInfo {
   std::uint64_t set = 0;
-  Instant mid_exposure;             ///< of the set; of the field when it was made from one field
+  Instant mid_exposure;             ///< time of the set; if made from one field, the time of that field
   std::optional<FieldOfSet> field;  ///< empty: made from whole frames
   SyncEvidence sync;
   HeadMask heads = 0;                                    ///< heads whose frames were blended
@@ -38,8 +38,8 @@ struct RaymapInfo {
   FrameRate rate{};                                      ///< at which sets come
 };
 
-/// A raymap in the pipeline. `pixels` are packed in the table's format; behind the encoder they are there only if a client
-/// pulls pixels. `jpeg` is there only if a client pulls JPEGs.
+/// A raymap in the pipeline. `pixels` are packed in the table's format; behind the encoder they are there only if a
+/// client pulls pixels. `jpeg` is there only if a client pulls JPEGs.
 struct Raymap {
   RaymapInfo info;
   bool shed = false;  ///< the board is overloaded: only lossless clients receive this raymap

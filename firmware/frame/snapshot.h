@@ -6,8 +6,8 @@
 
 namespace nodal::firmware {
 
-/// The newest state of one stage, for one reading stage (a triple buffer). Neither side waits: of the three copies one is
-/// being written, one is being read, and one is exchanged between the two sides.
+/// The newest state of one stage, for one reading stage (a triple buffer). Neither side waits: of the three copies one
+/// is being written, one is being read, and one is exchanged between the two sides.
 ///
 /// Threading: publish() by one thread, read() by one other.
 /// Ownership: owns the copies; the reference that read() returns is valid until the next read().

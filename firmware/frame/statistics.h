@@ -52,8 +52,8 @@ class RecentTimes {
   std::atomic<std::uint64_t> count_{0};
 };
 
-/// The rate of an event over the last three seconds; or, when these have fewer than kFew events, over the last kEvents of them,
-/// measured from event to event, so that a rate of one in 1000 s is exact as well.
+/// The rate of an event over the last three seconds; or, when these have fewer than kFew events, over the last kEvents
+/// of them, measured from event to event, so that a rate of one in 1000 s is exact as well.
 ///
 /// Threading: thread-bound.
 /// Ownership: none. Allocates nothing.
