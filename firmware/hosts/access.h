@@ -41,7 +41,7 @@ enum class Holds : std::uint8_t { kNever, kAlways, kByValues };
 /// A kind of request of nodal.proto.
 struct RequestKind {
   wire::Request::WhatCase what = wire::Request::WHAT_NOT_SET;
-  std::string_view name;                     ///< in nodal.proto
+  std::string_view name;                     ///< the request's name in nodal.proto
   Access access = Access::kControl;          ///< the lowest right that may ask it
   Holds control = Holds::kNever;             ///< whether its values can make it need control although `access` is view
   Holds changes = Holds::kNever;             ///< whether it changes the rig; such requests are audited

@@ -62,8 +62,8 @@ Client* host_to_close(const ClientList& hosts, Instant now) {
   const auto first = [&](auto condition) { return idle_longest(select(some, condition)); };
   if (Client* one = first([&](const Client& c) { return !c.active(now) && now - c.idle_since() > kLongIdle; }))
     return one;
-  // Among hosts that send requests all the time, the newest host would be the one idle longest, so new hosts are spared.
-  // In a flood of new hosts, these are closed and no older one.
+  // Among hosts that send requests all the time, the newest host would be the one idle longest, so new hosts are
+  // spared. In a flood of new hosts, these are closed and no older one.
   const auto fresh = [&](const Client& c) { return !c.works() && now - c.since() < Admission::kSpared; };
   if (const ClientList young = select(some, fresh); young.size() > Admission::kMaxSpared) {
     const ClientList silent = select(young, [](const Client& c) { return !c.has_requested(); });

@@ -19,9 +19,9 @@ namespace nodal::firmware {
 /// - Per user: the connection to close is chosen from the user with the most connections, and from that user's process
 ///   with the most. So a flood of connections of one user closes only connections of that user.
 /// - Links without a hello have a limit of their own; the oldest of them is closed.
-/// - Of the hosts that sent a hello, the one idle longest is closed. A host is not closed for a new one while it waits for
-///   an answer, or pulls or uploads and its bytes move. Up to kMaxSpared new hosts are spared for kSpared; in a flood of
-///   new hosts, the others of them are closed.
+/// - Of the hosts that sent a hello, the one idle longest is closed. A host is not closed for a new one while it waits
+///   for an answer, or pulls or uploads and its bytes move. Up to kMaxSpared new hosts are spared for kSpared; in a
+///   flood of new hosts, the others of them are closed.
 /// - Fewer hosts may pull or upload at once than may be connected, so that there is always one that can be closed.
 ///
 /// Threading: thread-bound to control.
@@ -37,8 +37,8 @@ class Admission {
   void add_wake_ups(const Clients& clients, hal::WakeUps& to) const;
   /// Closes the connections over the limits. Call it after bytes were read, so that a received hello counts.
   void close_excess(Clients& clients, Instant now);
-  /// Whether this client may begin to pull or upload. Beyond the limit, first closes a stalled host, or else one of a user
-  /// with more hosts that pull or upload. Errors: kOverload.
+  /// Whether this client may begin to pull or upload. Beyond the limit, first closes a stalled host, or else one of a
+  /// user with more hosts that pull or upload. Errors: kOverload.
   static Status may_work(const Clients& clients, const Client& client, Instant now);
 
   static constexpr std::size_t kMaxClients = 12;   ///< hosts that sent a hello

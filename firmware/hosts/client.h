@@ -102,14 +102,15 @@ class Client {
   bool leases = false;                ///< it may have temporary settings, which end when it is silent for kLeaseSilent
 
   static constexpr Duration kHelloWithin = Duration::seconds(2);  ///< from the connection to the hello
-  /// The deadline of a protocol frame, from its first byte to its last: this, and one second more for each kSlowestBytes
-  /// of it that have arrived (a bulk frame has 64 KiB). It allows a slow link, and not one that has stopped.
+  /// The deadline of a protocol frame, from its first byte to its last: this, and one second more for each
+  /// kSlowestBytes of it that have arrived (a bulk frame has 64 KiB). It allows a slow link, and not one that has
+  /// stopped.
   static constexpr Duration kFrameWithin = Duration::seconds(10);
   static constexpr std::size_t kSlowestBytes = 512;
   /// A host whose streams' own bytes do not move for this time is closed when another needs its place.
   static constexpr Duration kStalledAfter = Duration::seconds(10);
-  /// A silent host is pinged, and closed when it does not answer. Long, because `nodal` may compute between requests. A host
-  /// whose streams move is not silent: its pong comes after it has read all that its link holds.
+  /// A silent host is pinged, and closed when it does not answer. Long, because `nodal` may compute between requests. A
+  /// host whose streams move is not silent: its pong comes after it has read all that its link holds.
   static constexpr Duration kPingEvery = Duration::seconds(30);
   static constexpr Duration kSilentFor = Duration::seconds(300);
   /// Of a host with temporary settings: the longest silence, before which it is pinged.

@@ -33,7 +33,8 @@ namespace nodal::firmware {
 /// Errors: a host's errors are sent to it as replies; take_news() returns messages for the operator.
 class Control {
  public:
-  /// `frame_sets`: the sets for hosts that request the heads' own pictures. `scan`: null if the rig cannot list devices.
+  /// `frame_sets`: the sets for hosts that request the heads' own pictures. `scan`: null if the rig cannot list
+  /// devices.
   Control(const RigConfig& config, std::string software, const Stages& stages, Outlet<SetLoan>& frame_sets,
           std::vector<Listener> listeners, hal::WatchdogPort* watchdog, const PanelPins& panel, DeviceScan* scan,
           Instant now);
@@ -42,8 +43,8 @@ class Control {
   /// True when it did something.
   bool step(Instant now);
 
-  /// Adds what wakes the thread, after step() returned false: hosts and their links, and the operation's deadlines. Other
-  /// stages wake it too, by a bell.
+  /// Adds what wakes the thread, after step() returned false: hosts and their links, and the operation's deadlines.
+  /// Other stages wake it too, by a bell.
   void add_wake_ups(hal::WakeUps& to) const;
 
   /// Sentences for the log since the last call: connections of hosts, changes of the state.
@@ -61,11 +62,12 @@ class Control {
 
   static constexpr Duration kFarewell = Duration::milliseconds(500);
   static constexpr std::size_t kMaxRequests = 16;  ///< unanswered requests of one client
-  /// The most unanswered commands of one client at another stage: so few that the stage's ring has room for all clients.
+  /// The most unanswered commands of one client at another stage: so few that the stage's ring has room for all
+  /// clients.
   static constexpr std::size_t kCaptureRequests = 4;
   static constexpr std::size_t kSlowRequests = 1;
-  /// Requests of one client in one step. A status takes about 10 us, so a client that floods the rig with requests delays
-  /// the others by less than 0.1 ms a step; its further requests wait in its session, and then in its link.
+  /// Requests of one client in one step. A status takes about 10 us, so a client that floods the rig with requests
+  /// delays the others by less than 0.1 ms a step; its further requests wait in its session, and then in its link.
   static constexpr int kRequestsAStep = 8;
   static constexpr int kEventsAStep = 64;              ///< events of all kinds: 4 MiB of pieces
   static constexpr std::size_t kUploadsOfAClient = 2;  ///< incomplete uploads of one client

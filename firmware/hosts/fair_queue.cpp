@@ -46,7 +46,8 @@ std::size_t FairQueue::choose() const {
     return std::tuple(entry.host.access == Access::kControl ? 0 : 1, last_turn(served_, party_of(entry)),
                       last_turn(served_processes_, process_of(entry)));
   };
-  const auto first = std::ranges::min_element(waiting_, {}, rank);  // of equals the first, which arrived first
+  // The first of equal ranks, which is the one that arrived first.
+  const auto first = std::ranges::min_element(waiting_, {}, rank);
   return static_cast<std::size_t>(first - waiting_.begin());
 }
 

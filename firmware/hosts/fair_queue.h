@@ -17,7 +17,8 @@ namespace nodal::firmware {
 ///
 /// 1. A host that kMaxPassed later arrivals have passed is served before all others, so that nobody starves.
 /// 2. Hosts at the control socket are served before those at the view-only socket.
-/// 3. The party that was served least recently is served first, so that a user with many hosts gets no more than another.
+/// 3. The party that was served least recently is served first, so that a user with many hosts gets no more than
+///    another.
 /// 4. Of its processes, the one that was served least recently.
 /// 5. First come, first served.
 ///
@@ -63,8 +64,8 @@ class FairQueue {
   static Process process_of(const Entry& entry);
   std::size_t choose() const;
 
-  std::vector<Entry> waiting_;             ///< in the order of their arrival
-  std::map<Party, std::uint64_t> served_;  ///< number of a party's last turn
+  std::vector<Entry> waiting_;             ///< sorted by arrival
+  std::map<Party, std::uint64_t> served_;  ///< number of each party's last turn
   std::map<Process, std::uint64_t> served_processes_;
   std::uint64_t turns_ = 0;
 };

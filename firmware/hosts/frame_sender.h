@@ -19,13 +19,14 @@
 
 namespace nodal::firmware {
 
-/// Sends up to kMaxCopies sets at once, each to another host, so that memory is bounded however often hosts ask; further
-/// requests wait for their turn (FairQueue). The hosts that ask at the same time get copies of one set.
+/// Sends up to kMaxCopies sets at once, each to another host, so that memory is bounded however often hosts ask;
+/// further requests wait for their turn (FairQueue). The hosts that ask at the same time get copies of one set.
 ///
-/// A host keeps its copy until it has all of it, however slowly it reads; one that reads nothing loses it (StreamProgress).
-/// While another host waits and no copy is free, the longest transfer ends that has had its share, kShare; one of a
-/// control host ends for a view-only host after kShareBeforeView. A host that loses its copy is disconnected, because its
-/// session holds the copy until then. The request fails if no set can be copied within kPatience.
+/// A host keeps its copy until it has all of it, however slowly it reads; one that reads nothing loses it
+/// (StreamProgress). While another host waits and no copy is free, the longest transfer ends that has had its share,
+/// kShare; one of a control host ends for a view-only host after kShareBeforeView. A host that loses its copy is
+/// disconnected, because its session holds the copy until then. The request fails if no set can be copied within
+/// kPatience.
 ///
 /// Threading: thread-bound to control.
 /// Ownership: owns the memory of kMaxCopies sets; the outlet and the blend outlive it.

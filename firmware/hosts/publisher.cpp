@@ -14,7 +14,8 @@
 namespace nodal::firmware {
 namespace {
 
-/// Buffers that the frame path itself uses: in the blend (two, one per field), in the encoder, and in the rings between.
+/// Buffers that the frame path itself uses: in the blend (two, one per field), in the encoder, and in the rings
+/// between.
 constexpr std::size_t kInThePath = 8;
 static_assert(Publisher::kMaxPinned + kLosslessQueueItems + kInThePath <= Blender::kMaxBuffers);
 static_assert(Publisher::kMaxPinned + kLosslessQueueItems + kInThePath <= EncodeStage::kMaxBuffers);

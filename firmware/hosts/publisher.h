@@ -15,10 +15,10 @@
 
 namespace nodal::firmware {
 
-/// Sends raymaps to the clients that pull. All pulls share one copy of a raymap, which is released after the last pull has
-/// sent it. No client delays the rig. A slow client gets the newest raymap that its link has room for, and the number of
-/// missed ones. The backlog of a lossless pull is bounded in raymaps and bytes; when it would exceed a bound, the pull ends
-/// with an error, and the raymaps sent until then have no gap.
+/// Sends raymaps to the clients that pull. All pulls share one copy of a raymap, which is released after the last pull
+/// has sent it. No client delays the rig. A slow client gets the newest raymap that its link has room for, and the
+/// number of missed ones. The backlog of a lossless pull is bounded in raymaps and bytes; when it would exceed a bound,
+/// the pull ends with an error, and the raymaps sent until then have no gap.
 ///
 /// Threading: thread-bound to control; the outlet's other end is the encoder's.
 /// Ownership: sessions hold loans of the raymaps that they send. Errors: start()'s and stop()'s.
@@ -49,14 +49,15 @@ class Publisher {
   std::uint64_t published() const { return published_; }  ///< raymaps given to at least one client
   std::uint64_t shed() const { return shed_; }  ///< raymaps that were not offered, because the board is overloaded
 
-  static constexpr std::size_t kMaxPulls = 4;       ///< of one client
-  static constexpr std::size_t kMaxExtraPulls = 8;  ///< of all clients together, without the first pull of each
-  /// How many of the blend's and the encoder's kMaxBuffers pulls can hold for long: one per pull, because a host that does
-  /// not read holds the one raymap that it has received in part.
+  static constexpr std::size_t kMaxPulls = 4;  ///< lossless pulls of one client
+  /// Lossless pulls of all clients together, without the first pull of each.
+  static constexpr std::size_t kMaxExtraPulls = 8;
+  /// How many of the blend's and the encoder's kMaxBuffers pulls can hold for long: one per pull, because a host that
+  /// does not read holds the one raymap that it has received in part.
   static constexpr std::size_t kMaxPinned = Admission::in_all(Admission::kMaxWorking) + kMaxExtraPulls;
-  /// Bounds of a lossless pull's backlog: kLosslessBytes and kLosslessQueueItems raymaps, which is one second of JPEGs of
-  /// ten heads, but at least kLosslessLeast raymaps of any size. Lossless pulls share the raymaps in their backlogs, so
-  /// all of them together need no more memory than this.
+  /// Bounds of a lossless pull's backlog: kLosslessBytes and kLosslessQueueItems raymaps, which is one second of JPEGs
+  /// of ten heads, but at least kLosslessLeast raymaps of any size. Lossless pulls share the raymaps in their backlogs,
+  /// so all of them together need no more memory than this.
   static constexpr std::size_t kLosslessBytes = 24U << 20;
   static constexpr std::size_t kLosslessLeast = 2;
 

@@ -16,9 +16,9 @@ Requester requester_of(const Client& client) {
 
 }  // namespace
 
-/// False while the request, and all later ones of this host, must wait: the stage that carries it out has the most commands
-/// of this host, or of all hosts; the host already has, or waits for, what the request is for; or the audit log takes no such
-/// change now.
+/// False while the request, and all later ones of this host, must wait: the stage that carries it out has the most
+/// commands of this host, or of all hosts; the host already has, or waits for, what the request is for; or the audit
+/// log takes no such change now.
 bool Control::has_room(const Client& client, const wire::Request& request) const {
   const std::uint64_t host = client.number();
   const RequestKind& kind = kind_of(request);

@@ -10,16 +10,16 @@
 
 namespace nodal::firmware {
 
-/// The progress of one stream to a host, by the bytes of its items that the link has taken. Bytes of other streams and of
-/// replies do not count, because a host may read them and give this stream no credit.
+/// The progress of one stream to a host, by the bytes of its items that the link has taken. Bytes of other streams and
+/// of replies do not count, because a host may read them and give this stream no credit.
 ///
 /// Threading: thread-bound.
 /// Ownership: none.
 /// Errors: none.
 class StreamProgress {
  public:
-  /// A stream that makes no progress for this time is ended. A Unix socket frees its buffer 36 kB at a time, so a host that
-  /// reads 1 kB/s makes progress every 37 s; an SSH connection passes on packets of up to 32 KiB.
+  /// A stream that makes no progress for this time is ended. A Unix socket frees its buffer 36 kB at a time, so a host
+  /// that reads 1 kB/s makes progress every 37 s; an SSH connection passes on packets of up to 32 KiB.
   static constexpr Duration kLongestPause = Duration::seconds(60);
 
   explicit StreamProgress(Instant now) : moved_(now) {}

@@ -8,9 +8,9 @@
 
 namespace nodal::firmware {
 
-/// The command for a request that changes_rig() or has a slow stage (RequestKind); not for upload_commit, whose document is not in the
-/// request. A value that the rig's types cannot hold is an error here; check() of the command then refuses values that are
-/// not allowed. Errors: kBadValue, kMissingField, kUnsupported.
+/// The command for a request that changes_rig() or has a slow stage (RequestKind); not for upload_commit, whose
+/// document is not in the request. A value that the rig's types cannot hold is an error here; check() of the command
+/// then refuses values that are not allowed. Errors: kBadValue, kMissingField, kUnsupported.
 Result<Command> command_of(const wire::Request& request, const RigConfig& config, std::uint64_t host);
 /// The command for an upload_commit, without its document, which the caller adds. Errors: kTooLarge.
 Result<KeeperRequest::Install> install_of(const wire::UploadCommit& commit);
