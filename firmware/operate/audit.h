@@ -16,8 +16,8 @@ struct AuditEntry {
   std::uint64_t number = 0;      ///< over all starts, from 1; 0: not numbered yet
   std::optional<Instant> at;     ///< when it was recorded; empty: in an earlier run of nodald
   std::int64_t utc_ns = 0;       ///< the same by the board's clock, since 1970; 0: unknown
-  std::int64_t last_utc_ns = 0;  ///< of the newest change that is merged
-  std::uint64_t count = 1;       ///< changes that are merged
+  std::int64_t last_utc_ns = 0;  ///< time of the newest merged change by the board's clock, ns since 1970; 0: unknown
+  std::uint64_t count = 1;       ///< number of merged changes
   std::string who;               ///< "user 1000, process 4711, host 3 at unix:...", "button", "stored settings"
   std::string what;              ///< command_name()
   std::string before;            ///< the values that the command changes, before it; before the first, if merged

@@ -21,11 +21,13 @@ namespace nodal::firmware {
 /// Keeps the newest entries, those of earlier runs included, and gives all to the AuditStore, which writes them.
 ///
 /// Nobody can hide a change behind a flood of others:
-/// - An important change that succeeded (a calibration, a deletion, the end of a host's connection) always has an entry of its
-///   own. A party may make kImportantBurst of them in a row, then one every kImportantEvery: may_change() says when.
-/// - Of other entries, each party has kBurst of each kind, then one more every kRefill; a kind is a command, and whether it
-///   succeeded. What is beyond, and what repeats the entry before, is merged to one entry with the count, the first and the last
-///   time. It is written at the end of a window, which grows from kFirstWindow to kLongestWindow while the flood lasts.
+/// - An important change that succeeded (a calibration, a deletion, the end of a host's connection) always has an entry
+///   of its own. A party may make kImportantBurst of them in a row, then one every kImportantEvery: may_change() says
+///   when.
+/// - Of other entries, each party has kBurst of each kind, then one more every kRefill; a kind is a command, and
+///   whether it succeeded. What is beyond, and what repeats the entry before, is merged to one entry with the count,
+///   the first and the last time. It is written at the end of a window, which grows from kFirstWindow to kLongestWindow
+///   while the flood lasts.
 /// - While the disk does not take entries, changes must wait (full()) instead of being left out.
 ///
 /// Threading: thread-bound to control.
@@ -73,7 +75,7 @@ class AuditLog {
 
   static constexpr std::size_t kMaxKept = 8192;  ///< entries in memory; the files have fewer
   static constexpr std::size_t kMaxFresh = 256;  ///< entries that the store has not taken
-  static constexpr std::size_t kMaxKinds = 128;  ///< of all parties, whose quota is known
+  static constexpr std::size_t kMaxKinds = 128;  ///< kinds of changes whose quotas are kept, over all parties
   static constexpr std::uint32_t kBurst = 16;
   static constexpr Duration kRefill = Duration::seconds(600);
   static constexpr std::uint32_t kImportantBurst = 128;
@@ -92,7 +94,7 @@ class AuditLog {
   struct Kind {
     Quota quota;
     std::string newest;                ///< text of its newest entry, to find repetitions
-    std::optional<AuditEntry> merged;  ///< of the current window
+    std::optional<AuditEntry> merged;  ///< changes of the current window, merged into one entry; empty: none
     Instant window_end;
     Duration window = kFirstWindow;
     Instant used;
@@ -111,9 +113,9 @@ class AuditLog {
   std::deque<AuditEntry> entries_;
   std::deque<AuditEntry> fresh_;  ///< not given to the store yet; without numbers until the store has read its files
   std::uint64_t given_ = 0;       ///< number of the newest entry that the store has
-  Receipt added_ = 0;             ///< entries of this run
+  Receipt added_ = 0;             ///< number of entries of this run
   Receipt settled_ = 0;
-  std::uint64_t first_number_ = 1;  ///< of this run
+  std::uint64_t first_number_ = 1;  ///< number of this run's first entry
   std::uint64_t on_disk_ = 0;
   Sha256 head_{};
   std::string problem_;

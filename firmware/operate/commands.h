@@ -1,5 +1,5 @@
-// All commands to the rig and their answers, in the rig's own types. Each origin of commands maps its form to these types:
-// hosts (hosts/wire_commands.h), the button, and the stored settings at a start.
+// All commands to the rig and their answers, in the rig's own types. Each origin of commands maps its form to these
+// types: hosts (hosts/wire_commands.h), the button, and the stored settings at a start.
 #pragma once
 
 #include <cstdint>
@@ -22,8 +22,8 @@ CommandStage stage_of(const Command& command);
 
 /// "head_set", "calibration_use": the name in the audit log and in nodal.proto.
 std::string_view command_name(const Command& command);
-/// Whether the command changes calibrations or deletes a take: it always has its own entry in the audit log, which is on the
-/// disk before it is answered.
+/// Whether the command changes calibrations or deletes a take: it always has its own entry in the audit log, which is
+/// on the disk before it is answered.
 bool is_important(const Command& command);
 /// Whether the command is a change, which is audited, or a query.
 bool changes_rig(const Command& command);
@@ -38,7 +38,7 @@ struct Requester {
 
   Kind kind = Kind::kHost;
   std::uint64_t host = 0;  ///< the host's number, for kHost
-  std::string name;        ///< for the audit log
+  std::string name;        ///< what the audit log calls the requester
   std::string party{};     ///< whose quota of the audit log it uses: a user at a socket; empty: `name`
   Presence presence{};     ///< the stage drops its command if it has gone before its turn
 };
@@ -46,7 +46,7 @@ struct Requester {
 using Ticket = std::uint64_t;
 
 struct CommandDone {
-  std::optional<Instant> at;  ///< of a HeadChange
+  std::optional<Instant> at;  ///< when a HeadChange was carried out; empty for other commands
 };
 using Outcome = std::variant<CommandDone, GenlockReport, ExposureControl::Report, KeeperAnswer::Listed,
                              KeeperAnswer::Document, TakeAnswer::Done, TakeAnswer::Listed, TakeAnswer::DiskTested>;

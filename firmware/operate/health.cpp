@@ -19,7 +19,8 @@ std::string hertz(std::uint32_t millihertz) {
   return text;
 }
 
-/// "head 'cam3' is missing: REASON" or "heads 'cam3', 'cam4' are missing: REASON OF THE FIRST"; empty if none is missing.
+/// "head 'cam3' is missing: REASON" or "heads 'cam3', 'cam4' are missing: REASON OF THE FIRST"; empty if none is
+/// missing.
 std::string absent_heads(const RigConfig& config, const CaptureReport& capture) {
   std::string names, reason;
   std::size_t count = 0;

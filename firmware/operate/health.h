@@ -1,4 +1,5 @@
-// The supervisor: determines the rig's state and its reason by one table, and feeds systemd's watchdog while stages work.
+// The supervisor: determines the rig's state and its reason by one table, and feeds systemd's watchdog while stages
+// work.
 #pragma once
 
 #include <array>
@@ -71,7 +72,7 @@ struct HealthInputs {
   ShedLevel shed;
   const std::string& settings_problem;  ///< SettingsWriter::problem(), or AuditLog::problem()
   const TakeReport* takes;              ///< null: the rig records nothing
-  Duration since_lost_set;              ///< of a take, by the disk
+  Duration since_lost_set;  ///< time since the disk was too slow for a set of the take; 1 000 000 s: it never was
   const std::vector<hal::Heartbeat>& threads;
   const std::string& undecodable;  ///< a sentence about a head whose newest frame could not be decoded, or empty
 };
@@ -86,8 +87,8 @@ struct Diagnosis {
 };
 Diagnosis diagnose(const RigConfig& config, const HealthInputs& inputs);
 
-/// Without a frame set for this long, the rig counts as without frames. A set that waits for a head that has just fallen silent
-/// closes 2.5 periods late.
+/// Without a frame set for this long, the rig counts as without frames. A set that waits for a head that has just
+/// fallen silent closes 2.5 periods late.
 inline constexpr FrameTime kSilence{Duration::milliseconds(1500), 4};
 /// "no frames arrive", and the missing heads or what is wrong with the first head that has a problem.
 std::string no_frames(const RigConfig& config, const CaptureReport& capture);
@@ -101,8 +102,9 @@ struct Health {
   std::string problem = "reading the calibration store";  ///< one sentence when the state is not "running"
 };
 
-/// Applies the table in every step and feeds the watchdog every kFeedEvery. While a stage hangs the watchdog is not fed, so
-/// that systemd restarts the daemon unless the stage continues in time. The first reason to end is kept and reported.
+/// Applies the table in every step and feeds the watchdog every kFeedEvery. While a stage hangs the watchdog is not
+/// fed, so that systemd restarts the daemon unless the stage continues in time. The first reason to end is kept and
+/// reported.
 ///
 /// Threading: thread-bound to control.
 /// Ownership: the port outlives it.

@@ -20,10 +20,10 @@ enum class NewsKind : std::uint8_t {
 };
 inline constexpr std::size_t kNewsKinds = 3;
 
-/// One token bucket of bytes per kind: kBurstBytes at once, then kBytesASecond. Suppressed sentences are counted, and at
-/// most every kSummaryEvery a sentence reports the count of a kind. So all kinds together write 24 KiB at once and less
-/// than 32 KiB a minute. All text from hosts, files and devices enters the rig's log here, and every sentence passes
-/// printable().
+/// One token bucket of bytes per kind: kBurstBytes at once, then kBytesASecond. Suppressed sentences are counted, and
+/// at most every kSummaryEvery a sentence reports the count of a kind. So all kinds together write 24 KiB at once and
+/// less than 32 KiB a minute. All text from hosts, files and devices enters the rig's log here, and every sentence
+/// passes printable().
 ///
 /// Threading: thread-bound to control.
 /// Ownership: none.

@@ -220,8 +220,8 @@ void Operation::watch_takes(Instant now) {
   if (config_.takes->at_start) start_take_at_boot(now);
 }
 
-/// Starts the take of [takes] start = "boot" when the rig has a calibration and frames, and another one after a take that ended for a
-/// reason that has passed: a new disk, room. A take that somebody stopped stays stopped.
+/// Starts the take of [takes] start = "boot" when the rig has a calibration and frames, and another one after a take
+/// that ended for a reason that has passed: a new disk, room. A take that somebody stopped stays stopped.
 void Operation::start_take_at_boot(Instant now) {
   TakeAtStart& state = take_at_start_;
   if (takes_->recording) {
@@ -289,7 +289,8 @@ void Operation::end_lease(std::uint64_t host, const std::string& name) {
   leases_to_end_[host] = "end of the temporary settings of " + name;
 }
 
-/// Commands of these hosts that are on their way to the stage come before. Asks again in the next step when the queue is full.
+/// Commands of these hosts that are on their way to the stage come before. Asks again in the next step when the queue
+/// is full.
 void Operation::end_leases(Instant now) {
   std::erase_if(leases_to_end_, [&](const auto& lease) {
     const auto& [host, who] = lease;

@@ -46,9 +46,9 @@ struct Stages {
   hal::HeartbeatsPort* heartbeats = nullptr;  ///< null: every stage runs on one thread, in tests
 };
 
-/// Passes commands with a ticket to the stages that carry them out, and returns the answers when they arrive. Every change
-/// is audited, whatever its origin; every setting that a stage applied is stored. It also assesses the rig's state, sheds
-/// work, serves the button and the lamps, and feeds the watchdog.
+/// Passes commands with a ticket to the stages that carry them out, and returns the answers when they arrive. Every
+/// change is audited, whatever its origin; every setting that a stage applied is stored. It also assesses the rig's
+/// state, sheds work, serves the button and the lamps, and feeds the watchdog.
 ///
 /// Threading: thread-bound to control, except ask_to_end().
 /// Ownership: the stages outlive it.
@@ -69,7 +69,8 @@ class Operation {
   /// Last call of a step. `lossless`: a client pulls without loss, so no raymap may be shed.
   void end_step(bool lossless, Instant now);
 
-  /// Passes a command to its stage. Errors: check()'s, and kBusy when the stage's queue is full. A failed change is audited.
+  /// Passes a command to its stage. Errors: check()'s, and kBusy when the stage's queue is full. A failed change is
+  /// audited.
   Result<Ticket> ask(const Requester& requester, Command command, Instant now);
   /// Whether the audit log takes a change of this requester now; otherwise it must wait.
   bool may_change(const Requester& requester, bool important, Instant now) const;
@@ -103,7 +104,7 @@ class Operation {
   const Health& health() const { return supervisor_.health(); }
   const AuditLog& audit_log() const { return audit_; }
   News& news() { return news_; }
-  std::uint32_t rate_millihertz() const { return rate_.millihertz(); }  ///< of raymaps
+  std::uint32_t rate_millihertz() const { return rate_.millihertz(); }  ///< measured rate of raymaps
   std::uint32_t rate_wanted_millihertz() const;
   /// Of the frame rate in force.
   Duration period() const { return capture_->genlock.rate.period(); }
@@ -199,7 +200,7 @@ class Operation {
 
   std::uint64_t sets_seen_ = 0;
   Instant newest_set_;
-  std::uint64_t sets_lost_by_disk_ = 0;  ///< of the take that is recorded, because it was too slow
+  std::uint64_t sets_lost_by_disk_ = 0;  ///< sets of the current take that were lost because the disk was too slow
   std::optional<Instant> newest_lost_set_;
   bool seams_refused_told_ = false;
   bool frames_arrive_ = true;  ///< as last logged by watch_frames()

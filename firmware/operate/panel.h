@@ -28,7 +28,7 @@ struct PanelView {
   std::string_view state;  ///< Health::state
   bool rolling = false;    ///< a take is recorded, or, in a rig that records nothing, the genlock runs
   std::uint64_t sets = 0;  ///< number of frame sets so far
-  Duration period;         ///< of the frame rate in force
+  Duration period;         ///< period of the frame rate in force
 };
 
 /// One button. In a rig that records, `rolling` means that a take is being recorded; in others, that the genlock runs:
@@ -41,8 +41,8 @@ struct PanelView {
 /// The stop comes after kHold, before the release, so the tally lamp goes off while the button is still pressed. Levels
 /// shorter than kSettle are ignored as contact bounce.
 ///
-/// The status lamp repeats a pattern: starting `--__`, no-calibration two short flashes, idle one short flash, running on,
-/// degraded fast `-_-_`. The tally lamp is on while it rolls and sets arrive, off when none arrived for kSilent,
+/// The status lamp repeats a pattern: starting `--__`, no-calibration two short flashes, idle one short flash, running
+/// on, degraded fast `-_-_`. The tally lamp is on while it rolls and sets arrive, off when none arrived for kSilent,
 /// and flickers for kMarkShown after a mark. Both have a lease of kLease, so they are off after a daemon hangs or dies.
 ///
 /// Threading: thread-bound to control. Ownership: the pins outlive it.

@@ -15,8 +15,8 @@
 
 namespace nodal::firmware {
 
-/// The newest value of every setting that a CaptureChange can set. Running commands() restores the same settings. The number
-/// of values is fixed, so no sequence of commands makes a file larger than kMaxSettingsBytes.
+/// The newest value of every setting that a CaptureChange can set. Running commands() restores the same settings. The
+/// number of values is fixed, so no sequence of commands makes a file larger than kMaxSettingsBytes.
 ///
 /// Threading: thread-bound to control.
 /// Ownership: none.
@@ -28,8 +28,8 @@ class Settings {
   /// The changes that restore the settings, in order.
   std::vector<CaptureChange> commands() const;
 
-  /// The settings as a file: a line with the SHA-256 of the rest, then TOML. The file names its rig.toml by SHA-256 and is
-  /// not used after rig.toml is changed.
+  /// The settings as a file: a line with the SHA-256 of the rest, then TOML. The file names its rig.toml by SHA-256 and
+  /// is not used after rig.toml is changed.
   std::string encode(const Sha256& rig_toml) const;
   /// Errors: kChecksum for a torn file; kBadFormat, kBadValue or kUnknownField for one that is no settings file;
   /// kWrongState if rig.toml was changed.

@@ -8,8 +8,8 @@
 
 namespace nodal::firmware {
 
-/// Schedules the writes of the settings and keeps the result of the last one: at most one write every kWriteEvery; after a
-/// failure, a retry every kRetryEvery until one succeeds.
+/// Schedules the writes of the settings and keeps the result of the last one: at most one write every kWriteEvery;
+/// after a failure, a retry every kRetryEvery until one succeeds.
 ///
 /// Threading: thread-bound to control; SettingsStore writes.
 /// Ownership: none.

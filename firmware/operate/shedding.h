@@ -21,8 +21,9 @@ struct ShedLevel {
 /// Publishing is shed first, then the blend of the preview.
 inline constexpr std::array<ShedLevel, 6> kShedLevels{{{1, 1}, {2, 1}, {4, 1}, {8, 1}, {8, 2}, {8, 4}}};
 
-/// Raises the level by one when the blend missed more than 1/20 of the sets in each of two consecutive windows. Lowers it by
-/// one after kPatience consecutive windows without a miss; if the board is then overloaded again, that number doubles.
+/// Raises the level by one when the blend missed more than 1/20 of the sets in each of two consecutive windows. Lowers
+/// it by one after kPatience consecutive windows without a miss; if the board is then overloaded again, that number
+/// doubles.
 ///
 /// Threading: thread-bound to control.
 /// Ownership: none. Allocates nothing.
