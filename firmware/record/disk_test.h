@@ -26,17 +26,18 @@ struct DiskSpeed {
 /// A way to store pictures, [takes] mode, at the rig's heads and rate.
 struct DiskVerdict {
   std::string mode;                  ///< "driver", "lossless", "jpeg"
-  std::uint64_t bytes_a_second = 0;  ///< that it needs; of JPEGs an estimate
+  std::uint64_t bytes_a_second = 0;  ///< write rate that this mode needs; estimated for JPEG
   bool sustained = false;
   std::string why;  ///< a sentence for people
 };
 
-/// A mode is sustained if the disk takes a quarter more than it needs, and if the memory for pictures holds what comes in during
-/// the longest sync.
+/// A mode is sustained if the disk takes a quarter more than it needs, and if the memory for pictures holds what comes
+/// in during the longest sync.
 DiskVerdict judge_disk(const DiskSpeed& speed, std::string_view mode, std::uint64_t needed, std::uint64_t buffer_bytes);
 
-/// Writes a file in pieces and syncs as often as a take does. Removes it with the object; one that a killed nodald left is removed
-/// by remove_leftover(). Durations are those between the calls of step(), which are made one right after the other.
+/// Writes a file in pieces and syncs as often as a take does. Removes it with the object; one that a killed nodald left
+/// is removed by remove_leftover(). Durations are those between the calls of step(), which are made one right after the
+/// other.
 ///
 /// Threading: thread-bound to the disk's stage; a step blocks on the disk.
 /// Ownership: the disk outlives it.

@@ -11,7 +11,8 @@
 namespace nodal::firmware {
 namespace {
 
-/// The fields of a frame, the one exposed first comes first. FFmpeg knows from the file's FieldOrder which rows the first one has.
+/// The fields of a frame, the one exposed first comes first. FFmpeg knows from the file's FieldOrder which rows the
+/// first one has.
 std::vector<FieldParity> parities_of(Fields fields) {
   switch (fields) {
     case Fields::kProgressive: return {};

@@ -25,14 +25,14 @@ class FrameDecoder;
 
 namespace nodal::firmware {
 
-/// What the files of a head hold; equal to `delivered` where its pictures are stored as they are: MJPEG, but for kRaw, and a
-/// Bayer mosaic, because JPEG would blur its colours and Ut Video has no such format. kRaw: MJPEG becomes what the blend
-/// decodes it to for raymaps of format `raymap`.
+/// What the files of a head hold; equal to `delivered` where its pictures are stored as they are: MJPEG, but for kRaw,
+/// and a Bayer mosaic, because JPEG would blur its colours and Ut Video has no such format. kRaw: MJPEG becomes what
+/// the blend decodes it to for raymaps of format `raymap`.
 HeadStream stored_stream(HeadStream delivered, TakeMode mode, PixelFormat raymap);
 
-/// Codes one head's pictures of one format, or decodes them. A lossless picture is a frame of Ut Video. An interlaced frame
-/// as JPEG is two JPEGs one after the other, the field exposed first is first, each with an AVI1 segment; FFmpeg weaves them to a frame
-/// again. MJPEG is decoded as the blend decodes it.
+/// Codes one head's pictures of one format, or decodes them. A lossless picture is a frame of Ut Video. An interlaced
+/// frame as JPEG is two JPEGs one after the other, the field exposed first is first, each with an AVI1 segment; FFmpeg
+/// weaves them to a frame again. MJPEG is decoded as the blend decodes it.
 ///
 /// Threading: thread-bound to the recorder.
 /// Ownership: owns the coded bytes until the next call.

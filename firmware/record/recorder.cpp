@@ -100,8 +100,8 @@ void Recorder::begin_end() {
   ending_ = true;
 }
 
-/// Whether a still does not record this set: it has one, or it waits for one with every head. Ends a still whose raymaps do not
-/// come.
+/// Whether a still does not record this set: it has one, or it waits for one with every head. Ends a still whose
+/// raymaps do not come.
 bool Recorder::not_for_still(const FrameSet& set) {
   if (!still_) return false;
   if (!still_since_) still_since_ = set.mid_exposure;

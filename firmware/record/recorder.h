@@ -30,12 +30,12 @@ struct RecordOrder {
   bool still = false;    ///< kBegin: one set; the take then ends by itself
 };
 
-/// Groups sets to rows, which the disk's stage writes as clusters. All heads' clusters have the same sets. If the disk is slow
-/// and the ring fills, it first leaves out raymaps, above kRaymapsUpTo, and encodes pictures with a lower quality, which the evidence
-/// states; a set for which there is no room at all is lost for every head, and counted.
+/// Groups sets to rows, which the disk's stage writes as clusters. All heads' clusters have the same sets. If the disk
+/// is slow and the ring fills, it first leaves out raymaps, above kRaymapsUpTo, and encodes pictures with a lower
+/// quality, which the evidence states; a set for which there is no room at all is lost for every head, and counted.
 ///
-/// Threading: step() is thread-bound to the recorder. orders(), rows() and rows_back() are SPSC rings with the disk's stage,
-///   which also releases the ring's memory. The counts are for any thread.
+/// Threading: step() is thread-bound to the recorder. orders(), rows() and rows_back() are SPSC rings with the disk's
+///   stage, which also releases the ring's memory. The counts are for any thread.
 /// Ownership: owns the ring and the rows; holds a set only during a step.
 /// Errors: none; what is not recorded is counted.
 class Recorder {
@@ -61,7 +61,7 @@ class Recorder {
     std::atomic<std::uint64_t> lost_sets{0};     ///< no room in the ring
     std::atomic<std::uint64_t> lost_raymaps{0};  ///< no room in the ring
     std::atomic<std::uint64_t> placeholders{0};  ///< frames
-    std::atomic<std::uint64_t> set_bytes{0};     ///< of the newest recorded set
+    std::atomic<std::uint64_t> set_bytes{0};     ///< size of the newest recorded set
   };
   const Counts& counts() const { return counts_; }
 
@@ -115,10 +115,11 @@ class Recorder {
   /// The set of a still, while its raymaps are awaited.
   struct Still {
     std::uint64_t set = 0;
-    int raymaps = 0;  ///< those that have not come yet
+    int raymaps = 0;  ///< raymaps that have not arrived yet
   };
   std::optional<Still> still_taken_;
-  std::optional<Instant> still_since_;  ///< of its first set, or of its own
+  /// Time of the first set offered for the still; once it is recorded, time of its set.
+  std::optional<Instant> still_since_;
   std::array<std::optional<HeadStream>, kMaxHeads> streams_;
   std::array<Instant, kMaxHeads> stream_since_;
   FrameRate rate_;

@@ -38,8 +38,9 @@ struct EvidenceFile {
   PieceHashes hashes;
 };
 
-/// Reads the evidence of a segment. Its last bytes may be unreadable after a power cut, and count as missing then; but not more of
-/// them than may come between two syncs, because a fault of the disk in what was durable is for people to see. Errors: the disk's.
+/// Reads the evidence of a segment. Its last bytes may be unreadable after a power cut, and count as missing then; but
+/// not more of them than may come between two syncs, because a fault of the disk in what was durable is for people to
+/// see. Errors: the disk's.
 Result<EvidenceFile> read_evidence_file(const TakePlace& place, const std::string& name) {
   constexpr std::uint64_t kMostUnreadable = 64 << 10;
   NODAL_TRY_ASSIGN(const auto size, place.disk->size(name));
@@ -83,8 +84,8 @@ Result<bool> are_whole_clusters(const TakePlace& place, const std::string& name,
   return check.whole() && pieces.at() == to;
 }
 
-/// Errors: the disk's. A file that is too short, gone, or cannot be read there, also when it is tried again, is no error: the row
-/// is not whole. After a power cut, bytes that were never synced may be unreadable.
+/// Errors: the disk's. A file that is too short, gone, or cannot be read there, also when it is tried again, is no
+/// error: the row is not whole. After a power cut, bytes that were never synced may be unreadable.
 Result<bool> row_is_whole(const TakePlace& place, const take::Segment& found, std::size_t row) {
   for (std::size_t file = 0; file < static_cast<std::size_t>(found.begin.files_size()); ++file) {
     const std::string name = path(place, found.begin.files(static_cast<int>(file)).name());
@@ -347,9 +348,10 @@ Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& fold
     });
     const bool readable = done.has_value();
     if (!readable && !left_out_for(done.error().code)) return fail(done.error());
-    // exFAT can lose the entry of a durable file; and what contradicts itself is not worth the pictures of the other segments.
+    // exFAT can lose the entry of a durable file; and what contradicts itself is not worth the pictures of the other
+    // segments.
     if (!readable || (*done && !sum.has_room(**done))) {
-      constexpr std::size_t kLongest = 200;  // of a text that a manifest may have 256 of
+      constexpr std::size_t kLongest = 200;  // bytes; a manifest's text has at most 256
       if (ended.size() < kLongest) ended += fmt::format(", without segment {}", segment);
       continue;
     }

@@ -10,8 +10,8 @@
 
 namespace nodal::firmware {
 
-/// Whether a head's JPEGs are fields, one after the other in the order of their exposure. Those that the rig coded are; what a camera
-/// delivers is looked at, in the segment's first row.
+/// Whether a head's JPEGs are fields, one after the other in the order of their exposure. Those that the rig coded are;
+/// what a camera delivers is looked at, in the segment's first row.
 bool fields_apart(const HeadStream& stream, const TakeRow& first, std::size_t head);
 
 /// What stands for a picture that is not there. Errors: kInternal with TurboJPEG's message.

@@ -107,8 +107,8 @@ Status SegmentWriter::create_files() {
   return {};
 }
 
-/// Before `bytes` are appended. All heads' files grow together, and each in one piece is read faster. It grows by a quarter of what
-/// it has, so that a small card is not filled with empty room.
+/// Before `bytes` are appended. All heads' files grow together, and each in one piece is read faster. It grows by a
+/// quarter of what it has, so that a small card is not filled with empty room.
 void SegmentWriter::make_room(File& file, std::size_t bytes) {
   constexpr std::uint64_t kLeast = 1 << 20, kMost = 32 << 20;
   const std::uint64_t end = file.hashes.bytes() + bytes;

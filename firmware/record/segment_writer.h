@@ -24,9 +24,9 @@ namespace nodal::firmware {
 /// What all segments of a take have in common.
 struct TakePlace {
   hal::DiskPort* disk = nullptr;
-  std::string folder;  ///< of the take, relative to the disk's root: "000042"
+  std::string folder;  ///< the take's folder, relative to the disk's root: "000042"
   std::uint64_t number = 0;
-  FrameRate rate;                               ///< of take.json: in force when the take began
+  FrameRate rate;                               ///< the rate in take.json, which was in force when the take began
   int raymaps_a_set = 1;                        ///< 2: one of each field
   std::optional<std::int64_t> utc_offset_ns{};  ///< UTC minus the rig's monotonic clock
   /// The sets that are missing before the next segment were written, and an error of the disk lost them.
@@ -38,7 +38,8 @@ struct TakePlace {
   std::string software;
   std::string calibration_json;  ///< attached to every file; empty: none
   std::vector<std::uint8_t> calibration_id;
-  /// Those after the take's first, in order. Every segment's evidence has them, because earlier segments may be deleted.
+  /// Those after the take's first, in order. Every segment's evidence has them, because earlier segments may be
+  /// deleted.
   std::vector<take::Manifest::Calibration> calibrations;
   /// Placed seams in force for the newest written set. Every segment's evidence begins with them, for the same reason.
   std::optional<SeamChange> seams{};
@@ -49,8 +50,8 @@ struct TakePlace {
   }
 };
 
-/// One file for each head that has a stream, one for raymaps, and the evidence. A row appends one cluster to each file that
-/// has new frames, then its records.
+/// One file for each head that has a stream, one for raymaps, and the evidence. A row appends one cluster to each file
+/// that has new frames, then its records.
 ///
 /// Threading: thread-bound to the disk's stage; every call blocks on the disk.
 /// Ownership: closes its files.

@@ -1,7 +1,8 @@
 // The documents of takes on a disk, read in pieces.
 //
-// The evidence is read where takes are recovered, in a process without rights. take.json and manifests are read in nodald, because the
-// list of takes must follow the disk at once: what is deleted, protected or recorded next depends on it. SECURITY.md has the reasons.
+// The evidence is read where takes are recovered, in a process without rights. take.json and manifests are read in
+// nodald, because the list of takes must follow the disk at once: what is deleted, protected or recorded next depends
+// on it. SECURITY.md has the reasons.
 #pragma once
 
 #include <string>

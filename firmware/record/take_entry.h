@@ -35,7 +35,8 @@ struct TakeEntry {
   std::uint64_t deleted_sets = 0;  ///< to make room for newer ones
   take::Gaps gaps{};
   std::vector<take::HeadGaps> heads{};  ///< by index
-  /// Of its first sets; nothing: unknown. And how many rates there were: a manifest may list kMaxRates, so the list keeps one.
+  /// Of its first sets; nothing: unknown. And how many rates there were: a manifest may list kMaxRates, so the list
+  /// keeps one.
   std::optional<FrameRate> rate{};
   std::size_t rates = 0;
   std::uint64_t bytes = 0;
@@ -46,7 +47,7 @@ struct TakeEntry {
   int raymap_width = 0;  ///< px; 0 without raymaps
   int raymap_height = 0;
   bool all_near_marks = false;  ///< nothing of it may be deleted to make room
-  std::uint64_t version = 0;    ///< of its folder, when this was read (hal::FolderEntry)
+  std::uint64_t version = 0;    ///< version of the take's folder (hal::FolderEntry) when this entry was read
 
   void complete(const take::Manifest& manifest);
 };

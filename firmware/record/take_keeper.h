@@ -36,11 +36,11 @@ class TakeWriter;
 
 struct TakeRequest {
   struct Start {
-    std::optional<Sha256> calibration{};  ///< in force; empty: none
-    std::string calibration_json{};       ///< its canonical form
-    HeadShapes heads{};                   ///< for the room that a take needs
-    bool still = false;                   ///< one set; the answer comes when it is on the disk
-    std::optional<FrameRate> rate{};      ///< at which sets come; empty: not known, rig.toml's
+    std::optional<Sha256> calibration{};  ///< hash of the calibration in force; empty: none
+    std::string calibration_json{};       ///< canonical form of that calibration
+    HeadShapes heads{};                   ///< shapes of the heads' pictures, to estimate the room that a take needs
+    bool still = false;                   ///< the take is one set; the answer comes when the set is on the disk
+    std::optional<FrameRate> rate{};      ///< rate of the sets; empty: not known, and the one in rig.toml is used
   };
   struct Stop {};
   struct Mark {
@@ -58,12 +58,13 @@ struct TakeRequest {
   };
   struct TestDisk {
     Duration length = Duration::seconds(10);
-    HeadShapes heads{};  ///< for what the modes need
+    HeadShapes heads{};  ///< shapes of the heads' pictures, to estimate what each mode needs
     std::optional<FrameRate> rate{};
     /// A test that runs answers later requests, too; it then lasts as long as they ask, but may always last so long.
     static constexpr Duration kShared = Duration::seconds(10);
   };
-  /// Ends the take, syncs, and leaves the disk alone, so that it can be removed. Done names the take; 0: none was recorded.
+  /// Ends the take, syncs, and leaves the disk alone, so that it can be removed. Done names the take; 0: none was
+  /// recorded.
   struct Eject {};
   using What = std::variant<List, Start, Stop, Mark, Delete, Protect, TestDisk, Eject>;
 
@@ -90,38 +91,40 @@ struct TakeAnswer {
 
 /// Status of the stage.
 struct TakeReport {
-  /// The takes on the disk have been read, and those that were not ended are finished, or are being finished beside the stage.
+  /// The takes on the disk have been read, and those that were not ended are finished, or are being finished beside the
+  /// stage.
   bool ready = false;
-  std::string no_disk;      ///< why nothing can be recorded on the disk now; empty: it is there
+  std::string no_disk;      ///< why nothing can be recorded on the disk now; empty: the disk is usable
   bool ejected = false;     ///< a host ejected the disk, which is left alone until it or another one comes
-  std::uint64_t disks = 0;  ///< that were noticed: counts up when a disk comes
-  /// The newest take ended, or the newest start was refused, for a reason that may pass: a fault of the disk, no room, an eject.
+  std::uint64_t disks = 0;  ///< number of disks that have come since nodald started
+  /// The newest take ended, or the newest start was refused, for a reason that may pass: a fault of the disk, no room,
+  /// an eject.
   bool interrupted = false;
-  bool has_room = true;  ///< for a take to start, as far as is known without deleting anything
+  bool has_room = true;  ///< as far as is known without deleting anything, there is room to start a take
   std::optional<std::uint64_t> recording;
   Instant since;
-  std::uint64_t sets = 0;            ///< of the take that is being recorded
-  std::uint64_t lost_sets = 0;       ///< of the take that is being recorded
-  std::uint64_t lost_by_errors = 0;  ///< part of them: an error of the disk, not its speed
+  std::uint64_t sets = 0;            ///< sets of the current take
+  std::uint64_t lost_sets = 0;       ///< lost sets of the current take
+  std::uint64_t lost_by_errors = 0;  ///< how many of lost_sets were lost by an error of the disk, not by its speed
   std::uint64_t lost_raymaps = 0;
-  bool leaves_out_raymaps = false;   ///< because the buffer is too full
-  int quality = 0;                   ///< of JPEGs that the rig encodes now; 0: it encodes none
-  std::uint32_t buffer_percent = 0;  ///< of [takes] buffer_mb, used
-  std::optional<Instant> durable;    ///< everything from before is on the disk
+  bool leaves_out_raymaps = false;   ///< raymaps are not recorded at the moment because the buffer is too full
+  int quality = 0;                   ///< quality of the JPEGs that the rig encodes now; 0: it encodes none
+  std::uint32_t buffer_percent = 0;  ///< used part of [takes] buffer_mb
+  std::optional<Instant> durable;    ///< everything recorded before this moment is on the disk
   std::uint64_t free_bytes = 0;
-  std::uint64_t bytes_a_second = 0;           ///< that the take needs
-  std::optional<std::uint32_t> test_percent;  ///< of the test of the disk that runs
+  std::uint64_t bytes_a_second = 0;           ///< write rate that the take needs
+  std::optional<std::uint32_t> test_percent;  ///< progress of the running test of the disk; empty: none runs
   bool loop = false;                          ///< [takes] when_full = "loop"
-  std::uint64_t deleted_segments = 0;         ///< since nodald started, to make room
-  std::string problem;                        ///< of the disk, or why the last take ended
-  std::string refused;  ///< why no take began when one was asked for last; the audit log has it, too
+  std::uint64_t deleted_segments = 0;         ///< segments deleted since nodald started to make room
+  std::string problem;                        ///< fault of the disk, or why the last take ended
+  std::string refused;  ///< why the last requested take was not started; the audit log has it, too
 };
 
-/// Rows that the recorder closed are written as they come. Twice a second everything is synced. Requests wait for the disk,
-/// nothing else in the rig does.
+/// Rows that the recorder closed are written as they come. Twice a second everything is synced. Requests wait for the
+/// disk, nothing else in the rig does.
 ///
-/// Threading: step() is thread-bound to the takes' thread, which blocks on the disk. requests(), calibrations() and answers() are
-///   SPSC rings with control, snapshot() is read by control.
+/// Threading: step() is thread-bound to the takes' thread, which blocks on the disk. requests(), calibrations() and
+///   answers() are SPSC rings with control, snapshot() is read by control.
 /// Ownership: disk and recorder outlive it.
 /// Errors: in the answers, and in the report's problem.
 class TakeKeeper {
@@ -129,8 +132,8 @@ class TakeKeeper {
   /// The board's clock in nanoseconds since 1970; 0: unknown.
   using UtcClock = std::function<std::int64_t()>;
 
-  /// `flight`: of [takes] flight_recorder; null without it. `places_seams`: the blend stage, which then logs its seams; null if seams are fixed.
-  /// `confined`: where takes are recovered; null: in step().
+  /// `flight`: of [takes] flight_recorder; null without it. `places_seams`: the blend stage, which then logs its seams;
+  /// null if seams are fixed. `confined`: where takes are recovered; null: in step().
   TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& recorder, std::string software, UtcClock utc,
              FlightLog* flight = nullptr, Blender* places_seams = nullptr, hal::ConfinedPort* confined = nullptr);
   ~TakeKeeper();
@@ -158,9 +161,9 @@ class TakeKeeper {
   /// [takes] when_full = "loop": room is made when the disk has less than for so long, beside what finishing needs.
   static constexpr Duration kLoopAhead = Duration::seconds(5);
   static constexpr int kRowsAStep = 4;
-  /// With placed seams, a row is written after the blend has begun its sets, because then the blend has logged their seams. The
-  /// row is written without waiting if the blend has begun no set for kBlendWithin, or if more than kSetsAhead percent of the
-  /// recorder's memory is used.
+  /// With placed seams, a row is written after the blend has begun its sets, because then the blend has logged their
+  /// seams. The row is written without waiting if the blend has begun no set for kBlendWithin, or if more than
+  /// kSetsAhead percent of the recorder's memory is used.
   static constexpr Duration kBlendWithin = Duration::seconds(1);
   static constexpr std::size_t kSetsAhead = 20;
   /// Of a flight record: nodald's first hour is written in less than 2 s.
@@ -223,7 +226,7 @@ class TakeKeeper {
   Instant next_look_;
 
   struct Test {
-    WaitingTickets tickets;  ///< of all who wait for its result
+    WaitingTickets tickets;  ///< tickets of all requests that wait for the test's result
     TakeShelf::Hold held;
     HeadShapes heads;
     std::unique_ptr<DiskTest> test;
@@ -242,15 +245,15 @@ class TakeKeeper {
   WaitingTickets ejects_;  ///< tickets of Eject; their hosts may go, and the disk is ejected all the same
   std::uint64_t ejected_take_ = 0;  ///< the take that ended for them
   bool still_ = false;              ///< the take is a still
-  Duration period_;                 ///< of the frame rate when the take began
-  bool ending_ = false;             ///< the recorder was told to end
-  std::string reason_;              ///< why
+  Duration period_;                 ///< period of the frame rate when the take began
+  bool ending_ = false;             ///< the recorder was asked to end the take
+  std::string reason_;              ///< why the take ends
   std::string cause_;               ///< why the take ended without a request; empty: it did not
-  std::string lost_by_sync_;        ///< what a failed sync cost; not reported yet
-  bool broken_ = false;             ///< the disk failed: rows are dropped until the last
-  std::uint64_t given_sets_ = 0;    ///< to the writer, or dropped after an error
+  std::string lost_by_sync_;        ///< what a failed sync cost, until it is reported
+  bool broken_ = false;             ///< the disk failed: rows are dropped, up to the last one
+  std::uint64_t given_sets_ = 0;    ///< sets that were passed to the writer, or dropped after an error
   std::uint64_t expected_set_bytes_ = 0;
-  FrameRate rate_;                 ///< of the sets, when the newest take or test began
+  FrameRate rate_;                 ///< rate of the sets when the newest take or test began
   std::uint64_t lost_before_ = 0;  ///< Recorder's counts when the take began
   std::uint64_t raymaps_lost_before_ = 0;
   Instant next_sync_;

@@ -147,7 +147,8 @@ void TakeShelf::load(std::uint64_t number, const hal::FolderEntry& folder, bool 
   else set_damaged(entry, manifest.error());
 }
 
-/// One that comes to a disk that nodald uses already may still be copied there by somebody, or recorded by another nodald.
+/// One that comes to a disk that nodald uses already may still be copied there by somebody, or recorded by another
+/// nodald.
 void TakeShelf::load_unfinished(TakeEntry& entry, const std::optional<TakeEntry>& before, bool half_deleted,
                                 bool fresh) {
   entry.state = TakeState::kUnfinished;

@@ -24,8 +24,8 @@ Result<std::uint64_t> TakeShelf::make_room(std::uint64_t wanted, std::uint64_t l
   return disk_.free_bytes();
 }
 
-/// Whether segments of the take may be deleted, as far as its entry says. A take that was not finished is recovered for that. One
-/// that cannot be read stays, for people to look at.
+/// Whether segments of the take may be deleted, as far as its entry says. A take that was not finished is recovered for
+/// that. One that cannot be read stays, for people to look at.
 bool TakeShelf::may_go(TakeEntry& entry) {
   if (entry.is_protected || entry.all_near_marks || in_use_.contains(entry.number)) return false;
   return entry.state == TakeState::kComplete && entry.ended != "still";
@@ -64,8 +64,8 @@ Result<std::uint64_t> TakeShelf::oldest_to_go() {
                   loop_ ? ", and each is protected, has a mark, is being copied, is a still or cannot be read" : ""));
 }
 
-/// Deletes one segment, of the oldest take that has one which may be deleted, and returns its bytes; nothing if there is none. A
-/// take without segments goes altogether.
+/// Deletes one segment, of the oldest take that has one which may be deleted, and returns its bytes; nothing if there
+/// is none. A take without segments goes altogether.
 Result<std::optional<std::uint64_t>> TakeShelf::delete_oldest(TakeWriter* writing) {
   for (auto next = takes_.begin(); next != takes_.end();) {
     auto& [number, entry] = *next++;

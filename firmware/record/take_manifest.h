@@ -50,8 +50,8 @@ inline constexpr std::uint64_t kMostDocumentBytes = std::uint64_t{1} << 20;
 Result<take::Manifest> write_manifest(hal::DiskPort& disk, const std::string& folder, take::Manifest manifest);
 
 enum class Stored : std::uint8_t {
-  kNew,       ///< there is none yet; kExists otherwise
-  kReplaced,  ///< in the place of the one that is there
+  kNew,       ///< a manifest must not exist yet; otherwise kExists
+  kReplaced,  ///< the existing manifest is replaced
 };
 
 /// Writes a manifest durably. It is parsed before it is stored, and read back afterwards: a manifest that no

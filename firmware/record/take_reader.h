@@ -19,7 +19,7 @@ struct ReadOrder {
   std::uint64_t transfer = 0;  ///< returned in the answer
   std::uint64_t take = 0;
   std::string file;          ///< its name, as a host sent it
-  std::uint64_t offset = 0;  ///< in the file
+  std::uint64_t offset = 0;  ///< byte in the file
 };
 
 struct PieceOfTake {
@@ -34,13 +34,13 @@ struct ReadAnswer {
   Result<PieceOfTake> piece;
 };
 
-/// Reads pieces of files, one in each step. Recording has priority: nothing is read while the recorder's memory is filled
-/// above kReadsUpTo, because the disk then is busy with writing.
+/// Reads pieces of files, one in each step. Recording has priority: nothing is read while the recorder's memory is
+/// filled above kReadsUpTo, because the disk then is busy with writing.
 ///
-/// Threading: step() is thread-bound to a thread of its own, which blocks on the disk. orders() and answers() are SPSC rings with
-///   control.
-/// Ownership: disk, recorder and `in_use` outlive it, and it outlives the pieces. No file stays open between steps. Pieces are read into memory
-///   that is used again.
+/// Threading: step() is thread-bound to a thread of its own, which blocks on the disk. orders() and answers() are SPSC
+///   rings with control.
+/// Ownership: disk, recorder and `in_use` outlive it, and it outlives the pieces. No file stays open between steps.
+///   Pieces are read into memory that is used again.
 /// Errors: in the answers: kBadValue for a name that no file of a take has, kNotFound, kWrongState for a take without a
 ///   manifest, those of the disk.
 class TakeReader {

@@ -17,7 +17,7 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr std::uint64_t kMaxNoteBytes = 1024;  // of kRecoveringFile and kSetAsideFile
+constexpr std::uint64_t kMaxNoteBytes = 1024;  // size limit of the files kRecoveringFile and kSetAsideFile
 constexpr std::uint8_t kNothingRecorded = 0, kTakeRecovered = 1;
 
 std::string path(std::uint64_t take, const std::string& file) { return take::take_folder(take) + "/" + file; }

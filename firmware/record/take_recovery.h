@@ -14,11 +14,12 @@
 
 namespace nodal::firmware {
 
-/// Recovers the takes of a disk that nobody vouches for. Before each attempt the take's file kRecoveringFile says how many were
-/// begun, also after a power cut. After kMaxAttempts that failed, the take gets the file kSetAsideFile with the reason: it stays as it
-/// is, and no rig tries it again while the file is there. Failures of the disk do not count.
+/// Recovers the takes of a disk that nobody vouches for. Before each attempt the take's file kRecoveringFile says how
+/// many were begun, also after a power cut. After kMaxAttempts that failed, the take gets the file kSetAsideFile with
+/// the reason: it stays as it is, and no rig tries it again while the file is there. Failures of the disk do not count.
 ///
-/// Threading: thread-bound to the disk's stage. With a port, the recovery runs beside the stage; without one, in step().
+/// Threading: thread-bound to the disk's stage. With a port, the recovery runs beside the stage; without one, in
+/// step().
 /// Ownership: disk and port outlive it.
 /// Errors: in Done.
 class TakeRecovery {

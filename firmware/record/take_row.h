@@ -44,7 +44,7 @@ struct RecordedFrame {
   Duration offset;  ///< mid-exposure after the set's
   hal::HeadSettings in_effect;
   std::uint32_t sequence = 0;
-  int quality = 0;  ///< of a JPEG that the rig encoded; 0: as the head delivered it
+  int quality = 0;  ///< quality of a JPEG that the rig encoded; 0: stored as the head delivered it
 };
 
 struct RecordedSet {
@@ -68,8 +68,8 @@ struct TakeCalibration {
   std::string json;  ///< its canonical form
 };
 
-/// One cluster of every head: at most MatroskaWriter::kLongestCluster, kLargestCluster and kMostSets. Its pictures lie in
-/// the recorder's ring, and are valid until the disk's stage has released `ring_end`.
+/// One cluster of every head: at most MatroskaWriter::kLongestCluster, kLargestCluster and kMostSets. Its pictures lie
+/// in the recorder's ring, and are valid until the disk's stage has released `ring_end`.
 struct TakeRow {
   static constexpr std::size_t kMostSets = 32;
 
@@ -78,9 +78,9 @@ struct TakeRow {
   std::array<std::optional<HeadStream>, kMaxHeads> streams;
   std::vector<RecordedSet> sets;
   std::vector<RecordedRaymap> raymaps;
-  FrameRate rate;              ///< at which its sets came
-  Duration second_field;       ///< of its first set: exposure of the second field after the first
-  bool last = false;           ///< the take ends with it; it may be without sets
+  FrameRate rate;              ///< rate of its sets
+  Duration second_field;       ///< in its first set, how much later the second field was exposed than the first
+  bool last = false;           ///< this row ends the take; it may have no sets
   std::uint64_t ring_end = 0;  ///< PictureRing::release() takes it when the row was written
 };
 

@@ -1,4 +1,5 @@
-// The takes on the disk: which there are, their numbers, recovery, protection, deletion, and the room that a loop makes.
+// The takes on the disk: which there are, their numbers, recovery, protection, deletion, and the room that a loop
+// makes.
 #pragma once
 
 #include <cstdint>
@@ -20,11 +21,13 @@ namespace nodal::firmware {
 
 class TakeWriter;
 
-/// The disk is a guest: it is claimed only for as long as something of it changes, and may be another one each time. The list is
-/// that of the disk: it is read again before each change and each answer. What this program did not make it never writes over: a
-/// take's number is free in memory, in kNextTakeFile and on the disk, and its folder is made by this program or not used.
+/// The disk is a guest: it is claimed only for as long as something of it changes, and may be another one each time.
+/// The list is that of the disk: it is read again before each change and each answer. What this program did not make it
+/// never writes over: a take's number is free in memory, in kNextTakeFile and on the disk, and its folder is made by
+/// this program or not used.
 ///
-/// Threading: thread-bound to the takes' stage, which blocks on the disk. in_use() is for control and the reader of takes.
+/// Threading: thread-bound to the takes' stage, which blocks on the disk. in_use() is for control and the reader of
+/// takes.
 /// Ownership: the disk outlives it.
 /// Errors: the disk's. kBusy, "another nodald uses the takes folder": while another program has claimed it.
 class TakeShelf {
@@ -60,8 +63,8 @@ class TakeShelf {
   /// How many disks have been noticed.
   std::uint64_t disks() const { return disks_; }
   bool here() const { return identity_.has_value(); }
-  /// Syncs the disk, and leaves it alone until there is another one, or use_again(). No hold may exist. kBusy while a file is being read:
-  /// no other one is read from then on, so a later call succeeds.
+  /// Syncs the disk, and leaves it alone until there is another one, or use_again(). No hold may exist. kBusy while a
+  /// file is being read: no other one is read from then on, so a later call succeeds.
   Status eject();
   void use_again();
   bool ejected() const { return ejected_; }
@@ -72,11 +75,12 @@ class TakeShelf {
   Status refresh();
   const std::map<std::uint64_t, TakeEntry>& takes() const { return takes_; }
   bool is_full() const { return takes_.size() >= kMaxTakes; }
-  /// A take may begin by itself: those that ended without being finished are finished, or are being finished beside the stage.
+  /// A take may begin by itself: those that ended without being finished are finished, or are being finished beside the
+  /// stage.
   bool ready() const { return here() && half_deleted_.empty() && (recovers_beside() || recovery_.idle()); }
   bool recovers_beside() const { return recovery_.is_beside(); }
-  /// Recovers takes one after the other, and removes what an interrupted deletion or test of the disk left. `begin`: there is nothing
-  /// else to do. True when it did something.
+  /// Recovers takes one after the other, and removes what an interrupted deletion or test of the disk left. `begin`:
+  /// there is nothing else to do. True when it did something.
   bool recover_some(Instant now, bool begin);
   /// What people must know of a take that was not recovered, once; empty: nothing.
   std::string take_problem() { return std::exchange(set_aside_, {}); }
@@ -95,15 +99,17 @@ class TakeShelf {
   void finish(std::uint64_t take, const Result<take::Manifest>& manifest);
 
   // --- Room.
-  /// Returns the free bytes. In a loop, the oldest segments are deleted until `wanted` bytes are free. If all that may be deleted
-  /// does not make at least `least` free, nothing is deleted. `writing`: the take that is being recorded, or null.
+  /// Returns the free bytes. In a loop, the oldest segments are deleted until `wanted` bytes are free. If all that may
+  /// be deleted does not make at least `least` free, nothing is deleted. `writing`: the take that is being recorded, or
+  /// null.
   Result<std::uint64_t> make_room(std::uint64_t wanted, std::uint64_t least, TakeWriter* writing);
   /// Whether a place in the full list can be made: in a loop, by deleting the oldest take of which all may be deleted.
   Result<std::uint64_t> oldest_to_go();
   std::uint64_t deleted_segments() const { return deleted_segments_; }
 
   static constexpr std::size_t kMaxTakes = 1000;
-  static constexpr std::size_t kMaxProblemBytes = 512;  ///< of TakeEntry::problem, which may quote what the card has
+  /// Size limit of TakeEntry::problem, which may quote a text from the disk.
+  static constexpr std::size_t kMaxProblemBytes = 512;
   /// Of documents that one refresh() reads; further takes wait for the next one. At least one take is read.
   static constexpr std::uint64_t kMaxBytesAStep = std::uint64_t{32} << 20;
   static constexpr std::uint64_t kMaxTakeNumber = std::uint64_t{1} << 40;
@@ -134,9 +140,9 @@ class TakeShelf {
   const bool loop_;
   TakesInUse in_use_;
   std::size_t holds_ = 0;
-  bool looked_ = false;                        ///< at the disk
-  std::optional<std::uint64_t> identity_;      ///< of the disk that the list is of; empty: none is there
-  bool ejected_ = false;                       ///< the disk is left alone until another comes, or the same one again
+  bool looked_ = false;                    ///< the disk has been read
+  std::optional<std::uint64_t> identity_;  ///< identity of the disk that the list describes; empty: no disk is present
+  bool ejected_ = false;                   ///< the disk is left alone until another comes, or the same one again
   std::optional<std::uint64_t> ejected_disk_;  ///< its identity, until it is removed
   std::uint64_t disks_ = 0;
   std::string problem_;
@@ -150,7 +156,7 @@ class TakeShelf {
   std::optional<Hold> recovering_;  ///< while takes are recovered
   std::vector<std::uint64_t> half_deleted_;
   std::string set_aside_;
-  bool leftover_ = false;  ///< of a test of the disk
+  bool leftover_ = false;  ///< a file of an interrupted test of the disk must be deleted
   Instant try_again_at_;
   std::uint64_t deleted_segments_ = 0;
 };

@@ -237,7 +237,8 @@ Status TakeWriter::sync(Instant now, std::int64_t utc_ns) {
   return synced;
 }
 
-/// Until this has worked the take has neither a further segment nor a manifest, because they would say that nothing is missing.
+/// Until this has worked the take has neither a further segment nor a manifest, because they would say that nothing is
+/// missing.
 Status TakeWriter::cut_segment(const std::string& reason) {
   if (!to_cut_) return {};
   NODAL_TRY_ASSIGN(auto done, recover_segment(place_, next_segment_ - 1, *to_cut_, reason));

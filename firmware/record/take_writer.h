@@ -27,9 +27,9 @@ struct SetCounts {
   std::uint64_t given = 0;  ///< to the writer; those that are not in the take were lost by errors of the disk
 };
 
-/// Cuts the take into segments: after kLongestSegment or kLargestFile, when a head's format changes, and when a sync fails. A
-/// failed sync is never repeated, because the kernel forgets which bytes it could not write: the segment is cut to what was
-/// durable before, and the next row starts another one.
+/// Cuts the take into segments: after kLongestSegment or kLargestFile, when a head's format changes, and when a sync
+/// fails. A failed sync is never repeated, because the kernel forgets which bytes it could not write: the segment is
+/// cut to what was durable before, and the next row starts another one.
 ///
 /// Threading: thread-bound to the disk's stage; every call blocks on the disk.
 /// Ownership: the disk outlives it.
@@ -38,31 +38,33 @@ class TakeWriter {
  public:
   struct Documents {
     take::TakeDocument about;
-    std::optional<Sha256> calibration;  ///< in force; empty: none
+    std::optional<Sha256> calibration;  ///< hash of the calibration in force; empty: none
     std::string calibration_json;
     std::string rig_toml;
     int raymap_width = 0;
     int raymap_height = 0;
   };
 
-  /// Makes the folder and writes its documents, durably. Errors: kExists if there is anything of that name, which then stays as it
-  /// is; after another error nothing of the folder is left, if the disk still allows it.
+  /// Makes the folder and writes its documents, durably. Errors: kExists if there is anything of that name, which then
+  /// stays as it is; after another error nothing of the folder is left, if the disk still allows it.
   static Result<std::unique_ptr<TakeWriter>> begin(hal::DiskPort& disk, Documents documents);
 
   Status write(const TakeRow& row);
   /// Makes everything written durable. Errors: that of the sync; the take goes on, if the segment can be cut.
   Status sync(Instant now, std::int64_t utc_ns);
   Status mark(const std::string& text, Instant now);
-  /// Stores a calibration, durably, and notes from which set on it is in force. One that is in force already is left out. After
-  /// take::kMostCalibrations it is noted that this one is not stored; the take goes on without those that follow.
+  /// Stores a calibration, durably, and notes from which set on it is in force. One that is in force already is left
+  /// out. After take::kMostCalibrations it is noted that this one is not stored; the take goes on without those that
+  /// follow.
   Status use_calibration(const TakeCalibration& calibration);
-  /// Notes placed seams before the first set that is blended with them. At most kMostSeamsAhead may be for sets that are not written yet.
+  /// Notes placed seams before the first set that is blended with them. At most kMostSeamsAhead may be for sets that
+  /// are not written yet.
   void use_seams(SeamChange seams) { seams_ahead_.push_back(std::move(seams)); }
   bool takes_seams() const { return seams_ahead_.size() < kMostSeamsAhead; }
   /// Appends to the flight record, and makes its file first. After an error the take goes on without it.
   void write_flight(std::span<const std::uint8_t> record);
-  /// Finishes all files and writes the manifest. After an error of the disk this may work or not; if not, there is no manifest, and
-  /// the take is recovered at the next start.
+  /// Finishes all files and writes the manifest. After an error of the disk this may work or not; if not, there is no
+  /// manifest, and the take is recovered at the next start.
   Result<take::Manifest> end(const std::string& reason, SetCounts counts = {});
   /// Deletes the oldest finished segment that is not near a mark, and returns its bytes; nothing if there is none.
   Result<std::optional<std::uint64_t>> delete_oldest();
@@ -101,7 +103,7 @@ class TakeWriter {
   std::optional<Trust> to_cut_;  ///< the newest segment is closed, and must be cut to what is on the disk for certain
   std::uint32_t next_segment_ = 0;
   std::deque<FinishedSegment> finished_;  ///< those that are not deleted
-  std::uint64_t finished_sets_ = 0;       ///< of all finished segments
+  std::uint64_t finished_sets_ = 0;       ///< number of sets in all finished segments
   /// Made while no segment was open: they belong to the first set of the next one.
   struct EarlyMark {
     std::string text;

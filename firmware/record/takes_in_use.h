@@ -8,11 +8,11 @@
 
 namespace nodal::firmware {
 
-/// Control notes the takes that hosts read; the disk's stage deletes none of them to make room. The reader of takes says when it has a
-/// file open, so that an eject waits for it.
+/// Control notes the takes that hosts read; the disk's stage deletes none of them to make room. The reader of takes
+/// says when it has a file open, so that an eject waits for it.
 ///
-/// Threading: set() is thread-bound to control, begin_read() and end_read() to the reader, set_ejected() and is_read() to the disk's stage;
-///   contains() is for any thread.
+/// Threading: set() is thread-bound to control, begin_read() and end_read() to the reader, set_ejected() and is_read()
+///   to the disk's stage; contains() is for any thread.
 /// Errors: none.
 class TakesInUse {
  public:
