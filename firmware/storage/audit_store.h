@@ -44,15 +44,15 @@ struct AuditWritten {
 ///   ...
 ///
 /// A record's hash is the SHA-256 of "<hash of the record before> <number> <text>", so that no record can be changed or
-/// removed without changing all that follow; `sha256sum` checks it. Each record is written and synced on its own. So after a
-/// power cut at most the last line is incomplete; it is reported at the next start, and cut off by the next write. A whole line
-/// that does not fit to the one before is a broken chain: that is reported, and the line is kept.
+/// removed without changing all that follow; `sha256sum` checks it. Each record is written and synced on its own. So
+/// after a power cut at most the last line is incomplete; it is reported at the next start, and cut off by the next
+/// write. A whole line that does not fit to the one before is a broken chain: that is reported, and the line is kept.
 ///
-/// When `audit` has kMaxFileBytes, it becomes `audit-before`, and a new `audit` continues the chain. A record that cannot be
-/// written is tried again every kRetryEvery.
+/// When `audit` has kMaxFileBytes, it becomes `audit-before`, and a new `audit` continues the chain. A record that
+/// cannot be written is tried again every kRetryEvery.
 ///
-/// Threading: step() is thread-bound to the keeper's thread; writes() and answers() are SPSC rings with control, snapshot() is
-///   read by control.
+/// Threading: step() is thread-bound to the keeper's thread; writes() and answers() are SPSC rings with control,
+///   snapshot() is read by control.
 /// Ownership: the disk outlives it.
 /// Errors: in the answers, and in the report's findings.
 class AuditStore {
@@ -67,7 +67,7 @@ class AuditStore {
   SpscRing<AuditWritten>& answers() { return answers_; }
   Snapshot<AuditReport>& snapshot() { return snapshot_; }
 
-  static constexpr std::uint64_t kMaxFileBytes = 512 * 1024;  ///< of each of the two files
+  static constexpr std::uint64_t kMaxFileBytes = 512 * 1024;  ///< size limit of each of the two files
   static constexpr std::size_t kMaxUnwritten = 64;            ///< records in writes()
   static constexpr Duration kRetryEvery = Duration::seconds(10);
 

@@ -15,10 +15,12 @@
 
 namespace nodal::firmware {
 
-/// Reads a part of a file from its front to its end. Needs the memory of one piece, however long the file is or claims to be.
+/// Reads a part of a file from its front to its end. Needs the memory of one piece, however long the file is or claims
+/// to be.
 ///
 /// Threading: thread-bound.
-/// Ownership: the disk outlives it; opens the file at the first piece, closes it with the last one, an error, or its end.
+/// Ownership: the disk outlives it; opens the file at the first piece, closes it with the last one, an error, or its
+/// end.
 /// Errors: the disk's.
 class FilePieces {
  public:

@@ -22,8 +22,8 @@ struct SettingsReport {
 
 /// Handles the settings as bytes; operate/settings.h parses them.
 ///
-/// Threading: step() is thread-bound to the keeper's thread, the one that may wait for the disk; writes() and answers() are
-///   SPSC rings with control, snapshot() is read by control.
+/// Threading: step() is thread-bound to the keeper's thread, the one that may wait for the disk; writes() and answers()
+///   are SPSC rings with control, snapshot() is read by control.
 /// Ownership: the disk outlives it.
 /// Errors: a write's error is in its answer; that of the read at start is in the report.
 class SettingsStore {
