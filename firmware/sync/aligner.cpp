@@ -10,8 +10,8 @@ namespace {
 
 constexpr std::int64_t kAhead = 4;  ///< periods until a nudge requested now has been carried out, about
 /// A head that has not moved so long after its stated latency counts as unresponsive. A set is closed up to 2.5 periods
-/// after its middle: once before the nudge is requested, and once before its effect is seen; and the request may miss the
-/// start of one period.
+/// after its middle: once before the nudge is requested, and once before its effect is seen; and the request may miss
+/// the start of one period.
 constexpr int kPeriodsOfGrace = 6;
 
 /// Moves a difference into the range of half a period to either side.
@@ -54,9 +54,9 @@ void Aligner::on_frame(std::size_t index, std::uint64_t starts, const hal::Frame
   head.done = frame.nudged;
 }
 
-/// A head that does not move for long gets a new request. A head that moves away from the requested phase still carries out
-/// an older request; it gets none until it stops moving, because another request would make it oscillate. Times are those
-/// of exposures, because frames may arrive late, and many at once.
+/// A head that does not move for long gets a new request. A head that moves away from the requested phase still carries
+/// out an older request; it gets none until it stops moving, because another request would make it oscillate. Times are
+/// those of exposures, because frames may arrive late, and many at once.
 void Aligner::follow(Head& head, const hal::FrameView& frame) const {
   const Duration open = head.requested - frame.nudged;
   const Duration latency = period_ * head.limits.latency_frames;

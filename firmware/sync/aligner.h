@@ -17,18 +17,18 @@ struct FreeHead {
   bool streaming = false;
   std::uint64_t starts = 0;  ///< times it was started
   hal::NudgeLimits limits;
-  Exposure exposure;  ///< of the first frames that a nudge requested now will move
+  Exposure exposure;  ///< exposure of the first frames that a nudge requested now would move
 };
 
-/// For each head, a PhaseLine estimates when its exposures would begin without nudges: FrameView::nudged, the sum of all
-/// nudges so far, is subtracted from every timestamp. So nudges do not disturb the estimate of the clock, and the phase
-/// after all requested nudges is known, however long they take.
+/// For each head, a PhaseLine estimates when its exposures would begin without nudges: FrameView::nudged, the sum of
+/// all nudges so far, is subtracted from every timestamp. So nudges do not disturb the estimate of the clock, and the
+/// phase after all requested nudges is known, however long they take.
 ///
-/// All heads are moved until the middles of their exposures are at one reference. If there are heads that cannot be moved,
-/// the reference is their median. Otherwise it is the median of all heads; or, if heads near that median can only be
-/// delayed, the latest of those. A head long after the reference is delayed until the next period. A head within the dead
-/// band around the reference gets no request. The band is narrow until the heads are in step; then it is an eighth of the
-/// part of the lock's limit that jitter does not use.
+/// All heads are moved until the middles of their exposures are at one reference. If there are heads that cannot be
+/// moved, the reference is their median. Otherwise it is the median of all heads; or, if heads near that median can
+/// only be delayed, the latest of those. A head long after the reference is delayed until the next period. A head
+/// within the dead band around the reference gets no request. The band is narrow until the heads are in step; then it
+/// is an eighth of the part of the lock's limit that jitter does not use.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: none. Allocates nothing.
@@ -53,8 +53,8 @@ class Aligner {
   /// Two heads at opposite ends of the band are a quarter of the limit apart; the rest is for uncertainty and jitter.
   static constexpr std::int64_t kBandsInLimit = 8;
   static constexpr Duration kBandMost = Genlock::kSafeLimit / kBandsInLimit;
-  /// How far a crystal with an error of 50 ppm moves in the longest period, 200 ms: a narrower band would cause a request
-  /// in every period.
+  /// How far a crystal with an error of 50 ppm moves in the longest period, 200 ms: a narrower band would cause a
+  /// request in every period.
   static constexpr Duration kBandLeast = Duration::microseconds(10);
 
  private:

@@ -5,8 +5,8 @@
 
 namespace nodal::firmware::clock_spec {
 
-/// The largest error of an exposure's timestamp. Errors are uniformly distributed and independent. An exposure that itself
-/// begins early or late has the same effect.
+/// The largest error of an exposure's timestamp. Errors are uniformly distributed and independent. An exposure that
+/// itself begins early or late has the same effect.
 inline constexpr double kTimestampErrorUs = 200;
 /// Variance of a uniform error of +-e is e^2 / 3: a standard deviation of 115 us.
 inline constexpr double kTimestampVarianceUs2 = kTimestampErrorUs * kTimestampErrorUs / 3;

@@ -10,8 +10,8 @@
 namespace nodal::firmware {
 
 /// The rate of pulses or exposures relative to a nominal rate, over the last kBlocks * kBlockPeriods periods: the mean
-/// distance from the nominal grid in the newer half, compared with that in the older half. At 30 per second, a jitter of
-/// +-0.2 ms causes an error of about 1 ppm.
+/// distance from the nominal grid in the newer half, compared with that in the older half. At 30 per second, a jitter
+/// of +-0.2 ms causes an error of about 1 ppm.
 ///
 /// Threading: thread-bound.
 /// Ownership: none. Allocates nothing.
@@ -19,8 +19,8 @@ namespace nodal::firmware {
 class DriftMeter {
  public:
   void restart(FrameRate rate);
-  /// Period `number` began, or was exposed, `at`. Numbers increase; a gap means that periods were missed. If the distance
-  /// from the grid changes by more than half a period from one call to the next, the measurement starts again.
+  /// Period `number` began, or was exposed, `at`. Numbers increase; a gap means that periods were missed. If the
+  /// distance from the grid changes by more than half a period from one call to the next, the measurement starts again.
   void add(std::int64_t number, Instant at);
   /// In 1/1000 ppm; positive: slower than nominal. Nothing before two blocks are full.
   std::optional<std::int32_t> ppb() const;

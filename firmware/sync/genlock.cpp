@@ -25,7 +25,7 @@ GenlockState genlock_after(GenlockState state, GenlockCondition condition) {
   constexpr std::array<Row, kGenlockConditions> kTable = {
       Row{kAcquiring, kAcquiring, kAcquiring, kAcquiring, kAcquiring},  // started
       Row{kOff, kOff, kOff, kOff, kOff},                                // stopped
-      Row{kOff, kLocked, kLocked, kLocked, kLocked},                    // in step
+      Row{kOff, kLocked, kLocked, kLocked, kLocked},                    // all heads are locked
       Row{kOff, kAcquiring, kLost, kLost, kLost},                       // out of step
       Row{kOff, kAcquiring, kHoldover, kHoldover, kLost},               // pulse unseen
       Row{kOff, kAcquiring, kHoldover, kHoldover, kLost},               // unresponsive

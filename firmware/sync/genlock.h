@@ -39,10 +39,10 @@ enum class GenlockCondition : std::uint8_t {
   kOutOfStep,      ///< a set that is not good
   kPulseUnseen,    ///< a set without a pulse, its heads relative to each other as in lock
   kUnresponsive,   ///< a set whose heads are in step, but one of them did not carry out a nudge
-  kPulsesOverdue,  ///< none seen for more than 2.5 periods
-  kSetsOverdue,    ///< none closed for 3 periods
+  kPulsesOverdue,  ///< no pulse was seen for more than 2.5 periods
+  kSetsOverdue,    ///< no set was closed for 3 periods
   kPortGone,       ///< the trigger's port failed permanently
-  kCoastedLong,    ///< in holdover for kHoldover
+  kCoastedLong,    ///< holdover has lasted longer than kHoldover
 };
 inline constexpr std::size_t kGenlockConditions = 10;
 std::string_view genlock_condition_name(GenlockCondition condition);
@@ -80,11 +80,11 @@ struct GenlockReport {
   std::uint64_t triggers = 0;             ///< pulses seen since start
   std::uint64_t missing = 0;              ///< pulses whose number was skipped
   hal::TriggerCounts losses_of_port;      ///< since the port was made
-  Duration spread;                        ///< of mid-exposures, of the newest set with every present head in it
-  Duration spread_worst;                  ///< the largest since the genlock was started, of sets while locked
-  std::uint64_t losses = 0;               ///< times it was lost, since start
-  std::uint64_t holdovers = 0;            ///< times it coasted, since start
-  std::optional<std::int32_t> drift_ppb;  ///< of the pulses, or of the heads in free run; see SyncEvidence
+  Duration spread;                        ///< spread of the mid-exposures in the newest set that has every present head
+  Duration spread_worst;                  ///< the largest spread of a set while locked, since the genlock was started
+  std::uint64_t losses = 0;               ///< how often lock was lost since the start
+  std::uint64_t holdovers = 0;            ///< how often it went into holdover since the start
+  std::optional<std::int32_t> drift_ppb;  ///< drift of the pulses, or of the heads in free run; see SyncEvidence
 };
 
 /// Every head has a Kalman filter over the offset and the drift of its skews (OffsetFilter), with the noise that
@@ -95,14 +95,14 @@ struct GenlockReport {
 ///   accepted, a growing one is not.
 /// A skew 3 standard deviations away from its prediction is a jump: the filter starts again with it.
 ///
-/// If a head lost its trigger and runs free while the pulses jitter, its skew contains that jitter with the opposite sign.
-/// After every set, Page's test compares the likelihoods of the skew with and without this jitter. A suspected head must
-/// pass the bounds under both assumptions; a head that certainly runs free is out of step.
+/// If a head lost its trigger and runs free while the pulses jitter, its skew contains that jitter with the opposite
+/// sign. After every set, Page's test compares the likelihoods of the skew with and without this jitter. A suspected
+/// head must pass the bounds under both assumptions; a head that certainly runs free is out of step.
 ///
 /// In holdover no pulses are seen; a set is good if its heads are relative to each other as they were in lock.
 ///
-/// Without pulses (align()) the heads run free and an Aligner moves them. The same bounds then apply to the middles of the
-/// exposures; in holdover the heads are in step, but one of them cannot be kept in step.
+/// Without pulses (align()) the heads run free and an Aligner moves them. The same bounds then apply to the middles of
+/// the exposures; in holdover the heads are in step, but one of them cannot be kept in step.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: the port outlives it.
@@ -144,15 +144,15 @@ class Genlock {
  private:
   /// After this time without an exposure, a head that runs free may have been restarted with any phase.
   static constexpr FrameTime kHistoryValid{Duration::seconds(1), 3};
-  /// The filter of a head that follows pulses assumes no longer period. A head that loses its trigger at a lower rate is elsewhere
-  /// by more than the noise of a timestamp at the next pulse already, which counts as a jump; for one that follows, its estimate
-  /// would never become certain enough for a lock.
+  /// The filter of a head that follows pulses assumes no longer period. A head that loses its trigger at a lower rate
+  /// is elsewhere by more than the noise of a timestamp at the next pulse already, which counts as a jump; for one that
+  /// follows, its estimate would never become certain enough for a lock.
   static constexpr Duration kLongestPeriod = Duration::milliseconds(200);
   /// Offsets are means of 16 sets, whose error is a quarter of that of one set: 50 us instead of 200.
   static constexpr std::int64_t kMean = 16;
   static constexpr double kSigmas = 3;  ///< standard deviations that count as certain
-  /// Page's test: by chance, the sum of log-likelihood ratios reaches h at most once in e^h sets: 1100 sets for a suspicion,
-  /// which ends a lock only if heads are already far apart, and 160 000 for certainty.
+  /// Page's test: by chance, the sum of log-likelihood ratios reaches h at most once in e^h sets: 1100 sets for a
+  /// suspicion, which ends a lock only if heads are already far apart, and 160 000 for certainty.
   static constexpr double kSuspicious = 7, kRunsFree = 12;
   static constexpr std::size_t kPulsesKept = 32;  ///< as many as SetClock keeps
 
@@ -188,12 +188,12 @@ class Genlock {
   Instant newest_edge_;  ///< or the start, before the first
   Instant coasting_since_;
   std::optional<Instant> newest_set_;
-  Instant newest_middle_;  ///< of it
+  Instant newest_middle_;  ///< mid-exposure of the newest set
   std::uint64_t next_number_ = 0;
   int good_sets_ = 0;
   bool was_locked_ = false;  ///< since start
   Duration latency_;         ///< middle of the skews of the first good set of the first lock
-  PhaseLine beat_;           ///< of the pulses
+  PhaseLine beat_;           ///< phase and rate of the pulses
   std::array<Pulse, kPulsesKept> pulses_{};
   std::array<HeadEstimate, kMaxHeads> heads_{};
   GenlockReport report_;

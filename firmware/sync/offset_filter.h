@@ -55,7 +55,7 @@ class OffsetFilter {
   void move(double by_us) { offset_ += by_us; }
 
   double offset_us() const { return offset_; }
-  double variance_us2() const { return p_offset_; }  ///< of offset_us()
+  double variance_us2() const { return p_offset_; }  ///< variance of offset_us()
   double drift_ppm() const { return drift_; }
   double drift_variance_ppm2() const { return p_drift_; }
 

@@ -10,10 +10,10 @@
 
 namespace nodal::firmware {
 
-/// A Kalman filter over phase and rate (OffsetFilter) with the noise of clock_spec.h. A timestamp is an outlier if it is
-/// 3 standard deviations away from its prediction, or earlier than the previous one. Three outliers in a row start a new
-/// phase; so does the first timestamp after a long gap. A head that is restarted has a new phase and the same crystal, so
-/// the estimate of the rate is kept.
+/// A Kalman filter over phase and rate (OffsetFilter) with the noise of clock_spec.h. A timestamp is an outlier if it
+/// is 3 standard deviations away from its prediction, or earlier than the previous one. Three outliers in a row start a
+/// new phase; so does the first timestamp after a long gap. A head that is restarted has a new phase and the same
+/// crystal, so the estimate of the rate is kept.
 ///
 /// Threading: thread-bound.
 /// Ownership: none. Allocates nothing.
@@ -41,11 +41,11 @@ class PhaseLine {
 
  private:
   Duration period_;
-  Instant begin_;             ///< on the line
+  Instant begin_;             ///< smoothed begin of the newest period
   OffsetFilter line_;         ///< offset after begin_; drift of the periods
-  std::int64_t moments_ = 0;  ///< of this phase
+  std::int64_t moments_ = 0;  ///< timestamps added since the phase was last set
   std::int64_t of_rate_ = 0;  ///< timestamps that the rate was estimated from
-  int outliers_ = 0;          ///< in a row
+  int outliers_ = 0;          ///< outliers in a row
   Duration jitter_ = kJitterAtFirst;
 };
 

@@ -32,7 +32,8 @@ void PulseWatch::add(std::uint64_t pulse, Duration skew, std::uint32_t sequence)
   }
   last_ = Exposure{pulse, skew, sequence};
   ++exposures_;
-  // The delay is what the pulses' nominal grid is shifted by, so the meter's result is the drift relative to the pulses.
+  // The delay is what the pulses' nominal grid is shifted by, so the meter's result is the drift relative to the
+  // pulses.
   drift_.add(static_cast<std::int64_t>(pulse), Instant() + rate_.start_of(pulse) + delay_);
 }
 
@@ -45,7 +46,8 @@ void PulseWatch::measure_again() {
 /// the mean delays of two halves, divided by their distance in time.
 double PulseWatch::least_drift_ppb() const {
   constexpr auto kBlock = static_cast<double>(DriftMeter::kBlockPeriods);
-  constexpr double kVarianceUs2 = 2 * clock_spec::kTimestampVarianceUs2;  // of a delay: of the pulse and the exposure
+  // Variance of a delay, which is the difference of two timestamps.
+  constexpr double kVarianceUs2 = 2 * clock_spec::kTimestampVarianceUs2;
   const auto blocks = std::clamp<std::int64_t>(exposures_ / DriftMeter::kBlockPeriods, 2,
                                                static_cast<std::int64_t>(DriftMeter::kBlocks));
   const auto half = static_cast<double>(blocks / 2);

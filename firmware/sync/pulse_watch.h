@@ -17,13 +17,13 @@ enum class Following : std::uint8_t {
 };
 
 /// A driver does not report whether its device follows a line, so this class derives it from the delays (skews) between
-/// pulses and exposures. A DriftMeter measures how fast the delay changes. The delay jumps when a cable is plugged in, or
-/// when a driver reports a new exposure time too late; the measurement then starts again. The delay of a head that exposes
-/// at another rate jumps repeatedly, which counts as drift.
+/// pulses and exposures. A DriftMeter measures how fast the delay changes. The delay jumps when a cable is plugged in,
+/// or when a driver reports a new exposure time too late; the measurement then starts again. The delay of a head that
+/// exposes at another rate jumps repeatedly, which counts as drift.
 ///
-/// The result is kDrifts when the mean delay of the newer half of DriftMeter's blocks differs from that of the older half
-/// by more than kSigmas standard deviations, which are computed from timestamp errors (clock_spec.h) of the pulse and of
-/// the exposure. At 29.97 Hz a drift of 50 ppm is detected within 8 s of the start, or of a cable's removal.
+/// The result is kDrifts when the mean delay of the newer half of DriftMeter's blocks differs from that of the older
+/// half by more than kSigmas standard deviations, which are computed from timestamp errors (clock_spec.h) of the pulse
+/// and of the exposure. At 29.97 Hz a drift of 50 ppm is detected within 8 s of the start, or of a cable's removal.
 ///
 /// Threading: thread-bound.
 /// Ownership: none. Allocates nothing.
@@ -57,7 +57,7 @@ class PulseWatch {
   int since_jump_ = 0;  ///< exposures since the delay jumped, at most kCalm
   int jumps_ = 0;       ///< since the last calm, at most kFewJumps + 1
   Duration delay_;      ///< since the first exposure; continuous where the skew wraps from half a period to minus half
-  std::int64_t exposures_ = 0;  ///< in the measurement
+  std::int64_t exposures_ = 0;  ///< exposures since the measurement began
   int skips_ = 0;
   DriftMeter drift_;
 };

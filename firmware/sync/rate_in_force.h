@@ -10,8 +10,9 @@
 
 namespace nodal::firmware {
 
-/// Heads that run free, and a trigger of another device, have rates of their own. Over kSteps sets, the mean time from one to the next
-/// is compared with the commanded rate; steps that are far from the median, such as those over lost sets, are left out.
+/// Heads that run free, and a trigger of another device, have rates of their own. Over kSteps sets, the mean time from
+/// one to the next is compared with the commanded rate; steps that are far from the median, such as those over lost
+/// sets, are left out.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: none. Allocates nothing.

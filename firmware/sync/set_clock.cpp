@@ -6,7 +6,8 @@
 namespace nodal::firmware {
 namespace {
 
-/// The grid moves by an eighth of each set's distance: it settles within a second, and the jitter of one set hardly moves it.
+/// The grid moves by an eighth of each set's distance: it settles within a second, and the jitter of one set hardly
+/// moves it.
 constexpr std::int64_t kFollow = 8;
 
 std::int64_t floor_div(std::int64_t a, std::int64_t b) { return a / b - (a % b < 0 ? 1 : 0); }

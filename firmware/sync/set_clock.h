@@ -11,10 +11,10 @@
 namespace nodal::firmware {
 
 /// Numbers the rig's exposures. With genlock, a frame's number is that of the trigger pulse at which it began. In free
-/// run, it is the number of the frame period that contains it, on a grid that follows the sets. There, a head's next frame
-/// is assigned to the next period as long as it lies within 0.6 periods of that period's middle, so that a head whose
-/// phase is at the border of two periods does not alternate between them. Numbers only increase, are internal to assembly,
-/// and are never reset.
+/// run, it is the number of the frame period that contains it, on a grid that follows the sets. There, a head's next
+/// frame is assigned to the next period as long as it lies within 0.6 periods of that period's middle, so that a head
+/// whose phase is at the border of two periods does not alternate between them. Numbers only increase, are internal to
+/// assembly, and are never reset.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: none. Allocates nothing.
@@ -50,9 +50,9 @@ class SetClock {
 
   /// Frames arrive within the open sets and the 2.5 periods until a set closes; this is several times as many pulses.
   static constexpr std::size_t kEdges = 32;
-  static constexpr std::int64_t kReachTenths = 6;  ///< of a period
-  /// By its timestamp, an exposure just before the first pulse may seem to be later than it really was by up to this time,
-  /// which is more than twice the timestamp error of clock_spec.h; pulse 0 comes later.
+  static constexpr std::int64_t kReachTenths = 6;  ///< how far from its slot an exposure may be, tenths of a period
+  /// By its timestamp, an exposure just before the first pulse may seem to be later than it really was by up to this
+  /// time, which is more than twice the timestamp error of clock_spec.h; pulse 0 comes later.
   static constexpr Duration kStampsOff = Duration::microseconds(500);
 
   struct Step {
@@ -67,7 +67,7 @@ class SetClock {
   Slot highest_ = 0;
   std::array<hal::TriggerEdge, kEdges> edges_{};
   std::uint64_t edge_count_ = 0;
-  std::array<std::optional<Step>, kMaxHeads> last_{};  ///< of each head
+  std::array<std::optional<Step>, kMaxHeads> last_{};  ///< each head's newest exposure and its slot
   bool anchored_ = false;
   Slot anchor_slot_ = 0;
   Instant anchor_time_;
