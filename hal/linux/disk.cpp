@@ -113,7 +113,7 @@ Status LinuxDisk::write(FileHandle handle, std::span<const std::uint8_t> bytes) 
 
 Status LinuxDisk::write_pieces(FileHandle handle, std::span<const std::span<const std::uint8_t>> pieces) {
   NODAL_TRY_ASSIGN(const auto file, file_of(handle, false));
-  constexpr std::size_t kMostPieces = 64;  // of one call; the system's limit is 1024
+  constexpr std::size_t kMostPieces = 64;  // pieces per call of writev(); the system's limit is 1024
   std::array<iovec, kMostPieces> parts{};
   std::size_t done = 0;  // bytes of pieces.front()
   while (!pieces.empty()) {
@@ -170,7 +170,8 @@ void LinuxDisk::start_write_out(FileHandle handle) {
   const auto file = file_of(handle, false);
   if (!file) return;
   (void)::sync_file_range((*file)->descriptor.get(), 0, 0, SYNC_FILE_RANGE_WRITE);
-  // Memory that goes back to the kernel is used again for the next bytes, instead of the memory of everything else on the board.
+  // Memory that goes back to the kernel is used again for the next bytes, instead of the memory of everything else on
+  // the board.
   const std::uint64_t begin = (*file)->let_go, end = (*file)->end;
   if (end < begin + 2 * kKeptInMemory) return;
   (*file)->let_go = end - kKeptInMemory;

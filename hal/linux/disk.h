@@ -9,8 +9,8 @@
 
 namespace nodal::hal::linux_os {
 
-/// Names are resolved under the root by openat2(RESOLVE_BENEATH | RESOLVE_NO_SYMLINKS). claim() locks the file kLockFile, which it
-/// makes in the root; the kernel unlocks it when the process ends, however it does.
+/// Names are resolved under the root by openat2(RESOLVE_BENEATH | RESOLVE_NO_SYMLINKS). claim() locks the file
+/// kLockFile, which it makes in the root; the kernel unlocks it when the process ends, however it does.
 ///
 /// Threading: thread-bound to its stage.
 /// Ownership: closes its files.
@@ -19,8 +19,9 @@ class LinuxDisk final : public DiskPort {
  public:
   /// Stays open. Creates the folder and its parents if they do not exist. Errors: kIo, naming the folder.
   static Result<std::unique_ptr<LinuxDisk>> open(const std::string& root);
-  /// Of a disk that may be exchanged: without a claim, the folder is opened for each call, so that it can be unmounted. `mounted`: it must
-  /// be the root of a mounted file system, else every call fails with kNotReady; otherwise it is made when it is not there.
+  /// Of a disk that may be exchanged: without a claim, the folder is opened for each call, so that it can be unmounted.
+  /// `mounted`: it must be the root of a mounted file system, else every call fails with kNotReady; otherwise it is
+  /// made when it is not there.
   static std::unique_ptr<LinuxDisk> guest(const std::string& root, bool mounted);
   ~LinuxDisk() override;
   LinuxDisk(const LinuxDisk&) = delete;
@@ -87,7 +88,7 @@ class LinuxDisk final : public DiskPort {
   const bool mounted_;
   bool guest_ = false;
   bool may_make_ = false;
-  Descriptor root_;  ///< of a guest only during a claim
+  Descriptor root_;  ///< the folder; a guest opens it only during a claim
   Descriptor lock_;  ///< during a claim
   std::map<FileHandle, File> files_;
   FileHandle next_ = 1;

@@ -29,7 +29,7 @@ class LinuxWatchdog final : public WatchdogPort {
   void send(const std::string& message);
 
   int socket_ = -1;
-  std::string address_;  ///< in sockaddr_un's form: a leading '\0' for an abstract name
+  std::string address_;  ///< address in the form of sockaddr_un: a leading '\0' marks an abstract name
 };
 
 }  // namespace nodal::hal::linux_os

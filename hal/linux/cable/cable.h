@@ -38,7 +38,8 @@ class Cable {
   /// As LinkPort's. Bytes of a session are lost, unread ones too, when another host opens the cable.
   Result<std::size_t> read(std::uint64_t session, std::span<std::uint8_t> into);
   Result<std::size_t> write(std::uint64_t session, std::span<const std::uint8_t> from);
-  /// Call it when the session's link is destroyed. The host gets the bytes that were written, then the end of the session.
+  /// Call it when the session's link is destroyed. The host gets the bytes that were written, then the end of the
+  /// session.
   void close(std::uint64_t session);
 
   /// As LinkPort's and LinkListenerPort's.
@@ -77,8 +78,8 @@ class Cable {
   std::size_t writes_queued_ = 0;
 };
 
-/// Listens at a FunctionFS folder, such as "/run/nodal_cable", whose gadget firmware/daemon/cable has set up; it must be
-/// bound to a USB device controller after this call. `rig` is shown to hosts as the interface's name.
+/// Listens at a FunctionFS folder, such as "/run/nodal_cable", whose gadget firmware/daemon/cable has set up; it must
+/// be bound to a USB device controller after this call. `rig` is shown to hosts as the interface's name.
 /// Errors: kNotFound, kBusy and kIo, each with what to do.
 Result<std::unique_ptr<LinkListenerPort>> listen_cable(const std::string& folder, const std::string& rig);
 

@@ -55,7 +55,7 @@ class ReceiveRing {
   std::size_t queued_ = 0;
   bool stopped_ = true;
   RecordReader reader_{0};
-  std::span<const std::uint8_t> payload_;  ///< of the record that is being read
+  std::span<const std::uint8_t> payload_;  ///< unread part of the current record
   std::optional<Error> violation_;
 };
 

@@ -1,9 +1,9 @@
 // How a byte stream travels over the cable: what both ends, the rig's gadget and the host's program, agree on.
 //
-// A USB transfer carries one record: 8 bytes of header, at most 16376 bytes of the stream, and one byte of padding where
-// the transfer would otherwise be a multiple of the packet size. Such a transfer has no short packet, so the receiver
-// would wait for more, unless a packet of length zero follows it, which not every driver sends. The header's length alone
-// says where a record ends: a receiver that finds two records in one transfer reads both.
+// A USB transfer carries one record: 8 bytes of header, at most 16376 bytes of the stream, and one byte of padding
+// where the transfer would otherwise be a multiple of the packet size. Such a transfer has no short packet, so the
+// receiver would wait for more, unless a packet of length zero follows it, which not every driver sends. The header's
+// length alone says where a record ends: a receiver that finds two records in one transfer reads both.
 //
 // Each record names its session. The rig numbers sessions; a host gets the number with the answer to its control
 // request, so a record of a killed host's session is recognized and is an error.

@@ -45,7 +45,7 @@ constexpr std::uint64_t kExecute = 1 << 0, kWriteFile = 1 << 1, kReadFile = 1 <<
 constexpr std::uint64_t kFilesOfVersion1 = (1 << 13) - 1;
 constexpr std::uint64_t kOfFiles = kExecute | kWriteFile | kReadFile | kTruncate | kDeviceControl;
 constexpr std::uint64_t kTcp = 3;                        // bind, connect
-constexpr std::uint64_t kAbstractSocketsAndSignals = 3;  // of other processes
+constexpr std::uint64_t kAbstractSocketsAndSignals = 3;  // signals to, and abstract sockets of, other processes
 constexpr std::uint64_t kToRead = kReadFile | kReadFolder;
 constexpr std::uint64_t kToWrite =
     kToRead | kWriteFile | kTruncate | kRemoveFolder | kRemoveFile | kMakeFolder | kMakeFile;

@@ -1,5 +1,5 @@
-// Takes rights away from the calling process, for the rest of its life: files and network with Landlock, system calls with
-// seccomp, memory and processor time with resource limits. For programs that read data of strangers.
+// Takes rights away from the calling process, for the rest of its life: files and network with Landlock, system calls
+// with seccomp, memory and processor time with resource limits. For programs that read data of strangers.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +14,8 @@ namespace nodal::hal::linux_os {
 /// What a confined process may still do. Everything else is denied: no other file, no network, no other program, no
 /// tracing or signalling of other processes.
 struct Confinement {
-  /// Files, and folders with everything beneath. One that is not there is left out; a symbolic link is followed. To follow none,
-  /// open the folder and name it "/proc/self/fd/7".
+  /// Files, and folders with everything beneath. One that is not there is left out; a symbolic link is followed. To
+  /// follow none, open the folder and name it "/proc/self/fd/7".
   std::vector<std::string> read{};
   /// As `read`, and files in these folders may also be written, made, renamed and removed.
   std::vector<std::string> write{};
@@ -40,8 +40,8 @@ struct Confined {
   std::string missing{};  ///< a sentence for the log about what the kernel lacks; empty: nothing
 };
 
-/// Restricts the calling thread and what it starts from now on. Call it before the process has a second thread. What the kernel
-/// lacks is left out and told in Confined::missing. Files that are open stay open.
+/// Restricts the calling thread and what it starts from now on. Call it before the process has a second thread. What
+/// the kernel lacks is left out and told in Confined::missing. Files that are open stay open.
 ///
 /// Threading: thread-bound. Errors: kIo if the kernel has a restriction and refuses to apply it.
 Result<Confined> confine(const Confinement& what);

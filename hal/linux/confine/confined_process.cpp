@@ -32,7 +32,7 @@ using Bytes = std::vector<std::uint8_t>;
 struct Message {
   enum class Kind : std::uint32_t { kJob, kEnd, kEnded };
   Kind kind = Kind::kEnd;
-  std::int32_t status = 0;  ///< of kEnded: waitpid()'s
+  std::int32_t status = 0;  ///< the worker's status as waitpid() gives it, for kEnded
   std::uint32_t name = 0;   ///< bytes of ConfinedJob::what, in front in the memory
   std::uint32_t reserved = 0;
   std::uint64_t input = 0;  ///< bytes of ConfinedJob::input, behind it
@@ -41,14 +41,14 @@ struct Message {
 /// In front of a result, in the memory that the worker fills.
 struct ResultHead {
   std::uint32_t complete = 0;  ///< kComplete: all of it is there
-  std::uint32_t code = 0;      ///< of the error; 0: the bytes are the result, else the error's sentence
+  std::uint32_t code = 0;      ///< code of the error, whose sentence follows; 0: the result follows
   std::uint64_t bytes = 0;
 };
 constexpr std::uint32_t kComplete = 0x4c4c4146;
 constexpr std::size_t kLongestError = 4096;
 constexpr int kOutOfMemory = 77, kException = 78;  // exit statuses of a worker
 constexpr int kNice = 10;                          // the frame path has priority
-constexpr int kSocket = 3;                         // of the helper
+constexpr int kSocket = 3;                         // descriptor of the helper's socket
 
 bool send(int socket, Message message, int descriptor = -1) {
   iovec part{&message, sizeof message};

@@ -18,15 +18,17 @@ struct ConfinedLimits {
   std::size_t result_bytes = 0;               ///< the most that a job may return
 };
 
-/// start() forks a helper while the process is small. For each job the helper forks a worker, which has the limits, returns
-/// its result through memory of a fixed size, and ends. So a job cannot change what the next one sees. A worker is the first to
-/// be ended by the kernel when the system has no more memory. Helper and worker end with the process.
+/// start() forks a helper while the process is small. For each job the helper forks a worker, which has the limits,
+/// returns its result through memory of a fixed size, and ends. So a job cannot change what the next one sees. A worker
+/// is the first to be ended by the kernel when the system has no more memory. Helper and worker end with the process.
 ///
-/// Threading: thread-bound after start(). Ownership: ends the helper. Errors: as ConfinedPort; a sentence says which limit.
+/// Threading: thread-bound after start(). Ownership: ends the helper. Errors: as ConfinedPort; a sentence says which
+/// limit.
 class ConfinedProcess final : public ConfinedPort {
  public:
-  /// `work` runs in the worker, which has one thread and no files but standard error. It restricts itself with confine() when it
-  /// has opened what it needs. Call it before the process has threads that use what `work` uses, such as the log.
+  /// `work` runs in the worker, which has one thread and no files but standard error. It restricts itself with
+  /// confine() when it has opened what it needs. Call it before the process has threads that use what `work` uses, such
+  /// as the log.
   /// Errors: kOverload if the system refuses a process.
   static Result<std::unique_ptr<ConfinedProcess>> start(const ConfinedLimits& limits, ConfinedWork work);
   ~ConfinedProcess() override;

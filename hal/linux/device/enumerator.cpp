@@ -11,7 +11,7 @@ struct DeviceEnumerator::Path {
   explicit Path(const std::string& path) : worker(path) {}
   Attempt attempt;
   std::shared_ptr<bool> in_use = std::make_shared<bool>(false);
-  std::weak_ptr<Channel> channel;  ///< of the head that uses the device
+  std::weak_ptr<Channel> channel;  ///< channel of the head that uses the device
   std::optional<std::future<Opened>> opening;
   std::optional<Error> last;
   Worker worker;  ///< declared last, so destroyed first: its jobs use the members above

@@ -14,8 +14,8 @@
 
 namespace nodal::hal::device {
 
-/// A path is a scheme, such as "v4l2:", and a name. Each path has a worker thread that opens its device, so a device that is
-/// slow or hangs does not delay the others.
+/// A path is a scheme, such as "v4l2:", and a name. Each path has a worker thread that opens its device, so a device
+/// that is slow or hangs does not delay the others.
 ///
 /// Threading: thread-bound to capture. The destructor waits for calls in progress.
 /// Ownership: refers to the clock; destroy heads first.

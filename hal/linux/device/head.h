@@ -15,16 +15,17 @@
 
 namespace nodal::hal::device {
 
-/// Calls that may take seconds (start, stop, controls) run as jobs of the device's worker. take_frame() and release() make
-/// only calls that never wait, and take the jobs' reports. So start() and set_…() return before the device acts:
+/// Calls that may take seconds (start, stop, controls) run as jobs of the device's worker. take_frame() and release()
+/// make only calls that never wait, and take the jobs' reports. So start() and set_…() return before the device acts:
 /// take_frame() returns the error of a start that failed, and after a control that failed FrameView::in_effect is
 /// unchanged.
 ///
-/// A stream's buffers are the worker's while it starts, restarts or stops the stream, and the head's in between: posting a
-/// job hands them over, and taking the job's report takes them back.
+/// A stream's buffers are the worker's while it starts, restarts or stops the stream, and the head's in between:
+/// posting a job hands them over, and taking the job's report takes them back.
 ///
 /// Threading: thread-bound to capture.
-/// Ownership: refers to the worker and the clock. The destructor posts a job that ends the stream and closes the device.
+/// Ownership: refers to the worker and the clock. The destructor posts a job that ends the stream and closes the
+/// device.
 /// Errors: as HeadPort. A stream that fails is started again and counted in recoveries(); after kMostRestarts in a row
 ///   without a frame the error becomes kDeviceFailed, which is final.
 class DeviceHead : public HeadPort {
@@ -74,8 +75,8 @@ class DeviceHead : public HeadPort {
   void restart(StreamJob job);
   /// A frame arrived: the stream works.
   void works() { restarts_in_row_ = 0; }
-  /// The settings of the frame whose exposure begins at begin_with(exposure). A change applies to frames that begin after
-  /// it, plus the control latency; to every frame of a stream that was started after it.
+  /// The settings of the frame whose exposure begins at begin_with(exposure). A change applies to frames that begin
+  /// after it, plus the control latency; to every frame of a stream that was started after it.
   const HeadSettings& settings_of(const std::function<Instant(Exposure)>& begin_with);
   /// Adds the wake-up for reports. Without descriptors for reports the caller looks for them at its own interval.
   void add_report_wake_up(WakeUps& to) const { to.on({channel_->reported, true, false}); }

@@ -10,7 +10,8 @@
 
 namespace nodal::hal::gpio {
 
-/// Keeps the newest kKept pulses: unlike SpscRing, a full log overwrites the oldest one, because capture needs the newest.
+/// Keeps the newest kKept pulses: unlike SpscRing, a full log overwrites the oldest one, because capture needs the
+/// newest.
 ///
 /// Threading: add() from one thread, take() from one other. All accesses are sequentially consistent; each place has a
 /// count that is 0 while it is written, so a reader detects a place that is overwritten under it.

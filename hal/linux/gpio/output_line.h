@@ -22,8 +22,8 @@ class OutputLine {
   bool safe_level() const { return safe_level_; }
   /// 0, an errno, or ECANCELED after make_safe().
   int write(bool high);
-  /// Waits for no lock, and at most 2 ms for a write that is under way. A write that hangs puts the line to its safe level
-  /// itself when it returns.
+  /// Waits for no lock, and at most 2 ms for a write that is under way. A write that hangs puts the line to its safe
+  /// level itself when it returns.
   void make_safe() noexcept;
   bool safe() const { return safe_.load(); }
 
@@ -31,7 +31,7 @@ class OutputLine {
   const LineName name_;
   const std::unique_ptr<Line> line_;
   const bool safe_level_;
-  std::atomic<bool> safe_{false};     ///< for good
+  std::atomic<bool> safe_{false};     ///< the line keeps its safe level permanently
   std::atomic<bool> writing_{false};  ///< write() is in the driver
 };
 

@@ -45,8 +45,8 @@ class GpioOutputPin final : public OutputPinPort {
   int refused_ = 0;            ///< the thread's: writes in a row
 };
 
-/// After every batch of events the level is read again, because the kernel keeps only 16 edges of a burst: the edges that
-/// were discarded are not reported, but the level after the burst always is.
+/// After every batch of events the level is read again, because the kernel keeps only 16 edges of a burst: the edges
+/// that were discarded are not reported, but the level after the burst always is.
 ///
 /// Threading: as InputPinPort. Ownership: see Pins.
 /// Errors: kDeviceGone when the chip is gone, kDeviceFailed when a read is refused; both are final.
@@ -82,7 +82,7 @@ class GpioInputPin final : public InputPinPort {
   std::atomic<std::uint64_t> bursts_{0};
   // The thread's.
   bool reported_ = false;  ///< the level after the newest edge in edges_
-  Instant newest_;         ///< of the newest edge
+  Instant newest_;         ///< time of the newest edge
   bool lost_edges_ = false;
 };
 
@@ -90,7 +90,7 @@ class GpioInputPin final : public InputPinPort {
 struct PinRequest {
   LineName line;
   bool active_low = false;
-  Bias bias = Bias::kAsIs;  ///< of an input
+  Bias bias = Bias::kAsIs;  ///< bias of an input
 };
 
 /// Claims lines and drives them with one thread.

@@ -19,7 +19,7 @@ struct Train {
   Duration width;
   bool active_high = true;
   Instant started;              ///< moment of pulse 0
-  std::vector<Duration> delay;  ///< of each line
+  std::vector<Duration> delay;  ///< delay of each line's pulse relative to the trigger
   std::size_t reference = 0;    ///< the line whose pulses are reported: one with the shortest delay
 };
 
@@ -58,7 +58,7 @@ class PulseTrain {
     std::uint64_t next = 0;  ///< number of the pulse that is sent next
     bool active = false;
     Instant fall_at;
-    int refused = 0;  ///< in a row
+    int refused = 0;  ///< refused writes in a row
   };
   Instant rise_of(std::size_t line, std::uint64_t number) const;
   void step_line(std::size_t line, Instant now);

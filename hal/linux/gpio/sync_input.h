@@ -34,8 +34,8 @@ class SyncInput {
   FrameRate rate_;
   Instant from_;
   bool known_ = false;
-  std::uint64_t number_ = 0;  ///< of the newest pulse
-  Instant newest_;            ///< where it was, smoothed
+  std::uint64_t number_ = 0;  ///< number of the newest pulse
+  Instant newest_;            ///< smoothed time of the newest pulse
   Instant discarded_;         ///< the newest discarded edge
   int regular_ = 0;           ///< discarded edges in a row, each one period after the one before
   TriggerCounts counts_;

@@ -77,7 +77,7 @@ using Step = std::function<Instant(Instant now)>;
 inline constexpr Instant kNever = Instant::from_ns(INT64_MAX);
 
 struct RunOptions {
-  const char* name = "";         ///< of the thread; at most 15 characters
+  const char* name = "";         ///< the thread's name, at most 15 characters
   bool realtime = false;         ///< SCHED_FIFO, where permitted
   std::vector<Line*> wake_on{};  ///< also called when one of these lines has events; not with realtime
 };
@@ -106,7 +106,8 @@ System& kernel();
 
 /// What a refused claim means and what to do about it, in one sentence that names the line.
 Error explain_claim(System& system, const LineName& line, int error);
-/// What a failed read or write of a claimed line means and what to do about it; `doing` says what was tried, such as "writing".
+/// What a failed read or write of a claimed line means and what to do about it; `doing` says what was tried, such as
+/// "writing".
 Error explain_use(const LineName& line, const std::string& doing, int error);
 
 }  // namespace nodal::hal::gpio

@@ -15,7 +15,8 @@ namespace nodal::hal::gpio {
 ///     gpio:gpiochip0:17: set high
 ///     gpio:gpiochip0:22: rising edge at 12.345678901 s
 ///
-/// Writing costs the thread of the pulses some time before their next one, so a pulse train that is traced may be less exact.
+/// Writing costs the thread of the pulses some time before their next one, so a pulse train that is traced may be less
+/// exact.
 ///
 /// Threading: thread-safe, as System.
 /// Ownership: `system` outlives it and its lines.

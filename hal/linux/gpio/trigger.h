@@ -32,9 +32,9 @@ struct TriggerLines {
   bool active_high = true;
 };
 
-/// A thread sends the pulses; capture's thread takes what it logged, and reads the input lines, whose kernel timestamps do
-/// not depend on when they are read. start() and stop() only hand a train to the thread, so a line that hangs delays no
-/// frame.
+/// A thread sends the pulses; capture's thread takes what it logged, and reads the input lines, whose kernel timestamps
+/// do not depend on when they are read. start() and stop() only hand a train to the thread, so a line that hangs delays
+/// no frame.
 ///
 /// Threading: thread-bound to capture; make_safe() from any thread.
 /// Ownership: the system outlives it.
@@ -74,7 +74,7 @@ class GpioTrigger final : public TriggerPort {
 
   System& system_;
   const TriggerLines lines_;
-  const std::string who_;  ///< for messages
+  const std::string who_;  ///< the trigger's name in messages
   std::vector<std::unique_ptr<OutputLine>> outputs_;
   std::unique_ptr<Line> input_, read_back_line_;
   EdgeLog log_;
@@ -87,12 +87,12 @@ class GpioTrigger final : public TriggerPort {
   std::atomic<bool> posted_{false};
 
   // Capture's.
-  std::uint32_t id_ = 0;  ///< of the newest train
+  std::uint32_t id_ = 0;  ///< number of the newest train
   bool running_ = false;
   bool following_ = false;
   SyncInput sync_;
   ReadBack read_back_;
-  Duration read_back_delay_;  ///< of the first output, after the trigger
+  Duration read_back_delay_;  ///< delay of the first output after the trigger
   std::array<LineEvent, kKernelQueue> events_;
   std::size_t events_read_ = 0, events_left_ = 0;
   bool queue_was_full_ = false, after_overrun_ = false;

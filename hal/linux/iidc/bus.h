@@ -27,7 +27,7 @@ struct CameraInfo {
 struct RawFrame {
   std::size_t slot = 0;
   std::uint8_t* data = nullptr;
-  std::size_t bytes = 0;  ///< that arrived
+  std::size_t bytes = 0;  ///< number of bytes that arrived
   Instant at;             ///< on the rig's clock: when its transfer began, or else ended
   bool at_begin = false;
   bool damaged = false;
@@ -67,7 +67,8 @@ class Device {
   virtual int write(std::uint64_t offset, std::uint32_t value) = 0;
   /// Whether it is unplugged, as far as the system tells at once.
   virtual bool gone() const = 0;
-  /// Buffers for frames of at most `frame_bytes`, not queued yet. The video mode is set. The source ends before the device.
+  /// Buffers for frames of at most `frame_bytes`, not queued yet. The video mode is set. The source ends before the
+  /// device.
   virtual int make_source(std::size_t buffers, std::size_t frame_bytes, std::unique_ptr<FrameSource>& source) = 0;
 };
 

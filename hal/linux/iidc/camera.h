@@ -19,24 +19,24 @@ namespace nodal::hal::iidc {
 struct Mode {
   int format = 0, number = 0;  ///< as the registers count them
   PixelFormat pixels = PixelFormat::kGrey8;
-  int width = 0, height = 0;       ///< of a scalable mode: the largest
-  std::vector<FrameRate> rates{};  ///< ascending; of a scalable mode none: the packet size determines them
+  int width = 0, height = 0;       ///< a scalable mode's are its largest
+  std::vector<FrameRate> rates{};  ///< ascending; empty for a scalable mode, whose packet size determines the rate
   /// Format 7: a rectangle of the sensor. Its sizes are multiples of the units, its place of the place units.
   bool scalable = false;
   int width_unit = 1, height_unit = 1, left_unit = 1, top_unit = 1;
-  std::uint32_t coding = 0;  ///< of format 7: the number of its colour coding
-  std::uint64_t place = 0;   ///< of format 7: of its registers
+  std::uint32_t coding = 0;  ///< number of its colour coding (format 7)
+  std::uint64_t place = 0;   ///< place of its registers (format 7)
 };
 
 struct Selection {
   Mode mode;
-  FrameRate rate{};  ///< one of the mode's; of a scalable mode: the least that the packet size must reach
+  FrameRate rate{};  ///< one of the mode's rates; for a scalable mode, the lowest that the packet size must reach
   int width = 0, height = 0, left = 0, top = 0;
-  std::uint32_t packet_bytes = 0;  ///< of a scalable mode; 0: the smallest that reaches the rate
+  std::uint32_t packet_bytes = 0;  ///< only for a scalable mode; 0: the smallest that reaches the rate
 };
 
 struct Selected {
-  std::size_t frame_bytes = 0;  ///< of a frame on the bus, with padding
+  std::size_t frame_bytes = 0;  ///< size of a frame on the bus, with padding
   double hertz = 0;             ///< what the camera then does by itself
 };
 
@@ -55,8 +55,8 @@ struct Feature {
   bool can_switch = false;
   bool has_auto = false;                       ///< has an automatic mode
   bool absolute = false;                       ///< has absolute values: seconds, decibels, frames per second
-  std::uint32_t low = 0, high = 0, value = 0;  ///< of kWhiteBalance, value is that of red
-  std::uint32_t blue = 0;                      ///< kWhiteBalance
+  std::uint32_t low = 0, high = 0, value = 0;  ///< for kWhiteBalance, `value` is that of red
+  std::uint32_t blue = 0;                      ///< only for kWhiteBalance
   float absolute_low = 0, absolute_high = 0, absolute_value = 0;
 };
 
@@ -76,8 +76,8 @@ std::string port_of(std::uint64_t guid);
 /// Explains a failed call in one sentence. `doing` is the attempted action, such as "setting the gain".
 Error explain(const std::string& head, const std::string& doing, int error);
 
-/// What is switched or selected is read back after it was written, because a camera may ignore it. Values of settings are read
-/// back by Controls, because a camera may change them.
+/// What is switched or selected is read back after it was written, because a camera may ignore it. Values of settings
+/// are read back by Controls, because a camera may change them.
 ///
 /// Threading: one thread at a time, except gone(). Calls may take seconds.
 /// Errors: kDeviceGone, kDeviceFailed, kBandwidth, kBusy, kUnsupported; one sentence that names the head.

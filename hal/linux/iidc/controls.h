@@ -19,8 +19,8 @@ namespace nodal::hal::iidc {
 /// decibels, or `gain_step_mdb` per step. White balance has no unit: the middle of its range counts as 1.0. With
 /// trigger.pulse_width the pulse is the exposure, and in free run the shutter that the camera came with.
 ///
-/// Threading: find(), read(), set() and set_triggered() on the worker, and the first three may take seconds; exposure_of() and
-/// gain_of() on any thread.
+/// Threading: find(), read(), set() and set_triggered() on the worker, and the first three may take seconds;
+/// exposure_of() and gain_of() on any thread.
 class Controls {
  public:
   /// Finds the features and switches off automatic modes.
@@ -32,8 +32,8 @@ class Controls {
   /// Whether pulses start the exposures of the next stream.
   void set_triggered(bool on) { triggered_ = on; }
 
-  /// What a register's value in a frame stands for, if that value was read together with the absolute one. Registers count
-  /// in units of the camera's own, so only values that were in effect are known.
+  /// What a register's value in a frame stands for, if that value was read together with the absolute one. Registers
+  /// count in units of the camera's own, so only values that were in effect are known.
   std::optional<Exposure> exposure_of(std::uint32_t shutter_register) const { return shutters_.find(shutter_register); }
   std::optional<Gain> gain_of(std::uint32_t gain_register) const { return gains_.find(gain_register); }
 

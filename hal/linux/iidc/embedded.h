@@ -15,9 +15,9 @@ namespace nodal::hal::iidc {
 ///
 /// Source: Point Grey Research, Register Reference: FRAME_INFO, 12F8h.
 struct EmbeddedInfo {
-  std::uint32_t gain = 0;     ///< of the register, 12 bits
-  std::uint32_t shutter = 0;  ///< of the register, 12 bits
-  std::uint32_t counter = 0;  ///< of frames
+  std::uint32_t gain = 0;     ///< content of the gain register, 12 bits
+  std::uint32_t shutter = 0;  ///< content of the shutter register, 12 bits
+  std::uint32_t counter = 0;  ///< counter of frames
   /// Gain and shutter have their registers' fixed bits: 0 present, 8 to 19 zero. Otherwise these bytes are pixels.
   bool marked = false;
 };

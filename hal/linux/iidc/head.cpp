@@ -99,8 +99,8 @@ void IidcHead::add_wake_ups(WakeUps& to) const {
   if (state() == State::kStreaming) channel_->stream.add_wake_ups(to);
 }
 
-/// The camera's own number of the frame. Without one, frames are counted as they arrive; those that found no buffer count, too,
-/// by their number or by the time that they took.
+/// The camera's own number of the frame. Without one, frames are counted as they arrive; those that found no buffer
+/// count, too, by their number or by the time that they took.
 std::uint32_t IidcHead::number(const RawFrame& frame, const std::optional<EmbeddedInfo>& embedded) {
   if (embedded) return embedded->counter;
   if (!sequence_) return 0;

@@ -43,8 +43,8 @@ class Channel final : public device::Channel {
   const Granted granted;
   const std::unique_ptr<Controls> controls;
   const HeadSettings opened_with;
-  const bool embedded;                  ///< its pictures begin with numbers
-  const device::UsbBuses::Share share;  ///< of its USB bus; null if it is on none
+  const bool embedded;                  ///< its pictures begin with embedded numbers
+  const device::UsbBuses::Share share;  ///< its share of the USB bus; null if the camera is on none
   Stream stream;                        ///< see device::DeviceHead
 };
 
@@ -76,8 +76,8 @@ class IidcHead final : public device::DeviceHead {
 
   std::shared_ptr<Channel> channel_;
   std::vector<Slot> slots_;
-  std::optional<std::uint32_t> sequence_;  ///< of the newest frame
-  Instant last_at_;                        ///< its time
+  std::optional<std::uint32_t> sequence_;  ///< number of the newest frame
+  Instant last_at_;                        ///< time of the newest frame
   bool marked_ = false;                    ///< a picture of this stream had marked numbers
   bool displaced_ = false;                 ///< the newest frame
 };

@@ -15,8 +15,9 @@ namespace nodal::hal::iidc {
 class Lister {
  public:
   explicit Lister(Bus& bus);
-  /// Asks on a thread of its own, because a bus that hangs is never waited for. kTimeout: it has not answered after `patience`;
-  /// it is not asked again until it has, so that it occupies one thread. kOverload: the system refuses a thread.
+  /// Asks on a thread of its own, because a bus that hangs is never waited for. kTimeout: it has not answered after
+  /// `patience`; it is not asked again until it has, so that it occupies one thread. kOverload: the system refuses a
+  /// thread.
   Result<std::vector<CameraInfo>> list(std::chrono::milliseconds patience);
 
  private:

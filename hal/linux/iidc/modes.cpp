@@ -14,8 +14,8 @@ namespace {
 
 constexpr int kFormat7 = 7;
 constexpr int kPacketsPerSecond = 8000;  ///< the bus's cycles
-constexpr int kLargestSide = 16384;      ///< of a head's picture
-constexpr int kMostPolls = 1000;         ///< of a value's setting, each of which takes a request on the bus
+constexpr int kLargestSide = 16384;      ///< px; width or height of a head's picture
+constexpr int kMostPolls = 1000;  ///< reads of the register until a value is set; each read is a request on the bus
 constexpr std::uint32_t kIsoSpeed400 = 2U << 24;
 constexpr std::uint32_t kIsoChannelBits = 0xF000'0000;
 

@@ -1,7 +1,7 @@
 // Registers of IIDC cameras: offsets and bits.
 //
-// Source: IIDC 1394-based Digital Camera Specification, 1.31 (1394 Trade Association, TA Document 2003017). Its bit 0 is the
-// highest.
+// Source: IIDC 1394-based Digital Camera Specification, 1.31 (1394 Trade Association, TA Document 2003017). Its bit 0
+// is the highest.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,7 @@ inline constexpr std::uint32_t kFormat7Places = 0x2E0;  ///< V_CSR_INQ_7, four b
 inline constexpr std::uint32_t kBasicFunctions = 0x400;
 inline constexpr std::uint32_t kFeaturesPresent = 0x404;  ///< FEATURE_PRESENCE_INQ, features 0 to 31
 inline constexpr std::uint32_t kFeatureInquiries = 0x500;
-inline constexpr std::uint32_t kRate = 0x600;  ///< in the three highest bits, as the next two
+inline constexpr std::uint32_t kRate = 0x600;  ///< value in the three highest bits, as in the next two registers
 inline constexpr std::uint32_t kMode = 0x604;
 inline constexpr std::uint32_t kFormat = 0x608;
 inline constexpr std::uint32_t kIsoChannel = 0x60C;
@@ -34,11 +34,12 @@ inline constexpr std::uint32_t kTriggerFeature = 12;
 inline constexpr std::uint32_t kHasModeError = bit(1);
 inline constexpr std::uint32_t kHasPower = bit(16);
 
-// A feature's inquiry and its register. The lowest 24 bits are two numbers of 12: minimum and maximum, or U/B and V/R values.
+// A feature's inquiry and its register. The lowest 24 bits are two numbers of 12: minimum and maximum, or U/B and V/R
+// values.
 inline constexpr std::uint32_t kPresent = bit(0);
 inline constexpr std::uint32_t kAbsolute = bit(1);
-inline constexpr std::uint32_t kOn = bit(6);         ///< of the register; of an inquiry bit(5)
-inline constexpr std::uint32_t kAutomatic = bit(7);  ///< of the register; of an inquiry bit(6)
+inline constexpr std::uint32_t kOn = bit(6);         ///< bit of the feature's register; its inquiry has bit(5)
+inline constexpr std::uint32_t kAutomatic = bit(7);  ///< bit of the feature's register; its inquiry has bit(6)
 inline constexpr std::uint32_t kCanSwitch = bit(5);
 inline constexpr std::uint32_t kCanAutomatic = bit(6);
 inline constexpr std::uint32_t kTwelveBits = 0xFFF;
@@ -58,14 +59,14 @@ inline constexpr std::uint32_t kMostSize = 0x00;
 inline constexpr std::uint32_t kUnitSize = 0x04;
 inline constexpr std::uint32_t kPlace = 0x08;
 inline constexpr std::uint32_t kSize = 0x0C;
-inline constexpr std::uint32_t kCoding = 0x10;        ///< in the highest byte
+inline constexpr std::uint32_t kCoding = 0x10;        ///< value in the highest byte
 inline constexpr std::uint32_t kCodings = 0x14;       ///< bit(coding)
 inline constexpr std::uint32_t kPacketLimits = 0x40;  ///< unit and most bytes of a packet
 inline constexpr std::uint32_t kPacket = 0x44;  ///< bytes of a packet in the high half, the recommended in the low one
 inline constexpr std::uint32_t kPacketsPerFrame = 0x48;
 inline constexpr std::uint32_t kUnitPlace = 0x4C;      ///< 0: as kUnitSize
 inline constexpr std::uint32_t kFrameInterval = 0x50;  ///< seconds, a float; 0: not known
-inline constexpr std::uint32_t kColourFilter = 0x58;   ///< in the highest byte
+inline constexpr std::uint32_t kColourFilter = 0x58;   ///< value in the highest byte
 inline constexpr std::uint32_t kValueSetting = 0x7C;
 inline constexpr std::uint32_t kSetting1 = bit(1), kError1 = bit(8), kError2 = bit(9);
 

@@ -15,7 +15,8 @@ namespace {
 
 constexpr std::uint32_t kRingBuffers = 4;
 
-/// The ring's timestamps are CLOCK_REALTIME in microseconds; the rig's clock is CLOCK_MONOTONIC. 0: the kernel gave none.
+/// The ring's timestamps are CLOCK_REALTIME in microseconds; the rig's clock is CLOCK_MONOTONIC. 0: the kernel gave
+/// none.
 Instant on_rigs_clock(std::uint64_t real_us, Instant now) {
   timespec real{};
   ::clock_gettime(CLOCK_REALTIME, &real);

@@ -10,8 +10,9 @@
 
 namespace nodal::hal::iidc {
 
-/// The ring wants its buffers back in the order in which it gave them, stops when it has none, and is unmapped when the stream
-/// ends. So every frame is copied out and its buffer returned at once; the copy is the head's, for as long as it wants.
+/// The ring wants its buffers back in the order in which it gave them, stops when it has none, and is unmapped when the
+/// stream ends. So every frame is copied out and its buffer returned at once; the copy is the head's, for as long as it
+/// wants.
 std::unique_ptr<FrameSource> make_ring_source(dc1394camera_t* camera, std::size_t buffers, std::size_t frame_bytes);
 
 }  // namespace nodal::hal::iidc

@@ -12,8 +12,9 @@
 
 namespace nodal::hal::iidc {
 
-/// The register at `offset` from FFFF F000 0000h in the words of the specification, for a camera whose command registers begin
-/// at `command_base`: "CUR_V_MODE", "SHUTTER_INQ"; another register, such as one of a mode of format 7, by its offset.
+/// The register at `offset` from FFFF F000 0000h in the words of the specification, for a camera whose command
+/// registers begin at `command_base`: "CUR_V_MODE", "SHUTTER_INQ"; another register, such as one of a mode of format 7,
+/// by its offset.
 std::string register_name(std::uint64_t offset, std::uint64_t command_base);
 
 /// Passes every call on, and writes a line about it:

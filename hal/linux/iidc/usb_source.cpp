@@ -15,7 +15,7 @@
 namespace nodal::hal::iidc {
 namespace {
 
-constexpr std::uint8_t kEndpoint = 0x81;  ///< of every USB camera that libdc1394 knows
+constexpr std::uint8_t kEndpoint = 0x81;  ///< the endpoint that every USB camera known to libdc1394 has
 constexpr unsigned kDrainMs = 20;
 constexpr int kMostDrains = 64;
 
@@ -119,8 +119,8 @@ class UsbSource final : public FrameSource {
     for (Slot& slot : slots_) {
       if (slot.state == State::kQueued) libusb_cancel_transfer(slot.transfer.get());
     }
-    // Without an end: the kernel may write to a transfer that it keeps, so its memory cannot be freed. It ends transfers at
-    // once; if it ever does not, only this device's worker waits, and its head counts as missing.
+    // Without an end: the kernel may write to a transfer that it keeps, so its memory cannot be freed. It ends
+    // transfers at once; if it ever does not, only this device's worker waits, and its head counts as missing.
     while (queued() > 0) handle_events(100);
     for (const std::size_t slot : done_) slots_[slot].state = State::kIdle;
     done_.clear();

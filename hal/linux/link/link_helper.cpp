@@ -23,7 +23,8 @@ namespace {
 
 constexpr std::size_t kMaxMessage = 4096;  // bytes of an error's number and sentence
 constexpr Duration kLookEvery = Duration::seconds(1);
-constexpr Duration kFarewell = Duration::seconds(1);  // for the last bytes of a process that closed its link
+// How long the last bytes of a process that closed its link may take.
+constexpr Duration kFarewell = Duration::seconds(1);
 
 /// Two connected Unix sockets.
 struct Pair {
@@ -247,8 +248,8 @@ class HelpedLink final : public DescriptorLink {
  public:
   HelpedLink(Descriptor bytes, int fd, Descriptor messages, std::string peer)
       : DescriptorLink(std::move(bytes), fd, std::move(peer)), fd_(fd), messages_(std::move(messages)) {}
-  /// Waits until the link's process has closed the rig's link and ended, but no longer than its farewell may take: a cable carries
-  /// one host, so the next program would find it taken.
+  /// Waits until the link's process has closed the rig's link and ended, but no longer than its farewell may take: a
+  /// cable carries one host, so the next program would find it taken.
   ~HelpedLink() override {
     ::shutdown(fd_, SHUT_RDWR);
     pollfd ended{messages_.get(), 0, 0};  // POLLHUP is always reported

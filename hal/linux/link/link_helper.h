@@ -12,12 +12,13 @@
 namespace nodal::hal {
 
 /// start() forks the helper. For each link the helper forks a process that connects and then copies bytes in both
-/// directions, at most kBuffer of each on the way. It ends with the link, whose destructor waits for that for at most 2 s, the
-/// helper with this object.
+/// directions, at most kBuffer of each on the way. It ends with the link, whose destructor waits for that for at most 2
+/// s, the helper with this object.
 ///
 /// Threading: thread-bound. Call start() before the process has a second thread.
 /// Ownership: links outlive it.
-/// Errors: start(): kIo. connect(): those of `connect`, kIo. A link's kLinkClosed has the sentence of the link's own error.
+/// Errors: start(): kIo. connect(): those of `connect`, kIo. A link's kLinkClosed has the sentence of the link's own
+/// error.
 class LinkHelper {
  public:
   using Connect = std::function<Result<std::unique_ptr<LinkPort>>()>;

@@ -13,7 +13,8 @@ enum class SignalOutcome {
   kKernels,  ///< no program can change it (SIGKILL, SIGSTOP), or it stops, continues or does nothing by default
 };
 
-/// For every signal from 1 to SIGRTMAX. The manual pages have this table, and a test sends each signal to both programs.
+/// For every signal from 1 to SIGRTMAX. The manual pages have this table, and a test sends each signal to both
+/// programs.
 SignalOutcome outcome_of(int signal);
 /// "SIGHUP", "SIGRTMIN+3"; the number for a signal without a name.
 std::string signal_name(int signal);
@@ -22,7 +23,8 @@ std::string signal_name(int signal);
 sigset_t ending_signals();
 /// Signals of kIgnored.
 sigset_t ignored_signals();
-/// Ignores them. Call it before the first thread starts. A program that is spawned must reset them, as spawn_link() does.
+/// Ignores them. Call it before the first thread starts. A program that is spawned must reset them, as spawn_link()
+/// does.
 void ignore_stray_signals();
 
 }  // namespace nodal::hal

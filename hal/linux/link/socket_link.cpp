@@ -78,7 +78,7 @@ class SocketListener final : public LinkListenerPort {
         }
         return std::make_unique<DescriptorLink>(std::move(link), fd, std::move(peer), identity);
       }
-      if (errno == EINTR || errno == ECONNABORTED) continue;  // that client gave up; the next may not have
+      if (errno == EINTR || errno == ECONNABORTED) continue;  // the client gave up; the next one may still be there
       if (errno == EAGAIN || errno == EWOULDBLOCK) return nullptr;
       return system_error(Errc::kIo, address_ + ": taking a new link", errno);
     }

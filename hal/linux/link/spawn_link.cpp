@@ -18,8 +18,8 @@
 namespace nodal::hal {
 namespace {
 
-constexpr int kPatienceMs = 1000;  // for a program whose input is closed
-constexpr int kExitCodeMs = 200;   // from the end of its output to its exit status
+constexpr int kPatienceMs = 1000;  // how long a program may run after its input was closed
+constexpr int kExitCodeMs = 200;   // how long its exit status may come after the end of its output
 
 /// Readable once the process has ended. By syscall number, because glibc 2.36's wrapper has broken C++ linkage.
 Descriptor open_process(pid_t process) { return Descriptor(static_cast<int>(::syscall(SYS_pidfd_open, process, 0))); }

@@ -20,7 +20,7 @@ bool captures(const v4l2_capability& capability) {
 
 struct Opened {
   std::unique_ptr<Device> device;
-  int error = 0;         ///< of open or QUERYCAP
+  int error = 0;         ///< errno of open() or VIDIOC_QUERYCAP
   bool captures = true;  ///< false: it is open, but is not a capture device
 };
 

@@ -79,8 +79,8 @@ void V4l2Head::watch_signal(Instant now) {
   });
 }
 
-/// Asking costs a system call for each head and each step of the capture stage, and most steps are for other heads or for
-/// buffers that come back.
+/// Asking costs a system call for each head and each step of the capture stage, and most steps are for other heads or
+/// for buffers that come back.
 bool V4l2Head::may_have_frame() {
   if (!ready_.value_or(true) && ++skipped_ < kMostSkipped) return false;
   skipped_ = 0;

@@ -43,9 +43,9 @@ class Channel final : public device::Channel {
   const Granted granted;
   const Controls controls;
   const HeadSettings opened_with;
-  const device::UsbBuses::Share share;  ///< of its USB bus; null if it is on none
+  const device::UsbBuses::Share share;  ///< its share of the USB bus; null if the device is on none
   Stream stream;                        ///< see device::DeviceHead
-  std::atomic<bool> no_signal{false};   ///< as the input said last
+  std::atomic<bool> no_signal{false};   ///< state of the input when it was last read
   std::atomic<bool> signal_asked{false};
 };
 
@@ -81,10 +81,10 @@ class V4l2Head final : public device::DeviceHead {
   std::shared_ptr<Channel> channel_;
   std::vector<Slot> slots_;                   ///< the driver's buffers
   std::optional<FieldWeaver> weaver_;         ///< where fields arrive by themselves; it owns the lent frames
-  std::optional<Stream::Frame> first_field_;  ///< of the frame that the weaver has not finished
+  std::optional<Stream::Frame> first_field_;  ///< first field of the frame that the weaver has not finished
   Instant next_signal_;
-  /// Of a thread that sleeps by poll(): false if the driver has no frame, because poll() reported none or the newest frame has
-  /// just been taken. Unset, the driver is asked.
+  /// Of a thread that sleeps by poll(): false if the driver has no frame, because poll() reported none or the newest
+  /// frame has just been taken. Unset, the driver is asked.
   mutable std::optional<bool> ready_;
   mutable int skipped_ = 0;  ///< calls of take_frame() since the sleep that did not ask
 };

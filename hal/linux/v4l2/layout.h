@@ -49,8 +49,8 @@ struct Layout {
 /// Errors: kDeviceFailed if a stride is too small for the width, or a size is impossible.
 Result<Layout> make_layout(const FourCc& format, int width, int height, std::span<const std::uint32_t> strides);
 
-/// A view of the picture whose memory planes start at `planes`, each with at least `needed` bytes. `used`: the length of
-/// a JPEG.
+/// A view of the picture whose memory planes start at `planes`, each with at least `needed` bytes. `used`: the length
+/// of a JPEG.
 ImageView view_of(const Layout& layout, std::span<const std::uint8_t* const> planes, std::size_t used);
 
 }  // namespace nodal::hal::v4l2

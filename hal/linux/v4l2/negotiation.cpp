@@ -183,8 +183,8 @@ Shape read_shape(const Device& device, const v4l2_format& format) {
           {pix.sizeimage, 0, 0}};
 }
 
-/// What the driver says about its Y U V; where it says "default", V4L2 defines what that is. JPEGs are full range BT.601
-/// by their own definition (JFIF 1.02), whatever a driver says.
+/// What the driver says about its Y U V; where it says "default", V4L2 defines what that is. JPEGs are full range
+/// BT.601 by their own definition (JFIF 1.02), whatever a driver says.
 Result<ColourCoding> coding_of(const Device& device, const Shape& shape, PixelFormat pixels) {
   if (!has_chroma(pixels)) return ColourCoding{};
   const std::uint32_t encoding = shape.encoding == V4L2_YCBCR_ENC_DEFAULT

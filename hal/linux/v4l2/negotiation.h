@@ -32,16 +32,16 @@ struct HeadRequest {
 
 /// How a driver delivers the two fields of an interlaced frame.
 enum class FieldStorage : std::uint8_t {
-  kTogether,    ///< as rows of one picture
-  kAlternate,   ///< each in a buffer of its own
-  kSequential,  ///< in one buffer, one after the other
+  kTogether,    ///< as alternate rows of one picture
+  kAlternate,   ///< each field has its own buffer
+  kSequential,  ///< both fields are in one buffer, one after the other
 };
 
 struct Granted {
   HeadFormat format;
-  Layout layout;  ///< of a buffer's picture: with kAlternate a field, otherwise a frame
+  Layout layout;  ///< layout of a buffer's picture: a field with kAlternate, otherwise a frame
   FieldStorage storage = FieldStorage::kTogether;
-  ColourCoding coding;                       ///< although full range BT.601 was requested
+  ColourCoding coding;                       ///< what the driver delivers although full-range BT.601 was requested
   Fields interlaced = Fields::kProgressive;  ///< the meaning of V4L2_FIELD_INTERLACED in this standard
   std::uint32_t input = 0;
   Duration readout;  ///< with kAlternate, of the field that is exposed first

@@ -21,7 +21,7 @@ namespace nodal::hal::v4l2 {
 namespace {
 
 constexpr std::size_t kLongestText = 64;
-constexpr std::uint32_t kSmallestSide = 16, kLargestSide = 16384;  ///< of a head's picture
+constexpr std::uint32_t kSmallestSide = 16, kLargestSide = 16384;  ///< px; width or height of a head's picture
 
 template <std::size_t kSize>
 std::string shown_text(const std::uint8_t (&field)[kSize]) {
@@ -224,8 +224,8 @@ std::optional<FoundDevice> scan_one(System& system, const std::string& node) {
 struct Scanner::Answers {
   std::mutex mutex;
   std::condition_variable changed;
-  std::map<std::string, std::optional<FoundDevice>> by_node;  ///< of this scan, and late ones of earlier scans
-  std::set<std::string> asked;                                ///< whose threads have not answered
+  std::map<std::string, std::optional<FoundDevice>> by_node;  ///< answers by node, also late ones of earlier scans
+  std::set<std::string> asked;                                ///< device nodes whose threads have not answered
 };
 
 Scanner::Scanner(System& system) : system_(system), answers_(std::make_shared<Answers>()) {}

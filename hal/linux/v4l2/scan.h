@@ -46,7 +46,7 @@ struct FoundDevice {
   std::optional<device::UsbPlace> usb;
   std::string input;                     ///< name of the input that is chosen; empty if it has none
   std::optional<FrameRate> standard;     ///< rate of the input's video standard
-  Fields fields = Fields::kProgressive;  ///< of frames of that standard
+  Fields fields = Fields::kProgressive;  ///< field order of that standard
   std::vector<FoundFormat> formats;
   std::vector<FoundControl> controls;
   std::vector<std::string> oddities;  ///< what the driver reports and cannot be: sentences
@@ -56,9 +56,9 @@ struct FoundDevice {
 
 inline constexpr std::size_t kMostNodes = 64;    ///< device nodes that a scan opens
 inline constexpr int kMostEnumerations = 4096;   ///< questions for formats, sizes and rates to one device
-inline constexpr std::size_t kMostFormats = 64;  ///< that are kept, like the next two
-inline constexpr std::size_t kMostSizes = 64;    ///< of a format
-inline constexpr std::size_t kMostRates = 32;    ///< of a size
+inline constexpr std::size_t kMostFormats = 64;  ///< pixel formats kept of a device
+inline constexpr std::size_t kMostSizes = 64;    ///< frame sizes kept of a format
+inline constexpr std::size_t kMostRates = 32;    ///< frame rates kept of a size
 
 /// Asks devices, each on a thread of its own; also those that other programs use.
 ///
@@ -67,8 +67,9 @@ inline constexpr std::size_t kMostRates = 32;    ///< of a size
 class Scanner {
  public:
   explicit Scanner(System& system);
-  /// Opens every node, asks it, and closes it, all nodes at once. A device that has not answered after `patience` is listed
-  /// with a problem, and is not asked again until it has answered, so that a device that hangs occupies one thread.
+  /// Opens every node, asks it, and closes it, all nodes at once. A device that has not answered after `patience` is
+  /// listed with a problem, and is not asked again until it has answered, so that a device that hangs occupies one
+  /// thread.
   std::vector<FoundDevice> scan(std::chrono::milliseconds patience);
 
  private:

@@ -8,8 +8,9 @@
 namespace nodal::hal::v4l2 {
 namespace {
 
-constexpr std::uint32_t kFewestBuffers = 2;               ///< one is filled while the other is read
-constexpr std::size_t kMostBytes = std::size_t{1} << 30;  ///< of a frame; so that its length is a valid width
+constexpr std::uint32_t kFewestBuffers = 2;  ///< one is filled while the other is read
+/// Size limit of a frame, so that its length is a valid width.
+constexpr std::size_t kMostBytes = std::size_t{1} << 30;
 constexpr std::uint32_t kMostBuffers = 256;  ///< upper limit of what the driver may grant; the kernel's own limit is 32
 
 /// An invalid time counts as the clock's start.

@@ -52,8 +52,9 @@ class Stream {
   struct Plane {
     std::uint8_t* start = nullptr;
     std::size_t length = 0;
-    std::size_t offset = 0;  ///< of the picture in the newest frame; multi-planar drivers may store a header before it
-    std::size_t used = 0;    ///< bytes of the newest frame, from `offset` on
+    /// Where the picture begins in the newest frame; multi-planar drivers may store a header before it.
+    std::size_t offset = 0;
+    std::size_t used = 0;  ///< bytes of the newest frame, from `offset` on
   };
   struct Buffer {
     std::array<Plane, kMaxPlanes> planes{};

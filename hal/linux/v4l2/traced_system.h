@@ -13,11 +13,12 @@ namespace nodal::hal::v4l2 {
 
 /// Passes every call on, and writes a line about it:
 ///
-///     /dev/video0: VIDIOC_S_FMT 640x480 YUYV, progressive, 0 bytes, 0 a row -> 640x480 YUYV, progressive, 614400 bytes, 1280 a row
+///     /dev/video0: VIDIOC_S_FMT 640x480 YUYV, progressive, 0 bytes, 0 a row -> 640x480 YUYV, progressive, 614400
+///       bytes, 1280 a row
 ///     /dev/video0: VIDIOC_S_CTRL EXPOSURE_ABSOLUTE = 156 -> EINVAL (Invalid argument)
 ///
-/// Calls that took 5 ms or more end with their time. A healthy stream often calls VIDIOC_DQBUF before there is a frame, so
-/// these calls are written only when no frame came for a second: "no frame for 1003 ms, asked 31 times".
+/// Calls that took 5 ms or more end with their time. A healthy stream often calls VIDIOC_DQBUF before there is a frame,
+/// so these calls are written only when no frame came for a second: "no frame for 1003 ms, asked 31 times".
 ///
 /// Threading: thread-safe, as System; lines of one descriptor may come from two threads.
 /// Ownership: `system` and `clock` outlive it.

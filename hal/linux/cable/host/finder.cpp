@@ -154,8 +154,8 @@ tl::unexpected<Error> cannot_open(const std::string& text, const std::string& pl
   return fail(Errc::kUnreachable, text + ": the USB device at " + place + ": " + libusb_strerror(error));
 }
 
-/// Claims the interface. A host that was killed holds it until its link's process has said farewell, so a busy one is asked again for
-/// a while. Returns 0 or libusb's error.
+/// Claims the interface. A host that was killed holds it until its link's process has said farewell, so a busy one is
+/// asked again for a while. Returns 0 or libusb's error.
 int claim(libusb_device_handle* handle, int interface) {
   constexpr auto kFarewellsEnd = std::chrono::milliseconds(2500);
   constexpr auto kAskAgain = std::chrono::milliseconds(50);
