@@ -11,8 +11,8 @@
 
 namespace nodal::hal::sim {
 
-/// Ports behave as a folder on which disks are mounted: a claim and a handle stay with the disk that was there, also if it is
-/// exchanged meanwhile, as after `umount -l`. A disk that is pulled is gone for them.
+/// Ports behave as a folder on which disks are mounted: a claim and a handle stay with the disk that was there, also if
+/// it is exchanged meanwhile, as after `umount -l`. A disk that is pulled is gone for them.
 ///
 /// Threading: thread-bound; all ports are on one thread.
 /// Ownership: ports and the slot share the disks; ports may outlive the slot.

@@ -63,8 +63,8 @@ class SimDisk final : public DiskPort {
   void put_link(const std::string& name);
   /// A second name for the same file: a hard link.
   void put_second_name(const std::string& file, const std::string& name);
-  /// Number of operations that change the disk: every call of create, open_append, write, overwrite, truncate, sync, sync_all,
-  /// rename, remove, make_folder and sync_folder.
+  /// Number of operations that change the disk: every call of create, open_append, write, overwrite, truncate, sync,
+  /// sync_all, rename, remove, make_folder and sync_folder.
   std::uint64_t operations() const { return operations_; }
   /// The power fails during operation k (counted from 0): it is done completely, partly or not at all, and it and all
   /// later operations fail with kIo.
@@ -104,7 +104,8 @@ class SimDisk final : public DiskPort {
   void lie_about_sync(bool lies) { lies_ = lies; }
   /// All calls fail with kDeviceGone from now on, or no longer.
   void unplug(bool gone = true) { gone_ = gone; }
-  /// The next calls of sync() or sync_all() fail with kIo, and their bytes are lost: later ones do not make them durable.
+  /// The next calls of sync() or sync_all() fail with kIo, and their bytes are lost: later ones do not make them
+  /// durable.
   void fail_syncs(int count) { failing_syncs_ = count; }
 
  private:
@@ -141,7 +142,7 @@ class SimDisk final : public DiskPort {
   std::uint64_t capacity_;
   Tree tree_;                     ///< as seen by the program
   Tree lasting_;                  ///< as far as it is durable
-  std::vector<Change> unsynced_;  ///< in order; applied to lasting_ they give tree_
+  std::vector<Change> unsynced_;  ///< oldest first; applied to lasting_ they give tree_
   std::map<FileHandle, Handle> handles_;
   FileHandle next_handle_ = 1;
   std::uint64_t operations_ = 0;

@@ -13,7 +13,8 @@
 
 namespace nodal::hal::sim {
 
-/// The object that a name refers to: a folder, a symbolic link, or a file's bytes, of which the first `synced` are durable.
+/// The object that a name refers to: a folder, a symbolic link, or a file's bytes, of which the first `synced` are
+/// durable.
 struct SimDisk::Inode {
   bool folder = false;
   bool link = false;

@@ -44,10 +44,10 @@ struct HeadOptions {
   int buffers = 4;
   Duration trigger_latency = Duration::microseconds(20);  ///< from a pulse to the start of the exposure
   Duration trigger_jitter = Duration::microseconds(2);    ///< per pulse, uniform in both directions
-  Duration stamp_jitter;                                  ///< of the reported mid_exposure, uniform in both directions
-  Duration readout = Duration::milliseconds(12);          ///< from the end of the exposure to the last byte
-  std::int32_t free_run_drift_ppm = 0;                    ///< positive is slow; at most 100 000 either way
-  std::optional<Duration> free_run_phase;                 ///< of the first exposure after start(); random if not given
+  Duration stamp_jitter;                          ///< error of the reported mid_exposure, uniform in both directions
+  Duration readout = Duration::milliseconds(12);  ///< from the end of the exposure to the last byte
+  std::int32_t free_run_drift_ppm = 0;            ///< positive is slow; at most 100 000 either way
+  std::optional<Duration> free_run_phase;         ///< time from start() to the first exposure; random if not given
   HeadFaults faults;
 };
 
@@ -170,7 +170,7 @@ class SimHead final : public PulseSink {
   struct Rendering {
     std::vector<std::uint8_t> bytes;
     std::uint64_t holds = 0;         ///< what Sensor::render returned for `bytes`; 0: unknown
-    std::vector<std::uint8_t> jpeg;  ///< of a head that delivers MJPEG
+    std::vector<std::uint8_t> jpeg;  ///< the encoded picture of a head that delivers MJPEG
   };
   FrameView picture(const Exposed& frame, Rendering& rendering);
 
@@ -184,13 +184,13 @@ class SimHead final : public PulseSink {
   Random random_;
   std::uint64_t seed_;
   std::unique_ptr<Sensor> sensor_;
-  std::unique_ptr<JpegCamera> jpeg_camera_;  ///< of a head that delivers MJPEG
+  std::unique_ptr<JpegCamera> jpeg_camera_;  ///< the encoder of a head that delivers MJPEG
   Port* port_ = nullptr;
   bool present_ = true;
   bool streaming_ = false;
   TriggerMode mode_ = TriggerMode::kFreeRun;
   HeadSettings settings_;   ///< as requested
-  HeadSettings in_effect_;  ///< of the next exposure
+  HeadSettings in_effect_;  ///< settings of the next exposure
   std::deque<Pending> changes_;
   Instant free_run_from_;
   std::uint64_t free_run_next_ = 0;
@@ -199,7 +199,7 @@ class SimHead final : public PulseSink {
   Instant last_received_;
   std::uint32_t sequence_ = 0;
   bool keep_sequence_ = false;   ///< set by the test before a start
-  std::deque<Exposed> exposed_;  ///< in the sensor or in transfer, in order of arrival
+  std::deque<Exposed> exposed_;  ///< frames in the sensor or in transfer, sorted by arrival
   std::array<FrameTruth, 64> newest_{};
   HeadCounts counts_;
   int lose_ = 0;

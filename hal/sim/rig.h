@@ -18,7 +18,7 @@ struct SimRigOptions {
   bool real_time = false;
   std::uint64_t seed = 1;
   ScenePtr scene;                                       ///< null: the town square
-  HeadOptions head;                                     ///< for every head
+  HeadOptions head;                                     ///< options that all heads share
   std::function<void(HeadIndex, HeadOptions&)> adjust;  ///< changes the options of single heads; may be empty
   TriggerOptions trigger;
 };

@@ -24,7 +24,7 @@ class PulseSink {
 
 struct TriggerOptions {
   Duration jitter;             ///< per pulse, uniform in both directions; at most a quarter period
-  std::int64_t drift_ppb = 0;  ///< of the generator's crystal: positive is slow; at most 10^8 either way
+  std::int64_t drift_ppb = 0;  ///< drift of the generator's crystal: positive is slow; at most 10^8 either way
   Duration first_pulse = Duration::milliseconds(1);  ///< from start() to pulse 0
   FrameRate fastest{1000, 1};
   std::optional<FrameRate> external;  ///< another device drives the line at this rate since the rig's first second
@@ -79,7 +79,7 @@ class SimTrigger final : public TriggerPort {
   bool gone_ = false;
   std::atomic<bool> safe_{false};  ///< permanently
   Instant started_;                ///< moment of pulse 0
-  FrameRate rate_;                 ///< of the device that drives the line
+  FrameRate rate_;                 ///< rate of the device that drives the line
   std::uint64_t next_ = 0;
   Instant next_at_;
   std::uint64_t sent_ = 0;

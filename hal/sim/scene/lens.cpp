@@ -101,7 +101,7 @@ LensTruth::LensTruth(const HeadCalibration& head)
       break;
     }
   }
-  table_.push_back(table_.back());  // for a radius that rounds up to the end
+  table_.push_back(table_.back());  // a radius that rounds up to the end reads one entry more
 }
 
 double LensTruth::radius_of(double u, double v) const {

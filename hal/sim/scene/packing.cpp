@@ -6,7 +6,7 @@ namespace nodal::hal::sim {
 
 namespace {
 
-constexpr int kShift = 15;  // of the matrix
+constexpr int kShift = 15;  // fraction bits of the matrix's entries
 
 std::uint8_t to_level(int value, int bits) {
   return static_cast<std::uint8_t>(std::clamp((value + (1 << (bits - 1))) >> bits, 0, 255));

@@ -41,11 +41,12 @@ class PlacedMover {
   double inside_bar(const Direction& from) const;
 
   Mover::Shape shape_;
-  Direction axis_;           ///< for a bar
-  Direction ahead_, aside_;  ///< for a bar: its middle, and a quarter turn on; both perpendicular to the axis
+  Direction axis_;  ///< direction of a bar's axis
+  /// Directions to a bar's middle, and a quarter turn further; both perpendicular to the axis.
+  Direction ahead_, aside_;
   Direction centre_, spin_, side_;
   double radius_;
-  double reach_cosine_, reach_sine_;  ///< of the radius plus a margin for blurred rims
+  double reach_cosine_, reach_sine_;  ///< cosine and sine of the radius plus a margin for blurred rims
   Light colour_, stripes_;
 };
 

@@ -17,7 +17,7 @@ constexpr int kBlock = 16;  ///< side in px of the blocks that are tested for mo
 /// Indexed by the square root of light: even for a steep response one entry is at most 0.02 levels.
 constexpr int kCurveEntries = 1 << 14;
 constexpr std::size_t kDeviates = 1 << 16;
-constexpr std::size_t kVersions = 4;      ///< of the static part, with different noise; without noise, one
+constexpr std::size_t kVersions = 4;  ///< versions of the static part with different noise; without noise there is one
 constexpr std::uint32_t kBuildEvery = 8;  ///< frames between building further versions, to spread the cost over frames
 constexpr int kMaxLevel = 255 << kLevelBits;
 
@@ -138,7 +138,8 @@ void Sensor::use(const HeadSettings& settings) {
   const double gain = std::pow(10.0, settings.gain.mdb() / 20'000.0);
   const std::array<double, 3> balance{settings.white_balance.red_q12 / 4096.0, 1.0,
                                       settings.white_balance.blue_q12 / 4096.0};
-  const double electron = noise_.full_well_electrons > 0 ? gain / noise_.full_well_electrons : 0;  // in light
+  // Light that corresponds to one electron.
+  const double electron = noise_.full_well_electrons > 0 ? gain / noise_.full_well_electrons : 0;
   for (std::size_t c = 0; c < 3; ++c) {
     curve_.scale[c] = static_cast<float>(light_ * exposure * gain * balance[c]);
     curve_.shot[c] = static_cast<float>(electron * balance[c]);

@@ -80,7 +80,7 @@ class Sensor {
   struct Block {
     Direction middle;
     bool sees = false;            ///< whether it sees anything
-    double cosine = 1, sine = 0;  ///< of the angle around all that it sees
+    double cosine = 1, sine = 0;  ///< cosine and sine of the angle around `middle` that holds all that the block sees
   };
 
   const HeadCalibration truth_;
@@ -104,8 +104,8 @@ class Sensor {
   std::optional<HeadSettings> settings_;
   Gamma curve_is_of_;  ///< the gamma that `encoded_` is for
   Curve curve_;
-  std::uint64_t still_id_ = 0;                       ///< of versions_[0] under these settings
-  std::vector<std::vector<std::uint8_t>> versions_;  ///< of the static part; those in use come first
+  std::uint64_t still_id_ = 0;                       ///< identity of versions_[0] under these settings
+  std::vector<std::vector<std::uint8_t>> versions_;  ///< versions of the static part; those in use come first
   std::size_t versions_ready_ = 0;
   std::optional<std::uint32_t> last_number_;
   std::vector<float> light_row_;

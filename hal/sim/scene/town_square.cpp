@@ -52,7 +52,7 @@ bool letter_cell(char letter, int column, int row) {
 
 struct Wall {
   std::string_view word;
-  double distance;   ///< of its plane, m
+  double distance;   ///< distance of its plane, m
   double reach;      ///< from its middle to each side, m; the corners are open streets
   Direction normal;  ///< away from the nodal point
   Direction right;   ///< seen from the nodal point
@@ -179,7 +179,7 @@ class TownSquare final : public Scene {
 
   struct Hit {
     double t = kFar;
-    const Wall* wall = nullptr;  ///< of the square
+    const Wall* wall = nullptr;  ///< a wall of the square
     bool tower = false;          ///< a tower behind the wall
     std::int64_t side = 0, lot = 0;
     double s = 0;  ///< along the wall to the right, m
