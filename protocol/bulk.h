@@ -99,8 +99,8 @@ struct BulkPiece {
   std::uint64_t item = 0;     ///< its number among the offered items
   std::uint64_t dropped = 0;  ///< items of the stream that were dropped before this one, in total
   std::string meta;           ///< the item's meta; only in its first piece (offset 0)
-  std::uint64_t offset = 0;   ///< of data within the body as sent
-  std::uint64_t total = 0;    ///< bytes of the body as sent
+  std::uint64_t offset = 0;   ///< position of `data` in the body as sent
+  std::uint64_t total = 0;    ///< size of the body as sent
   std::vector<std::uint8_t> data;
   bool first = false;
   bool last = false;  ///< this piece completes the item
@@ -112,7 +112,7 @@ struct StreamCounts {
   std::uint64_t delivered = 0;  ///< the link has taken every byte of the item
   std::uint64_t dropped = 0;
   std::uint64_t pending = 0;  ///< waiting, or partly taken by the link
-  std::uint64_t bytes = 0;    ///< of items, that the link has taken
+  std::uint64_t bytes = 0;    ///< bytes of items that the link has taken
 };
 
 }  // namespace nodal

@@ -68,7 +68,7 @@ class BulkSender {
     StreamPolicy policy = StreamPolicy::kLossless;
     std::deque<Pending> queue;  // sending of the front item may have begun
     StreamCounts counts;
-    std::uint64_t sent = 0;  // in pieces
+    std::uint64_t sent = 0;  // bytes of the stream that were sent in pieces
     std::uint64_t allowed = 0;
     bool closing = false;
     std::optional<Error> error;

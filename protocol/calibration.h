@@ -94,7 +94,8 @@ struct HeadCalibration {
   LensModel lens;
   double max_angle = 0;  ///< rad; the lens is used up to this angle from its axis; 0: up to the end of its model
   std::array<double, 9> R_head_rig{1, 0, 0, 0, 1, 0, 0, 0, 1};  ///< row-major, rig frame to head frame
-  /// m, in the rig frame: the head's own nodal point, from the rig's. It moves rays only if Calibration::distance is set.
+  /// m, in the rig frame: the head's own nodal point, from the rig's. It moves rays only if Calibration::distance is
+  /// set.
   std::array<double, 3> position{};
   Region region;
   Response response;
@@ -108,8 +109,8 @@ struct Calibration {
   std::string name;
   std::string comment;
   std::vector<HeadCalibration> heads;
-  /// m: the rig's pictures meet on the sphere of this radius about its nodal point, so that what is this far away does not
-  /// double. 0: infinity.
+  /// m: the rig's pictures meet on the sphere of this radius about its nodal point, so that what is this far away does
+  /// not double. 0: infinity.
   double distance = 0;
   friend bool operator==(const Calibration&, const Calibration&) = default;
 };
@@ -117,11 +118,12 @@ struct Calibration {
 /// The newest version of the document: 2 has masks, 3 positions or a distance. A document has the lowest that it needs.
 inline constexpr int kCalibrationVersion = 3;
 inline constexpr std::size_t kMaxMasks = 16;        ///< per head
-inline constexpr std::size_t kMaxMaskPoints = 256;  ///< in all masks of a head
+inline constexpr std::size_t kMaxMaskPoints = 256;  ///< sum over all masks of a head
 inline constexpr std::size_t kMaxCalibrationBytes = 1 << 20;
-inline constexpr double kFarthestPosition = 100;           ///< m
-inline constexpr double kLongestDistance = 1e6;            ///< m
-inline constexpr double kLeastDistancePerPosition = 1.25;  ///< of `distance` by the farthest head's position
+inline constexpr double kFarthestPosition = 100;  ///< m
+inline constexpr double kLongestDistance = 1e6;   ///< m
+/// Lowest ratio of `distance` to the position of the farthest head.
+inline constexpr double kLeastDistancePerPosition = 1.25;
 
 /// m from the rig's nodal point.
 double farthest_position(const Calibration& calibration);

@@ -52,7 +52,8 @@ inline constexpr std::size_t kMaxListReplyBytes = 384U << 10;
 inline constexpr std::size_t kMaxRequestBytes = 64U << 10;
 /// The limit of every other message. Small, because a message in memory can be tens of times larger than on the wire.
 inline constexpr std::size_t kMaxMessageBytes = 8U << 10;
-/// The limit of a record of evidence: one with 16 heads has less than 4 KiB, one with the hashes of a cluster row less than 8.
+/// The limit of a record of evidence: one with 16 heads has less than 4 KiB, one with the hashes of a cluster row less
+/// than 8.
 inline constexpr std::size_t kMaxTakeRecordBytes = 64U << 10;
 /// The limit of a bulk frame's payload, including its piece header.
 inline constexpr std::size_t kMaxBulkBytes = 64U << 10;
@@ -91,8 +92,8 @@ struct WireFrame {
 ///   final: every later call returns it again.
 class FrameDecoder {
  public:
-  /// `most`: the longest payload of any type that this end takes. A rig takes no replies, so its hosts cannot make it keep
-  /// kMaxReplyBytes of one.
+  /// `most`: the longest payload of any type that this end takes. A rig takes no replies, so its hosts cannot make it
+  /// keep kMaxReplyBytes of one.
   explicit FrameDecoder(std::size_t most = kMaxReplyBytes) : most_(most) {}
 
   /// Consumes bytes from the front of `bytes` until one frame is complete or no bytes are left. Call it until it
@@ -113,13 +114,13 @@ class FrameDecoder {
   tl::unexpected<Error> die(Errc code, std::string message);
 
   std::size_t most_;
-  std::array<std::uint8_t, kFrameHeaderBytes> raw_{};  // of the incomplete frame
-  std::size_t have_ = 0;                               // received bytes of header and payload
+  std::array<std::uint8_t, kFrameHeaderBytes> raw_{};  // header of the incomplete frame
+  std::size_t have_ = 0;                               // number of bytes received of the frame's header and payload
   FrameHeader header_;
   std::size_t length_ = 0;
   std::uint32_t payload_crc_ = 0;
   std::vector<std::uint8_t> payload_;  // only for frames that arrive in parts
-  std::uint32_t sequence_ = 0;         // of the next frame
+  std::uint32_t sequence_ = 0;         // number of the next frame
   std::optional<Error> failed_;
 };
 

@@ -78,7 +78,7 @@ tl::unexpected<Error> Session::die(Error error, bool tell_peer) {
   if (tell_peer) push_control(FrameType::kBye, 0, to_wire(error).SerializeAsString());
   dead_ = std::move(error);
   sender_ = BulkSender(0);  // releases all bodies
-  front_item_.reset();      // of a stream that it had
+  front_item_.reset();      // its item belonged to a stream of the old sender_
   return fail(*dead_);
 }
 
@@ -288,7 +288,7 @@ void Session::next_front() {
     front_slice_ = std::move(piece->slice);
     front_item_ = kFrameHeaderBytes + kPieceHeaderBytes;
   } else {
-    append_closes();  // for streams whose bodies could not be read
+    append_closes();  // next_piece() gives up streams whose bodies it cannot read
   }
 }
 

@@ -38,7 +38,8 @@ inline constexpr std::uint32_t kProtocolMax = 2;
 /// Since this version an end answers pings.
 inline constexpr std::uint32_t kProtocolPing = 2;
 
-/// Of a peer's hello, which names what its end can do; more are dropped. An empty name needs 20 times its bytes in memory.
+/// Of a peer's hello, which names what its end can do; more are dropped. An empty name needs 20 times its bytes in
+/// memory.
 inline constexpr int kMaxFeatures = 64;
 
 /// A Hello with this program's versions; the caller adds other fields.

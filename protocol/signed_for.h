@@ -1,5 +1,5 @@
-// What a calibration is signed for: one rig, and a generation that counts its signed calibrations. Both are in the namespace
-// of the signature (ssh-keygen's -n), so the key signs them with the document.
+// What a calibration is signed for: one rig, and a generation that counts its signed calibrations. Both are in the
+// namespace of the signature (ssh-keygen's -n), so the key signs them with the document.
 #pragma once
 
 #include <cstdint>

@@ -3,8 +3,8 @@
 
 namespace nodal {
 
-/// protobuf prints a line to standard error for every message that it cannot parse, which a hostile peer or file could use to fill
-/// the log. Our own errors report the same problem. From the first call on nothing is printed.
+/// protobuf prints a line to standard error for every message that it cannot parse, which a hostile peer or file could
+/// use to fill the log. Our own errors report the same problem. From the first call on nothing is printed.
 void silence_protobuf();
 
 }  // namespace nodal

@@ -37,9 +37,9 @@ class AllowedSigners {
     std::string principals;  ///< whose key signed
     std::string name_space;  ///< as signed: `purpose`, or `purpose` and what follows ":"
   };
-  /// Checks that a trusted key signed `document` for the namespace `purpose` or one below it ("PURPOSE:..."); `signature`
-  /// is armoured. A signer is trusted for `purpose` if its namespaces have `purpose`, `purpose` and "*", or the one that
-  /// was signed.
+  /// Checks that a trusted key signed `document` for the namespace `purpose` or one below it ("PURPOSE:...");
+  /// `signature` is armoured. A signer is trusted for `purpose` if its namespaces have `purpose`, `purpose` and "*", or
+  /// the one that was signed.
   Result<Verified> verify(std::span<const std::uint8_t> document, std::string_view signature,
                           std::string_view purpose) const;
   std::size_t size() const { return signers_.size(); }

@@ -12,8 +12,8 @@ using nlohmann::json;
 
 namespace {
 
-/// Far more than the longest text of any document, also with every character escaped. nlohmann's lexer keeps what it has read
-/// since the last text or number.
+/// Far more than the longest text of any document, also with every character escaped. nlohmann's lexer keeps what it
+/// has read since the last text or number.
 constexpr std::size_t kLongestToken = 512 * 1024;
 
 /// A text that arrives in pieces, byte by byte. Of white space between tokens only the first byte goes on to the lexer.

@@ -1,5 +1,5 @@
-// Strict JSON: no duplicate key, limited depth, and errors with line and column. Of a document only what its reader knows is
-// kept, so its memory is bounded by the reader, not by who wrote it.
+// Strict JSON: no duplicate key, limited depth, and errors with line and column. Of a document only what its reader
+// knows is kept, so its memory is bounded by the reader, not by who wrote it.
 #pragma once
 
 #include <functional>
@@ -19,9 +19,9 @@ struct JsonLimits {
   int depth = 16;
 };
 
-/// What is kept of a document. What is of another kind than the shape says is kept as an empty value of its own kind, and a list or
-/// a text that is too long is cut one behind its limit, so that whoever reads the tree can refuse it. Of the fields of an object
-/// that are not in the shape, the first is kept, as null.
+/// What is kept of a document. What is of another kind than the shape says is kept as an empty value of its own kind,
+/// and a list or a text that is too long is cut one behind its limit, so that whoever reads the tree can refuse it. Of
+/// the fields of an object that are not in the shape, the first is kept, as null.
 class JsonShape {
  public:
   /// A number, true, false, null, or a text of at most `text_bytes`.
@@ -46,8 +46,8 @@ using TextPieces = std::function<Result<std::string_view>()>;
 /// A text that is in memory, as one piece.
 TextPieces one_piece(std::string_view text);
 
-/// Errors: those of the pieces; kTooLarge over a limit; kTruncated if the text ends early; kBadFormat otherwise, with line and
-/// column; the error names a key that appears twice in one object.
+/// Errors: those of the pieces; kTooLarge over a limit; kTruncated if the text ends early; kBadFormat otherwise, with
+/// line and column; the error names a key that appears twice in one object.
 Result<nlohmann::json> parse_strict_json(const TextPieces& pieces, const JsonLimits& limits, const JsonShape& shape);
 Result<nlohmann::json> parse_strict_json(std::string_view text, const JsonLimits& limits, const JsonShape& shape);
 

@@ -17,8 +17,8 @@ std::size_t width_of(std::string_view text);
 /// Breaks a text at spaces into lines of at most `width` visible characters; a longer word gets a line of its own.
 std::vector<std::string> wrapped(std::string_view text, std::size_t width);
 
-/// Breaks the lines that are wider than `columns` at spaces. The rest of a line is written under its last column (after two
-/// or more spaces in its first half), or indented by two more than the line.
+/// Breaks the lines that are wider than `columns` at spaces. The rest of a line is written under its last column (after
+/// two or more spaces in its first half), or indented by two more than the line.
 std::string fitted(std::string_view text, std::size_t columns = kLineWidth);
 
 }  // namespace nodal

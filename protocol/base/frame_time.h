@@ -7,9 +7,9 @@
 
 namespace nodal {
 
-/// A time in which some frames must have come, whatever the rate: so many periods of the rate in force, but at least `least`,
-/// because a fast rig's threads and links may be late as well. Rates from one frame in 1000 s to 1000 a second are allowed, so
-/// a plain Duration is never right for this.
+/// A time in which some frames must have come, whatever the rate: so many periods of the rate in force, but at least
+/// `least`, because a fast rig's threads and links may be late as well. Rates from one frame in 1000 s to 1000 a second
+/// are allowed, so a plain Duration is never right for this.
 struct FrameTime {
   Duration least;
   int periods = 0;

@@ -1,4 +1,5 @@
-// What a take lacks, and the rates at which it was recorded, as its manifest sums them up; protocol/take/tally.h counts it.
+// What a take lacks, and the rates at which it was recorded, as its manifest sums them up; protocol/take/tally.h counts
+// it.
 #pragma once
 
 #include <cstddef>

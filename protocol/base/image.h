@@ -10,8 +10,8 @@
 
 namespace nodal {
 
-/// YUV of raymaps and of blended pictures is full range BT.601 (0..255, as in JPEG). A head may deliver other YUV and say
-/// so with a ColourCoding.
+/// YUV of raymaps and of blended pictures is full range BT.601 (0..255, as in JPEG). A head may deliver other YUV and
+/// say so with a ColourCoding.
 enum class PixelFormat : std::uint8_t {
   kGrey8 = 1,
   kI420 = 2,  ///< Y, U, V planes; chroma has half the width and height, centred
@@ -30,8 +30,9 @@ enum class PixelFormat : std::uint8_t {
   kGrbg8 = 12,
   kGbrg8 = 13,
   kBggr8 = 14,
-  /// U Y0 Y1 V Y2 Y3, as IIDC cameras send it; chroma has a quarter of the width and is at every fourth luma sample. Samples of
-  /// Y are not equally far apart, so plane 0 holds the bytes: rows of 6 bytes for 4 pixels, the last pixels padded.
+  /// U Y0 Y1 V Y2 Y3, as IIDC cameras send it; chroma has a quarter of the width and is at every fourth luma sample.
+  /// Samples of Y are not equally far apart, so plane 0 holds the bytes: rows of 6 bytes for 4 pixels, the last pixels
+  /// padded.
   kYuv411 = 15,
 };
 
@@ -50,8 +51,8 @@ bool has_chroma(PixelFormat format);
 bool is_bayer(PixelFormat format);
 /// Bytes of a row of kYuv411.
 constexpr int yuv411_row_bytes(int width) { return 6 * ((width + 3) / 4); }
-/// The format in which a head's pictures are blended into a raymap: the delivered one, if the blend reads it as it is, or
-/// the one that each picture is decoded to. Nothing if the raymap cannot be made from such pictures.
+/// The format in which a head's pictures are blended into a raymap: the delivered one, if the blend reads it as it is,
+/// or the one that each picture is decoded to. Nothing if the raymap cannot be made from such pictures.
 std::optional<PixelFormat> blended_format(PixelFormat delivered, PixelFormat raymap);
 /// Whether a raymap may have this format.
 bool is_raymap_format(PixelFormat format);
@@ -96,14 +97,14 @@ struct BasicImageView {
   int width = 0;
   int height = 0;
   std::array<BasicPlaneView<Byte>, kMaxPlanes> planes{};
-  std::size_t bytes = 0;  ///< of the whole picture in memory; for kMjpeg the JPEG's length
+  std::size_t bytes = 0;  ///< size of the whole picture in memory; for kMjpeg the JPEG's length
   ColourCoding coding = {};
 };
 using ImageView = BasicImageView<const std::uint8_t>;
 using MutableImageView = BasicImageView<std::uint8_t>;
 
-/// YUYV, UYVY and I422 with every second chroma row left out: chroma row k is that of picture row 2 k, so chroma has half the
-/// width and height, as in a raymap. Other formats are returned unchanged.
+/// YUYV, UYVY and I422 with every second chroma row left out: chroma row k is that of picture row 2 k, so chroma has
+/// half the width and height, as in a raymap. Other formats are returned unchanged.
 ImageView halved_chroma(ImageView picture);
 /// The position of component c's samples in halved_chroma(). `all_rows` is the position of the samples of all rows.
 PlaneGrid halved_chroma_grid(PixelFormat format, int c, PlaneGrid all_rows);

@@ -14,7 +14,8 @@
   if (!result) return ::nodal::fail(std::move(result).error()); \
   declaration = *std::move(result)
 
-/// Evaluates a Status or Result; when it is an error, returns it from the function, which returns a Status or Result, too.
+/// Evaluates a Status or Result; when it is an error, returns it from the function, which returns a Status or Result,
+/// too.
 ///
 ///     NODAL_TRY(disk.sync());
 #define NODAL_TRY(...)                                                  \
@@ -23,8 +24,8 @@
     if (!nodal_try) return ::nodal::fail(std::move(nodal_try).error()); \
   } while (false)
 
-/// The same, and declares a variable with the value. It is several statements, so it stands in a block of its own lines, never
-/// as the only statement of an if or a loop.
+/// The same, and declares a variable with the value. It is several statements, so it stands in a block of its own
+/// lines, never as the only statement of an if or a loop.
 ///
 ///     NODAL_TRY_ASSIGN(const std::string text, read_file(path));
 #define NODAL_TRY_ASSIGN(declaration, ...) NODAL_TRY_ASSIGN_AS(NODAL_TRY_NAME(__LINE__), declaration, __VA_ARGS__)

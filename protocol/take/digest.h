@@ -22,8 +22,8 @@ Xxh128 xxh128(std::span<const std::uint8_t> bytes);
 std::string to_hex(const Xxh128& hash);
 std::optional<Xxh128> xxh128_of_hex(std::string_view hex);
 
-/// Hashes a file in pieces of one MiB; the last one may be shorter. The first piece is hashed by the caller when the file is
-/// finished, because a sector of it is written again at the end.
+/// Hashes a file in pieces of one MiB; the last one may be shorter. The first piece is hashed by the caller when the
+/// file is finished, because a sector of it is written again at the end.
 ///
 /// Threading: thread-bound.
 /// Ownership: none.

@@ -38,15 +38,15 @@ inline const std::string kTakeFile = "take.json", kManifestFile = "manifest", kP
 /// take.json.
 struct TakeDocument {
   std::uint64_t number = 0;
-  std::string rig;                  ///< its name
-  std::string software;             ///< that recorded it
+  std::string rig;                  ///< name of the rig
+  std::string software;             ///< the software that recorded the take
   std::int64_t started_utc_ns = 0;  ///< since 1970 by the board's clock; 0: unknown
   std::int64_t started_ns = 0;      ///< the same moment by the rig's monotonic clock, which times the sets; 0: unknown
-  FrameRate rate;                   ///< in force when the take began; the evidence has changes
-  int raymaps_a_set = 1;            ///< 2: one of each field
+  FrameRate rate;                   ///< rate when the take began; the evidence has later changes
+  int raymaps_a_set = 1;            ///< 2: one per field
   std::string mode;                 ///< how heads' pictures are stored: such as "jpeg"; "driver, raw" if heads differ
   std::string calibration_id;       ///< 64 hexadecimal digits; empty: none was in force
-  std::string layout;               ///< of the raymaps; empty: they are not recorded
+  std::string layout;               ///< layout of the raymaps; empty: raymaps are not recorded
   int raymap_width = 0;             ///< px; 0 without raymaps
   int raymap_height = 0;
   std::vector<std::string> heads;  ///< names, by index
@@ -68,10 +68,10 @@ struct Manifest {
     friend bool operator==(const File&, const File&) = default;
   };
   std::uint64_t number = 0;
-  std::uint64_t sets = 0;          ///< in its files
-  std::uint64_t lost_sets = 0;     ///< that the disk was too slow for, or lost by an error
+  std::uint64_t sets = 0;          ///< number of sets in the segment's files
+  std::uint64_t lost_sets = 0;     ///< sets that were lost because the disk was too slow, or by an error
   std::uint64_t deleted_sets = 0;  ///< recorded, then deleted to make room for newer ones
-  Duration length;                 ///< of the segments that it lists, together
+  Duration length;                 ///< sum of the lengths of the listed segments
   std::string ended;               ///< why: "stopped", "disk full", "recovered", ...
   /// A moment that somebody marked.
   struct Mark {
@@ -88,7 +88,7 @@ struct Manifest {
     bool stored() const { return !file.empty(); }  ///< false: nor is any later one, and sets from this on have none
     friend bool operator==(const Calibration&, const Calibration&) = default;
   };
-  std::vector<Calibration> calibrations;  ///< in order
+  std::vector<Calibration> calibrations;  ///< sorted by `set`
   // Of what was recorded; a manifest of an older nodald has none of them.
   Gaps gaps;
   std::vector<HeadGaps> heads;    ///< by index
@@ -98,8 +98,8 @@ struct Manifest {
   std::uint64_t bytes() const;
 };
 
-/// The same with what no reader accepts replaced: texts shortened and made printable, marks and rates above their number
-/// left out, numbers cut to their limits.
+/// The same with what no reader accepts replaced: texts shortened and made printable, marks and rates above their
+/// number left out, numbers cut to their limits.
 Manifest within_limits(Manifest manifest);
 std::string manifest_json(const Manifest& manifest);
 /// Errors: as parse_take_json(); kBadValue for the name of a file that no take has, such as "../x".

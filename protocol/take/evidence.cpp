@@ -224,7 +224,7 @@ class Reader {
   std::uint32_t records_ = 0;
   std::int64_t newest_ns_ = 0;
   std::vector<wire::Set> open_;          ///< since the last clusters
-  std::vector<std::uint64_t> open_end_;  ///< of each file: behind the newest frame
+  std::vector<std::uint64_t> open_end_;  ///< for each file, the byte after the newest frame
 };
 
 }  // namespace
@@ -246,7 +246,7 @@ std::vector<Xxh128> Segment::hashes_of(std::size_t file) const {
     Xxh128 hash{};
     std::copy_n(rest.begin() + static_cast<std::ptrdiff_t>(k), hash.size(), hash.begin());
     if (k == 0 && !all.empty()) {
-      all.front() = hash;  // of the first piece, whose sector was written again
+      all.front() = hash;  // the first piece was rewritten at the end
     } else {
       all.push_back(hash);
     }

@@ -47,10 +47,10 @@ struct Segment {
   std::vector<wire::Seams> seams;                   ///< by rising set; labels_of() of seam_map.h
   /// After one cluster of every file.
   struct Row {
-    std::uint64_t sets = 0;                ///< of `sets`
-    std::uint64_t raymaps = 0;             ///< of `raymaps`
-    std::vector<std::uint64_t> file_ends;  ///< lengths
-    std::uint64_t evidence_end = 0;        ///< in bytes
+    std::uint64_t sets = 0;                ///< number of `sets` up to here
+    std::uint64_t raymaps = 0;             ///< number of `raymaps` up to here
+    std::vector<std::uint64_t> file_ends;  ///< length of each file, bytes
+    std::uint64_t evidence_end = 0;        ///< length of the evidence, bytes
     std::uint32_t records = 0;
   };
   std::vector<Row> rows;
@@ -59,7 +59,7 @@ struct Segment {
   std::size_t durable_rows = 0;          ///< a Durable record came after these
   std::optional<wire::Durable> durable;  ///< the newest
   std::optional<wire::End> end;
-  std::uint64_t good_bytes = 0;  ///< of the evidence: what comes after is torn
+  std::uint64_t good_bytes = 0;  ///< length of the valid prefix of the evidence, bytes
 
   /// The final hashes of a file's pieces; empty while there is no end.
   std::vector<Xxh128> hashes_of(std::size_t file) const;
@@ -69,8 +69,9 @@ struct Segment {
 /// Reads evidence that arrives in pieces of any size; what is not kept in the Segment is not kept at all.
 ///
 /// Threading: thread-bound. Ownership: none.
-/// Errors: of add() and finish(), final: kBadFormat for what is not evidence or contradicts itself, kFutureVersion, kTooLarge over
-///   kMaxEvidenceBytes; finish(): kTruncated if not even the first record is whole. They name the file and the record.
+/// Errors: of add() and finish(), final: kBadFormat for what is not evidence or contradicts itself, kFutureVersion,
+///   kTooLarge over kMaxEvidenceBytes; finish(): kTruncated if not even the first record is whole. They name the file
+///   and the record.
 class EvidenceReader {
  public:
   explicit EvidenceReader(std::string name);

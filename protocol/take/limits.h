@@ -1,4 +1,5 @@
-// Limits of what a take's documents and evidence say. Whoever writes them keeps to these, and whoever reads them accepts no more.
+// Limits of what a take's documents and evidence say. Whoever writes them keeps to these, and whoever reads them
+// accepts no more.
 #pragma once
 
 #include <cstddef>

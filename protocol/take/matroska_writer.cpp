@@ -34,8 +34,8 @@ constexpr ElementId kCues = 0x1C53BB6B, kCuePoint = 0xBB, kCueTime = 0xB3, kCueT
 constexpr std::size_t kTracksAt = MatroskaWriter::kSectorAt + MatroskaWriter::kSector;
 constexpr std::uint64_t kTrack = 1;
 constexpr std::uint64_t kProgressive = 2, kInterlaced = 1;
-// RFC 9559, FieldOrder: of frames whose rows alternate between the fields, and of fields one after the other. FFmpeg's decoder of
-// MJPEG knows that the first JPEG is the bottom field by kBottomThenTop only.
+// RFC 9559, FieldOrder: of frames whose rows alternate between the fields, and of fields one after the other. FFmpeg's
+// decoder of MJPEG knows that the first JPEG is the bottom field by kBottomThenTop only.
 constexpr std::uint64_t kTopFirst = 9, kBottomFirst = 14, kTopThenBottom = 1, kBottomThenTop = 6;
 /// 2001-01-01, from which DateUTC counts, after 1970.
 constexpr std::int64_t kEpochNs = std::int64_t{978'307'200} * 1'000'000'000;
@@ -253,7 +253,7 @@ MatroskaWriter::Cluster MatroskaWriter::cluster(std::span<const Block> blocks) {
   put_big_endian(headers_, 0, 4);
   NODAL_ASSERT(headers_.size() == kCheckedFrom);
   put_number(headers_, kTimestamp, static_cast<std::uint64_t>(begin));
-  frames_at_.clear();  // for now: where each frame's header ends
+  frames_at_.clear();  // until the cluster is complete, it holds where each frame's header ends
   std::uint64_t length = 0;
   std::int64_t before = cues_.empty() ? begin : newest_ticks_;
   NODAL_ASSERT(begin >= before);

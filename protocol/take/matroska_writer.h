@@ -33,7 +33,8 @@ struct VideoTrack {
   int height = 0;
   std::optional<FrameRate> rate{};  ///< nominal, if known; frames have their own times
   Fields fields = Fields::kProgressive;
-  /// Interlaced frames: each field is coded by itself, the one exposed first comes first. Otherwise their rows alternate.
+  /// Interlaced frames: each field is coded by itself, the one exposed first comes first. Otherwise their rows
+  /// alternate.
   bool fields_apart = false;
   /// How Y U V stand for R G B; as in JPEG if nothing else is said.
   ColourCoding coding{};
@@ -49,7 +50,7 @@ std::string_view fourcc_of(PixelFormat format);
 
 /// One frame of a cluster.
 struct Block {
-  Duration since_start;  ///< of this file's first frame, not before that of the frame before it
+  Duration since_start;  ///< time since this file's first frame, never before that of the previous frame
   std::span<const std::uint8_t> frame;
 };
 
@@ -108,10 +109,10 @@ class MatroskaWriter {
   VideoTrack track_;
   std::uint64_t size_ = 0;
   std::int64_t newest_ticks_ = 0;
-  std::int64_t last_ticks_ = 1;  ///< how long the newest frame is shown: as the one before it
+  std::int64_t last_ticks_ = 1;  ///< how long the newest frame is shown: as long as the one before it
   struct Cue {
     std::int64_t ticks = 0;
-    std::uint64_t at = 0;  ///< of the cluster, from the segment's first byte
+    std::uint64_t at = 0;  ///< position of the cluster, bytes from the segment's first byte
   };
   std::vector<Cue> cues_;
   std::uint64_t cues_at_ = 0;
@@ -135,8 +136,8 @@ class ClusterCheck {
   bool begin_cluster();
 
   bool good_ = true;
-  std::vector<std::uint8_t> head_;  ///< of the cluster under way, as far as it arrived
-  std::uint64_t left_ = 0;          ///< bytes of the cluster that come
+  std::vector<std::uint8_t> head_;  ///< what has arrived of the current cluster's header
+  std::uint64_t left_ = 0;          ///< bytes of the current cluster that have not arrived
   std::uint32_t expected_ = 0, crc_ = 0;
 };
 

@@ -10,14 +10,14 @@
 namespace nodal::take {
 namespace {
 
-/// A run is a byte: the head in its low bits, the length less 1 above; kLong there: the length less 8 follows, 7 bits a byte, the
-/// lowest first, with the top bit set in all but the last.
+/// A run is a byte: the head in its low bits, the length less 1 above; kLong there: the length less 8 follows, 7 bits a
+/// byte, the lowest first, with the top bit set in all but the last.
 constexpr std::uint32_t kHeadBits = 5, kNobody = 31, kLong = 7, kShortest = kLong + 1;
 
 std::uint32_t pixels_of(std::uint32_t columns) { return columns * (columns / 2); }
 
-/// Calls visit(label, length) for each run. False if the runs do not have this many pixels together, are cut off, or name another
-/// head than the first `heads`.
+/// Calls visit(label, length) for each run. False if the runs do not have this many pixels together, are cut off, or
+/// name another head than the first `heads`.
 template <class Visit>
 bool for_runs(std::string_view runs, std::uint32_t pixels, std::size_t heads, const Visit& visit) {
   std::uint32_t sum = 0;

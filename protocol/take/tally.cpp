@@ -56,9 +56,9 @@ bool same_rate(FrameRate a, FrameRate b) {
   return abs(a.period() - b.period()).ns() <= period / 1000;
 }
 
-/// The rig numbers every set that it makes, so numbers that are left out were made and not recorded. Time in which no number was
-/// given is time without capture. Where numbers are left out for long, their count is not exact by the time, because the rate is
-/// known to 1000 ppm only.
+/// The rig numbers every set that it makes, so numbers that are left out were made and not recorded. Time in which no
+/// number was given is time without capture. Where numbers are left out for long, their count is not exact by the time,
+/// because the rate is known to 1000 ppm only.
 Gap SegmentTally::between(const Moment& before, const Moment& after, Duration period, bool error) {
   Gap gap;
   gap.before = after.index;

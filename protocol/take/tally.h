@@ -1,5 +1,5 @@
-// Counts, from the evidence of a take, what it lacks and at which rates it was recorded: for the rig that writes the manifest,
-// and for a host that reads a copy.
+// Counts, from the evidence of a take, what it lacks and at which rates it was recorded: for the rig that writes the
+// manifest, and for a host that reads a copy.
 #pragma once
 
 #include <array>
