@@ -1,5 +1,5 @@
-// The whole rig: every stage and the rings between them. In nodald each stage has its own threads; in tests one executor
-// calls all stages.
+// The whole rig: every stage and the rings between them. In nodald each stage has its own threads; in tests one
+// executor calls all stages.
 #pragma once
 
 #include <memory>
@@ -51,16 +51,16 @@ struct RigPorts {
   PanelPins panel;
   hal::ClockPort* stopwatch = nullptr;     ///< real clock that measures processing times, if `clock` is virtual
   DeviceScan* scan = nullptr;              ///< null: hosts cannot list what is plugged in
-  hal::DiskPort* takes = nullptr;          ///< for [takes]; null: nothing is recorded
+  hal::DiskPort* takes = nullptr;          ///< where takes are recorded ([takes]); null: nothing is recorded
   hal::DiskPort* takes_read = nullptr;     ///< the same folder, for the thread that reads; null without `takes`
   hal::ConfinedPort* recovery = nullptr;   ///< where takes are recovered; null: in step_takes()
   hal::ConfinedPort* rehearsal = nullptr;  ///< where calibrations are parsed and compiled first; null: nowhere
   TakeKeeper::UtcClock utc = [] { return std::int64_t{0}; };
-  hal::HeartbeatsPort* heartbeats = nullptr;  ///< of the threads that call the steps
+  hal::HeartbeatsPort* heartbeats = nullptr;  ///< heartbeats of the threads that call the steps
 };
 
-/// Threading: one thread per step_ function, any number of threads for step_blend(); close() while no thread is in any of
-///   them.
+/// Threading: one thread per step_ function, any number of threads for step_blend(); close() while no thread is in any
+///   of them.
 /// Ownership: the ports outlive it.
 /// Errors: none; faults are in the status that hosts read.
 class Rig {
