@@ -15,13 +15,14 @@ struct ConfinedJob {
   std::vector<std::uint8_t> input{};
 };
 
-/// Does one kind of work on data of strangers where its failure ends only itself: without the rig's memory, files, devices
-/// and hosts, and with limits of memory and time. One job at a time; the caller asks for its result again and again.
+/// Does one kind of work on data of strangers where its failure ends only itself: without the rig's memory, files,
+/// devices and hosts, and with limits of memory and time. One job at a time; the caller asks for its result again and
+/// again.
 ///
 /// Threading: thread-bound to the stage that has the work.
 /// Ownership: end() and the destructor end a running job.
-/// Errors: kBusy from begin() while a job runs, kDeviceGone when no more jobs can be done until nodald starts again. As a
-///   result: the work's own; kOverload if it needed more memory or time than it may have, kInternal if it crashed.
+/// Errors: kBusy from begin() while a job runs, kDeviceGone when no more jobs can be done until nodald starts again. As
+///   a result: the work's own; kOverload if it needed more memory or time than it may have, kInternal if it crashed.
 class ConfinedPort {
  public:
   virtual ~ConfinedPort() = default;

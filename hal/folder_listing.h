@@ -13,7 +13,8 @@ namespace nodal::hal {
 
 /// Threading: thread-bound.
 /// Ownership: owns what was added.
-/// Errors: kTooLarge, naming the folder, for an entry more than kMaxEntries, or names of more than kMaxNamesBytes together.
+/// Errors: kTooLarge, naming the folder, for an entry more than kMaxEntries, or names of more than kMaxNamesBytes
+/// together.
 class FolderListing {
  public:
   static constexpr std::size_t kMaxEntries = 250'000;  ///< the files of the longest take, and more

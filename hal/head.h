@@ -17,7 +17,7 @@ namespace nodal::hal {
 /// Identifies a head independently of the number that the system gave it.
 struct HeadIdentity {
   std::string path;    ///< where it is connected, such as "usb-0000:00:14.0-2.1" or "sim:cam3"
-  std::string serial;  ///< of the device; empty if it has none
+  std::string serial;  ///< the device's serial number; empty if it has none
   std::string model;
 };
 
@@ -88,7 +88,7 @@ using BufferSlot = std::uint16_t;
 
 /// The settings with which a frame was taken, as far as the head reports them.
 struct HeadSettings {
-  Exposure exposure;  ///< of an interlaced frame: of each field
+  Exposure exposure;  ///< exposure of the frame; if it is interlaced, of each field
   Gain gain;
   WhiteBalance white_balance;
   Gamma gamma;

@@ -16,7 +16,7 @@ struct TriggerSettings {
   bool follow = false;  ///< another device drives the line: its pulses are reported and forwarded, none are generated
   Duration pulse_width = Duration::microseconds(100);
   bool active_high = true;
-  std::array<Duration, kMaxHeads> delay{};  ///< of each head's pulse relative to the trigger
+  std::array<Duration, kMaxHeads> delay{};  ///< delay of each head's pulse relative to the trigger
 };
 
 /// One pulse, with the time at the board's output.
@@ -30,7 +30,7 @@ struct TriggerCounts {
   std::uint64_t late = 0;     ///< not sent: the thread woke too late
   std::uint64_t refused = 0;  ///< writes of a level that the driver refused
   std::uint64_t unseen = 0;   ///< sent, but not detected at the read-back line
-  std::uint64_t lost = 0;     ///< of another device: did not arrive when due
+  std::uint64_t lost = 0;     ///< pulses of another device that did not arrive when due
   std::uint64_t overrun = 0;  ///< arrived while the queue of edges was full
   std::uint64_t doubled = 0;  ///< edges that belong to no pulse; discarded
   std::uint64_t jumps = 0;    ///< how often the other device's pulses continued with another phase
@@ -52,8 +52,8 @@ class TriggerPort {
   virtual void stop() = 0;
   /// The oldest edge that has not been taken, or nothing.
   virtual Result<std::optional<TriggerEdge>> take_edge() = 0;
-  /// Adds what wakes a thread for the next edge, after take_edge() found none. Pulses that the board itself sends need not
-  /// wake it: the port keeps them, and they are taken with the frames that they exposed.
+  /// Adds what wakes a thread for the next edge, after take_edge() found none. Pulses that the board itself sends need
+  /// not wake it: the port keeps them, and they are taken with the frames that they exposed.
   virtual void add_wake_ups(WakeUps& to) const = 0;
   /// The default is for ports without such losses.
   virtual TriggerCounts counts() const { return {}; }

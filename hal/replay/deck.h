@@ -1,5 +1,6 @@
 // A rig whose heads play image files: one file is repeated every frame; a folder or a pattern such as
-// "pictures/cam0-*.png" is played in name order, in a loop. Or they play the frames of a take, with its settings and losses.
+// "pictures/cam0-*.png" is played in name order, in a loop. Or they play the frames of a take, with its settings and
+// losses.
 #pragma once
 
 #include <filesystem>
@@ -28,8 +29,8 @@ struct DeckOptions {
   std::uint64_t keep_bytes = 256ULL << 20;  ///< limit of decoded pictures kept in memory, per head
 };
 
-/// A head's exposure, gain and white balance are those of the pictures, so its limits are fixed values. Where a take has no frame
-/// of the head, none comes, and the counter of its frames has a gap.
+/// A head's exposure, gain and white balance are those of the pictures, so its limits are fixed values. Where a take
+/// has no frame of the head, none comes, and the counter of its frames has a gap.
 ///
 /// Threading: thread-bound to capture.
 /// Ownership: refers to the clock; destroy heads first.
@@ -44,8 +45,8 @@ class Deck {
   /// trigger runs, and otherwise the grid.
   TriggerPort& trigger();
 
-  /// A path is "replay:" and a file, folder or pattern; or "take:", the folder of a take, "/" and the name of a head. open()
-  /// reads every picture's header and decodes the first.
+  /// A path is "replay:" and a file, folder or pattern; or "take:", the folder of a take, "/" and the name of a head.
+  /// open() reads every picture's header and decodes the first.
   /// Errors: kNoSuchDevice if nothing is there, kBusy if that path is open, those of the reader, and kBadValue if
   ///   pictures of one head differ in size, or if a take has another format, other fields or another rate than is
   ///   wanted. list() contains the paths that were opened or for which a format was set.

@@ -39,9 +39,9 @@ class Reel {
   virtual Shot shot(std::size_t i) = 0;
 };
 
-/// Picture files. `where` is a file, a folder (all its pictures) or a glob(7) pattern; at most `keep_bytes` of decoded pictures
-/// are kept in memory. Errors: kNoSuchDevice if there is no picture; kBadValue if sizes differ; those of a broken picture, and
-/// of a file in a folder that is called like a picture and is none.
+/// Picture files. `where` is a file, a folder (all its pictures) or a glob(7) pattern; at most `keep_bytes` of decoded
+/// pictures are kept in memory. Errors: kNoSuchDevice if there is no picture; kBadValue if sizes differ; those of a
+/// broken picture, and of a file in a folder that is called like a picture and is none.
 Result<std::unique_ptr<Reel>> open_pictures(const std::filesystem::path& where, std::optional<PixelFormat> as,
                                             std::uint64_t keep_bytes, const PictureReader& reader);
 /// Whether there is a file to open.
