@@ -16,21 +16,22 @@ namespace {
 using Eigen::Matrix3d;
 
 constexpr double kTolerance = 0.015;  // units of radius: how far a tried lens may be off
-constexpr int kLeast = 8;             // matches that connect two heads
-constexpr double kLeastShare = 0.12;  // of their matches
+constexpr int kLeast = 8;             // matches that must agree to connect two heads
+constexpr double kLeastShare = 0.12;  // share of two heads' matches that must agree to connect them
 constexpr std::size_t kFinalists = 5;
 constexpr double kTolerances = 6;   // standard deviations within which a match agrees with a fit
 constexpr double kThinStep = 1.25;  // degrees between lenses that are tried: two rims then agree within kTolerance
-constexpr double kCircle = 0.98;    // of an image circle's radius
-constexpr double kWidestFisheye = 142 * kRadiansPerDegree;  // from the axis; the widest ones see 280 degrees
-constexpr std::array<double, 2> kSigma{0.3, 0.15};          // of a lens's coefficients, about those that are tried;
-constexpr double kSameFocal = 0.1;    // part of it, by which equal lenses may differ in what cameras state
-constexpr double kShiftSigma = 0.02;  // units of radius
-constexpr std::array<double, 2> kFisheyeSigma{0.05, 0.01};  // of a fisheye's: from equisolid to stereographic
+constexpr double kCircle = 0.98;    // share of an image circle's radius at which a fisheye's angle is judged
+constexpr double kWidestFisheye = 142 * kRadiansPerDegree;  // angle from the axis; the widest fisheyes see 280 degrees
+constexpr std::array<double, 2> kSigma{0.3, 0.15};  // standard deviations of the two coefficients around the tried lens
+constexpr double kSameFocal = 0.1;    // relative difference that the cameras' statements of equal lenses may have
+constexpr double kShiftSigma = 0.02;  // standard deviation of the lens's axis, units of radius
+// Standard deviations for a fisheye, between equisolid and stereographic.
+constexpr std::array<double, 2> kFisheyeSigma{0.05, 0.01};
 
-/// The lenses that are tried. With circles: fisheyes with this angle at the circle. Without: this angle at the middle of
-/// the picture's shorter edges, for a rectilinear lens (tan a = a + a^3/3 + 2 a^5/15 ...), an equidistant one, and one
-/// between them. The first ones have the focal length that the camera stated, if it did.
+/// The lenses that are tried. With circles: fisheyes with this angle at the circle. Without: this angle at the middle
+/// of the picture's shorter edges, for a rectilinear lens (tan a = a + a^3/3 + 2 a^5/15 ...), an equidistant one, and
+/// one between them. The first ones have the focal length that the camera stated, if it did.
 std::vector<SharedLens> tried_lenses(bool circles, bool anamorphic, std::optional<double> stated, Overlap overlap) {
   std::vector<SharedLens> all;
   for (const double part : {0.5, 1.0, 0.0}) {

@@ -19,8 +19,8 @@ namespace nodal::autocalibration {
 struct Shape {
   int width = 0;
   int height = 0;
-  std::optional<Region::Circle> circle;           ///< of a fisheye, px
-  std::optional<double> focal_px = std::nullopt;  ///< as the camera says; only a first guess
+  std::optional<Region::Circle> circle;           ///< image circle of a fisheye, px
+  std::optional<double> focal_px = std::nullopt;  ///< focal length that the camera states; only a first guess
 
   /// About where the lens's axis is: the circle's centre, or the picture's.
   geometry::Pixel center() const;
@@ -31,7 +31,7 @@ struct Shape {
 /// A head's lens, as far as it differs from the shared one.
 struct LensDifference {
   double log_focal = 0;
-  Eigen::Vector2d shift{0, 0};  ///< of its axis, units
+  Eigen::Vector2d shift{0, 0};  ///< shift of its axis, units
 };
 
 struct Arrangement {
@@ -45,7 +45,8 @@ struct Arrangement {
   double error = 0;  ///< median distance of the used matches' points from where the other head says they are, units
 };
 
-/// How much a rotation between two pictures is to be trusted with a lens, 0: not at all. Empty: the number of matches decides.
+/// How much a rotation between two pictures is to be trusted with a lens, 0: not at all. Empty: the number of matches
+/// decides.
 using Trust = std::function<double(std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a, const SharedLens& lens)>;
 struct Checks {
   Trust quick;     ///< asked for every lens that is tried: how many matches agree
@@ -57,12 +58,12 @@ enum class Overlap : std::uint8_t { kWide, kThin };
 
 /// Tries lenses from tele to fisheye (Kannala-Brandt with two coefficients; pixels that are not square for the sizes of
 /// BT.601), and for each one finds the rotations on which most matches agree; the best of these starts go through a
-/// bundle adjustment of all rotations and the lens. Lenses that nobody builds are refused. Where matches do not determine
-/// the lens, it is that of a family (see LensEvidence).
+/// bundle adjustment of all rotations and the lens. Lenses that nobody builds are refused. Where matches do not
+/// determine the lens, it is that of a family (see LensEvidence).
 ///
 /// Threading: thread-safe; starts `threads` of its own (0: one per core). The result does not depend on their number.
-/// Errors: kNoCoverage with the cause, without advice, if no two pictures have enough matches in common, or if these contradict
-///   what the pictures show, or every lens.
+/// Errors: kNoCoverage with the cause, without advice, if no two pictures have enough matches in common, or if these
+///   contradict what the pictures show, or every lens.
 Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std::vector<Match>& matches, int threads,
                                      const Checks& checks = {}, Overlap overlap = Overlap::kWide);
 

@@ -22,10 +22,11 @@
 namespace nodal::autocalibration {
 namespace {
 
-constexpr double kLeastCorrelation = 0.3;   // of two pictures' detail where they overlap
-constexpr std::ptrdiff_t kSameThings = 16;  // points of two pictures that agree: they show the same things
-constexpr double kSamePlace = 2;            // px
-constexpr double kWithin = 0.98;            // of the lens's largest radius
+constexpr double kLeastCorrelation = 0.3;  // lowest correlation of two pictures' detail where they overlap
+// Points of two pictures that must agree to show that they see the same things.
+constexpr std::ptrdiff_t kSameThings = 16;
+constexpr double kSamePlace = 2;  // px between a point's images in two pictures that count as the same place
+constexpr double kWithin = 0.98;  // share of the lens's largest radius that a region may reach
 
 Region scaled(const Region::Circle* circle, int width, int height, double scale) {
   Region region{0, 0, width * scale, height * scale, {}};

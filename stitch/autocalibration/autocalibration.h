@@ -24,8 +24,8 @@ namespace nodal::autocalibration {
 struct Options {
   /// Of each picture, or empty: the focal length that the camera states, px. Only a first guess.
   std::vector<std::optional<double>> focal_px = {};
-  /// Of each picture, or empty: the direction in it, x right and y down, that is up for people who look at it. (0, -1) unless
-  /// its Exif orientation says otherwise.
+  /// Of each picture, or empty: the direction in it, x right and y down, that is up for people who look at it. (0, -1)
+  /// unless its Exif orientation says otherwise.
   std::vector<Eigen::Vector2d> up = {};
   int threads = 0;                            ///< 0: one per core. The result does not depend on it.
   std::function<void(double done)> progress;  ///< 0..1, on the caller's thread
@@ -33,15 +33,15 @@ struct Options {
 };
 
 struct Found {
-  Calibration calibration;          ///< of the placed heads only, in the pictures' order
+  Calibration calibration;          ///< only the placed heads, in the pictures' order
   std::vector<std::size_t> placed;  ///< their pictures
   int matches = 0;                  ///< points that two heads see and that agree
   double error_px = 0;              ///< the median distance of such a point's two images, original pixels
   /// Pictures (indices into `placed`) that overlap and share few points, and whose detail does not line up there.
   std::vector<std::pair<std::size_t, std::size_t>> doubtful;
   UpBasis up = UpBasis::kLight;  ///< what decided which way is up
-  LensEvidence lens;             ///< where the points determine the lens
-  double unit_px = 1;            ///< of the radii in `lens`, original pixels of the first placed picture
+  LensEvidence lens;             ///< at which radii the points determine the lens
+  double unit_px = 1;            ///< unit of the radii in `lens`, original pixels of the first placed picture
   std::vector<Match> points;     ///< those that agree; heads are indices into `placed`
 };
 

@@ -21,15 +21,16 @@ constexpr double kNearest = 0.0004;         // units; features are not more accu
 constexpr double kRayleighMedian = 1.1774;  // the median length of an error, in standard deviations along one axis
 constexpr double kOutlier = 6;              // standard deviations
 constexpr double kLinear = 2;               // from here on Huber's norm is linear
-constexpr double kStatedFocalSigma = 0.1;   // of its logarithm: stated for infinity, and rounded to whole millimetres
-constexpr double kAspectSigma = 0.01;       // of its logarithm, about the prior's
-constexpr double kMostAspectChange = 0.05;  // of it
+// Standard deviation of log focal: cameras state it for infinity, in whole millimetres.
+constexpr double kStatedFocalSigma = 0.1;
+constexpr double kAspectSigma = 0.01;       // standard deviation of the log aspect around the prior's
+constexpr double kMostAspectChange = 0.05;  // largest change of the log aspect
 constexpr int kRounds = 8;
 constexpr int kStepsARound = 8;
 constexpr double kEnough = 1e-7;
 constexpr int kOwnUnknowns = 3;  // log focal, the axis's shift
-constexpr double kBigBlob =
-    3;  // px of the picture in which features are found: a blob of this scale has a spread of sqrt(2)
+// px of the picture in which features are found: a blob of this scale has a spread of sqrt(2).
+constexpr double kBigBlob = 3;
 
 SharedLens moved_lens(SharedLens lens, const Eigen::Matrix<double, kLensUnknowns, 1>& step) {
   const auto by = [&](int unknown) { return std::clamp(step[unknown], -0.1, 0.1); };

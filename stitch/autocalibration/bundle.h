@@ -25,8 +25,8 @@ struct BundleState {
   SharedLens lens_of(std::size_t head) const;
 };
 
-/// The distance, units of radius, of a match's points from where the other head's point says that they are (rms of both),
-/// divided by the match's spread; infinite if a head is not placed or a lens does not reach that far.
+/// The distance, units of radius, of a match's points from where the other head's point says that they are (rms of
+/// both), divided by the match's spread; infinite if a head is not placed or a lens does not reach that far.
 std::vector<double> errors_of(const BundleState& state, const std::vector<UnitMatch>& matches);
 
 struct BundleFit {
@@ -36,7 +36,7 @@ struct BundleFit {
   double noise = 0;                                      ///< standard deviation of an error along x or y
   double error = 0;                                      ///< median of the used matches' errors
   double held = 0;                                       ///< what the lens's priors cost, squared standard deviations
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of log focal, k1 and k2 of the shared lens
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< covariance of log focal, k1 and k2 of the shared lens
 };
 
 struct BundleRules {
@@ -44,13 +44,14 @@ struct BundleRules {
   std::size_t first = 0;          ///< the head that keeps its rotation
   bool free_aspect = false;       ///< the pixels' aspect is estimated
   std::array<double, 2> sigma{};  ///< standard deviations of the lens's coefficients about those of `prior`
-  double shift_sigma = 0;         ///< of the lens's axis, units of radius
-  double stated_focal = 0;        ///< by the camera, units of radius; 0: it does not say
-  double own_sigma = 0;           ///< of a head's own log focal length and axis, units, about the shared ones; 0: none
+  double shift_sigma = 0;         ///< standard deviation of the lens's axis, units of radius
+  double stated_focal = 0;        ///< focal length that the camera states, units of radius; 0: it does not say
+  /// Standard deviation of a head's own log focal length and axis, units, around the shared ones; 0: no own ones.
+  double own_sigma = 0;
 };
 
-/// Minimizes the distances in the picture, with Huber's norm. Its scale begins wide and is annealed to what most matches
-/// agree within, so that outliers do not set it. Matches of heads without a rotation are not used.
+/// Minimizes the distances in the picture, with Huber's norm. Its scale begins wide and is annealed to what most
+/// matches agree within, so that outliers do not set it. Matches of heads without a rotation are not used.
 BundleFit adjust(BundleState start, const std::vector<UnitMatch>& matches, const BundleRules& rules);
 
 }  // namespace nodal::autocalibration

@@ -28,8 +28,8 @@ struct Delete {
 /// Where features are sought.
 struct Where {
   Region region;
-  double margin = kDescribed;  ///< of a feature from the region's edge, scales
-  double from_radius = 0;      ///< from the circle's centre, px
+  double margin = kDescribed;  ///< distance of a feature from the region's edge, in its scales
+  double from_radius = 0;      ///< smallest distance from the circle's centre, px
 };
 
 bool inside(const Where& where, double x, double y, double scale) {
@@ -85,7 +85,8 @@ void mirror_beyond(const Region::Circle& circle, Picture& picture) {
   }
 }
 
-/// Whether a blob of scale `a` is used before one of scale `b`: first the middle ones, then the large ones, then the small ones.
+/// Whether a blob of scale `a` is used before one of scale `b`: first the middle ones, then the large ones, then the
+/// small ones.
 bool before(double a, double b) {
   const auto kind = [](double scale) { return scale < kSmallBlob ? 2 : scale > kLargeBlob ? 1 : 0; };
   if (kind(a) != kind(b)) return kind(a) < kind(b);

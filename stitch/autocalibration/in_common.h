@@ -9,8 +9,8 @@
 
 namespace nodal::autocalibration {
 
-/// Two heads that look in about the same direction see the same things, so their features match in most of the picture. A
-/// rotation that says so, but with which only a few features match, or only at the rim, is a coincidence.
+/// Two heads that look in about the same direction see the same things, so their features match in most of the picture.
+/// A rotation that says so, but with which only a few features match, or only at the rim, is a coincidence.
 ///
 /// Threading: thread-safe.
 class InCommon {
@@ -19,8 +19,8 @@ class InCommon {
   InCommon(const std::vector<Shape>& shapes, const std::vector<std::vector<Feature>>& features,
            const std::vector<Match>& matches);
 
-  /// How many matches of the pictures a < b agree with this rotation and lens; 0 if they are too few for what the pictures
-  /// would share.
+  /// How many matches of the pictures a < b agree with this rotation and lens; 0 if they are too few for what the
+  /// pictures would share.
   double agreeing(std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a, const SharedLens& lens) const;
 
  private:

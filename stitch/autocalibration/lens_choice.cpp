@@ -11,19 +11,19 @@ namespace nodal::autocalibration {
 namespace {
 
 constexpr double kFamilyPart = 0.03;  // standard deviation of lenses from their family, as a share of the radius
-constexpr double kWideRange =
-    0.3;                      // units; a thinner range of seen radii may bend the family less: what it shows of the
-                              // bend is extrapolated, and so are errors by near things
-constexpr double kTold = 30;  // chi squared, by which a family must fit worse to be excluded
+// Units. A thinner range of seen radii may bend the family less, because its bend, and its errors by near things, are
+// extrapolated.
+constexpr double kWideRange = 0.3;
+constexpr double kTold = 30;         // how much larger the chi squared of a family must be to exclude the family
 constexpr double kOutlierChi = 36;   // chi squared of a match that counts as an outlier
 constexpr double kKnownPart = 0.02;  // a radius is known if two standard deviations are at most this share of it
 constexpr int kRadii = 200;
-constexpr double
-    kInward = 1.5,
-    kOutward =
-        0.25;  // how far beyond the range of seen radii matches still determine the lens, as a share of that range
+// How far beyond the range of seen radii matches still determine the lens, towards the axis and away from it, as a
+// share of that range.
+constexpr double kInward = 1.5, kOutward = 0.25;
 constexpr double kSeenTail = 0.02;  // part of the matches nearest to the axis, and farthest from it, that are left out
-constexpr double kOwnSigma = 0.01;  // of a head's log focal length, and of its axis, units, about the shared ones
+// Standard deviation of a head's log focal length and axis, units, around the shared ones.
+constexpr double kOwnSigma = 0.01;
 constexpr double kClearlyBetter = 0.96;
 constexpr int kFewestOfHead = 40;  // matches of a head, on average, for a lens of its own
 
@@ -69,8 +69,8 @@ std::optional<SharedLens> lens_of_family(Family family, const SharedLens& start,
   return lens;
 }
 
-/// Where the lens is known: near radii at which there are matches, by the fit's covariance, and by the other families that
-/// are not excluded.
+/// Where the lens is known: near radii at which there are matches, by the fit's covariance, and by the other families
+/// that are not excluded.
 void find_known(const BundleFit& fit, const std::vector<const BundleFit*>& others, LensEvidence& evidence) {
   const Result<LensRays> rays = LensRays::make(fit.state.lens);
   evidence.known_from = 1;

@@ -7,7 +7,7 @@ namespace nodal::autocalibration {
 
 /// What matches say about the shared lens. Radii in units.
 struct LensEvidence {
-  std::string_view family;              ///< of the lens where matches say nothing; empty: of no family
+  std::string_view family;              ///< the family that the lens follows where there are no matches; empty: none
   double seen_from = 0, seen_to = 1;    ///< radii at which there are matches
   double known_from = 0, known_to = 1;  ///< radii at which the lens is known to 2 %
   double unsure = 0;                    ///< two standard deviations at the worst radius, part of it

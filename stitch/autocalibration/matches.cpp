@@ -7,10 +7,10 @@
 namespace nodal::autocalibration {
 namespace {
 
-constexpr double kRatio = 0.8;  // of the distances to the nearest and to the second nearest, as in Lowe's paper
-constexpr std::int32_t kSameDescriptor =
-    150;  // distance of descriptors, of 512: of the same thing in two pictures it is mostly less
-constexpr double kPrevails = 0.15;  // of the features
+constexpr double kRatio = 0.8;  // largest ratio of the nearest distance to the second nearest, as in Lowe's paper
+// Distance of descriptors, of 512: of the same thing in two pictures it is mostly less.
+constexpr std::int32_t kSameDescriptor = 150;
+constexpr double kPrevails = 0.15;  // share of ambiguous features above which repetition prevails
 
 // The loop is compiled for wider registers, too; the arithmetic is integer, so the result is the same.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && \

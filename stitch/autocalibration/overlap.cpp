@@ -12,7 +12,7 @@ constexpr int kSide = 128;          // px
 constexpr int kWide = 6;            // px: detail is what a blur of this half width removes
 constexpr double kLeastDetail = 3;  // levels rms: sky and noise have less
 constexpr int kFewest = 150;        // rays
-constexpr double kInside = 0.95;    // of the image circle's radius
+constexpr double kInside = 0.95;    // share of the image circle's radius that is compared
 
 Picture smaller(const Picture& picture) {
   const int by = std::max(1, std::max(picture.width, picture.height) / kSide);

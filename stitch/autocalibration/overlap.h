@@ -17,7 +17,8 @@ class Overlaps {
   /// `small`: one a head, reduced by any whole number.
   Overlaps(const std::vector<Shape>& shapes, const std::vector<Picture>& small);
 
-  /// The correlation of the two heads' detail on the rays that both see; kCannotTell if these are few or have no detail.
+  /// The correlation of the two heads' detail on the rays that both see; kCannotTell if these are few or have no
+  /// detail.
   double correlation(std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a, const SharedLens& lens_a,
                      const SharedLens& lens_b) const;
 

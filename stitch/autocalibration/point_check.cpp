@@ -10,9 +10,10 @@
 namespace nodal::autocalibration {
 namespace {
 
-constexpr std::size_t kFewPoints = 16;                   // of so few points of a head the median tells little
-constexpr double kWorse = 1.1, kWorsePx = 0.05;          // of all points
-constexpr double kWorseHead = 1.35, kWorseHeadPx = 0.2;  // of one head's
+constexpr std::size_t kFewPoints = 16;  // the median of fewer points says little about a head
+// Limit of the median of all points: kWorse times that before, plus kWorsePx.
+constexpr double kWorse = 1.1, kWorsePx = 0.05;
+constexpr double kWorseHead = 1.35, kWorseHeadPx = 0.2;  // the same limit of one head's median
 
 double distance(const geometry::Head& from, geometry::Pixel at, const geometry::Head& to, geometry::Pixel seen) {
   const auto ray = from.unproject(at);

@@ -9,8 +9,8 @@
 
 namespace nodal::autocalibration {
 
-/// By head: the median distance of its points from where the other heads' points say that they are, px; 0 for a head with
-/// few points. Last: that of all points. Infinite where a head no longer sees them.
+/// By head: the median distance of its points from where the other heads' points say that they are, px; 0 for a head
+/// with few points. Last: that of all points. Infinite where a head no longer sees them.
 /// Errors: those of making the heads.
 Result<std::vector<double>> point_errors(const Calibration& calibration, const std::vector<Match>& points);
 

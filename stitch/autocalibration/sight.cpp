@@ -11,12 +11,13 @@ constexpr int kFeatureSide = 1600;          // px; larger pictures are reduced t
 constexpr int kRimSide = 3200;              // and to this for those of rims
 constexpr std::size_t kFeatures = 2500;     // per picture
 constexpr std::size_t kRimFeatures = 4000;  // per picture
-constexpr double kRimFrom = 0.8;  // of the circle's radius: overlaps that reach farther in have features enough
+// Share of the circle's radius; overlaps that reach farther inwards have enough features.
+constexpr double kRimFrom = 0.8;
 
 struct Effort {
   int side = kFeatureSide;
   std::size_t features = kFeatures;
-  double from = 0;  // of the circle's radius
+  double from = 0;  // smallest distance from the centre, share of the circle's radius
 };
 
 std::vector<Feature> features_of(const DecodedImage& whole, const Shape& shape, const Effort& effort) {

@@ -14,16 +14,16 @@ namespace nodal::autocalibration {
 
 struct Sight {
   std::vector<std::vector<Feature>> features;  ///< by picture, in its pixels
-  std::vector<Match> matches;                  ///< of all pairs of pictures
-  Repetition repetition;                       ///< of all pairs of pictures
+  std::vector<Match> matches;                  ///< matches of all pairs of pictures
+  Repetition repetition;                       ///< repetition in all pairs of pictures
 };
 
 /// Of whole pictures, which are reduced to a size that suits the work.
 Sight see(const std::vector<DecodedImage>& pictures, const std::vector<Shape>& shapes,
           const parallel::Workers& workers);
 
-/// Of the rims of fisheyes, in more detail: what is left if their overlaps are so thin that few of the features of whole
-/// pictures are in them. All shapes must have a circle.
+/// Of the rims of fisheyes, in more detail: what is left if their overlaps are so thin that few of the features of
+/// whole pictures are in them. All shapes must have a circle.
 Sight see_rims(const std::vector<DecodedImage>& pictures, const std::vector<Shape>& shapes,
                const parallel::Workers& workers);
 

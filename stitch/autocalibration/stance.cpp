@@ -14,9 +14,9 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr double kFlat = 3 * kRadiansPerDegree;        // how far a head may be from its ring
-constexpr double kAlongAxis = 30 * kRadiansPerDegree;  // a head that closer to the axis is none of the ring
-constexpr double kSameAxis = 10 * kRadiansPerDegree;   // of two rings
-constexpr double kOneSided = 0.4;     // most length of the mean axis of a ring's heads, across the ring's axis
+constexpr double kAlongAxis = 30 * kRadiansPerDegree;  // a head that is closer to the axis does not belong to the ring
+constexpr double kSameAxis = 10 * kRadiansPerDegree;   // two rings whose axes differ by less have the same axis
+constexpr double kOneSided = 0.4;     // largest length of the mean axis of a ring's heads, across the ring's axis
 constexpr double kOnTheirSide = 0.3;  // mean upward component below which pictures lie on their side
 constexpr double kRollSigma = 5;      // degrees, of how heads are held
 constexpr double kPitchSigma = 25;    // degrees; people look up and down

@@ -18,17 +18,17 @@ enum class UpBasis : std::uint8_t {
 /// A head's axes in the rig's frame, length 1.
 struct HeldHead {
   Eigen::Vector3d forward;
-  Eigen::Vector3d up;  ///< of its picture as people look at it (Exif orientation applied)
+  Eigen::Vector3d up;  ///< up in its picture as people look at it (Exif orientation applied)
 };
 
-/// The axis of a ring: the heads look all around it, at right angles to it or, if there are four or more, all at one angle.
-/// Some heads may look along it. Of its two directions, the one that is upwards in most pictures; if pictures lie on their
-/// side, the one nearer to `light`. Nothing if the heads form no ring, or more than one.
+/// The axis of a ring: the heads look all around it, at right angles to it or, if there are four or more, all at one
+/// angle. Some heads may look along it. Of its two directions, the one that is upwards in most pictures; if pictures
+/// lie on their side, the one nearer to `light`. Nothing if the heads form no ring, or more than one.
 std::optional<Eigen::Vector3d> ring_up(const std::vector<HeldHead>& heads, const Eigen::Vector3d& light);
 
-/// Up, if the heads are held upright: the direction that is upwards in their pictures, level with their rows, and not far
-/// from a right angle to where they look. Nothing if the pictures contradict each other, as those of a rig with heads in
-/// every direction.
+/// Up, if the heads are held upright: the direction that is upwards in their pictures, level with their rows, and not
+/// far from a right angle to where they look. Nothing if the pictures contradict each other, as those of a rig with
+/// heads in every direction.
 std::optional<Eigen::Vector3d> held_up(const std::vector<HeldHead>& heads);
 
 }  // namespace nodal::autocalibration

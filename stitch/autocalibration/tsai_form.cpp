@@ -11,7 +11,7 @@ namespace nodal::autocalibration {
 namespace {
 
 constexpr double kFarthestAngle = 70 * kRadiansPerDegree;
-constexpr double kMostDifference = 0.01;  // of the radius
+constexpr double kMostDifference = 0.01;  // largest difference, share of the radius
 constexpr int kAngles = 100;
 
 /// The largest radius at which the head's picture is used, px, aspect divided out.
@@ -32,7 +32,7 @@ std::optional<TsaiLens> tsai_of(const geometry::Lens& lens, double farthest) {
   Eigen::Matrix<double, kAngles, 1> b;
   for (int i = 0; i < kAngles; ++i) {
     const double angle = *edge * (i + 1) / kAngles, r = lens.radius(angle).value_or(0) / farthest;
-    const double weight = std::pow(std::cos(angle), 2);  // of an angle, by its tangent
+    const double weight = std::pow(std::cos(angle), 2);  // derivative of the angle by its tangent
     A.row(i) << weight * std::tan(angle), -weight * std::pow(r, 3), -weight * std::pow(r, 5);
     b[i] = weight * r;
   }

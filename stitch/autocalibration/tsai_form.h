@@ -7,8 +7,9 @@
 
 namespace nodal::autocalibration {
 
-/// The rig with its Kannala-Brandt lenses as Tsai's (§4.3), whose two coefficients fit lenses that are nearly rectilinear
-/// more closely. Nothing if a lens is of another model, sees too far from its axis, or differs by more than 1 %.
+/// The rig with its Kannala-Brandt lenses as Tsai's (§4.3), whose two coefficients fit lenses that are nearly
+/// rectilinear more closely. Nothing if a lens is of another model, sees too far from its axis, or differs by more than
+/// 1 %.
 std::optional<Calibration> with_tsai_lenses(const Calibration& rig);
 
 }  // namespace nodal::autocalibration

@@ -53,7 +53,7 @@ std::optional<LensRays::RaySlopes> LensRays::ray_slopes(const Vector2d& at) cons
   if (!a) return std::nullopt;
   const double sine = std::sin(*a), cosine = std::cos(*a), focal = shared_.model.focal;
   const Vector2d out(x / r, y / r);
-  const double slope = lens_.slope(*a) / kPixelsPerUnit;  // of the radius by the angle
+  const double slope = lens_.slope(*a) / kPixelsPerUnit;  // derivative of the radius by the angle
   RaySlopes found{{sine * out.x(), sine * out.y(), cosine}, {}};
   const Vector3d by_angle(cosine * out.x(), cosine * out.y(), -sine);
   const double cube = *a * *a * *a;

@@ -15,7 +15,7 @@ namespace nodal::autocalibration {
 struct SharedLens {
   KannalaBrandtLens model;
   double aspect = 1;            ///< height of a unit / its width, as in the calibration
-  Eigen::Vector2d shift{0, 0};  ///< of the lens's axis from Shape::center(), units
+  Eigen::Vector2d shift{0, 0};  ///< shift of the lens's axis from Shape::center(), units
 };
 
 /// The unknowns of a lens: log focal, k1, k2, log aspect, shift x, shift y.

@@ -18,22 +18,26 @@ using Eigen::Vector3d;
 constexpr double kLeastSlope = 3;  // levels per pixel, for an edge
 constexpr int kStraight = 6;       // px; an edge is straight if its slope is the same so far along it,
 constexpr double kAlike = 0.985;   // up to this cosine
-constexpr double kUprightTolerance = 1.5 * kRadiansPerDegree;  // at first,
-constexpr double kFinest = 0.3 * kRadiansPerDegree;            // and at the end
-constexpr double kWindow = 35 * kRadiansPerDegree;             // how far up may be from where the light comes from
-constexpr double kWideWindow = 60 * kRadiansPerDegree;         // the same for edges that are beyond doubt,
+constexpr double kUprightTolerance = 1.5 * kRadiansPerDegree;  // start tolerance of the search
+constexpr double kFinest = 0.3 * kRadiansPerDegree;            // final tolerance of the search
+// Search radius around the light's direction, and around up as pictures are held.
+constexpr double kWindow = 35 * kRadiansPerDegree;
+// Search radius around the light's direction for edges that are beyond doubt.
+constexpr double kWideWindow = 60 * kRadiansPerDegree;
 constexpr double kWideStep = 2 * kRadiansPerDegree;
-constexpr double kOtherWay = 45 * kRadiansPerDegree;    // from how pictures are held; few people tilt a camera so far
-constexpr double kRingWindow = 12 * kRadiansPerDegree;  // or from a ring's axis
-constexpr double kRim = 0.06;                           // of an image circle's radius; edges are not used there
+// Farther from how pictures are held, edges must be beyond doubt; few people tilt a camera so far.
+constexpr double kOtherWay = 45 * kRadiansPerDegree;
+constexpr double kRingWindow = 12 * kRadiansPerDegree;  // search radius around a ring's axis
+constexpr double kRim = 0.06;  // share of an image circle's radius; edges in this rim are not used
 constexpr std::size_t kSectors = 12;
 constexpr double kHorizonWeight = 3;  // a horizon all around is rarely seen by chance, straight things more often
 constexpr double kStep = 1 * kRadiansPerDegree;
-constexpr double kSure = 150;           // standard deviations; textures and patterns reach 130
-constexpr double kBeyondDoubt = 1000;   // a horizon at sea has some thousands
-constexpr double kAllAround = 2.0 / 3;  // of the sectors that are seen; lines on the ground fill up to half, see below
-constexpr double kOften = 3;            // times as many edges as by chance,
-constexpr double kFew = 8;              // and so many more
+constexpr double kSure = 150;          // standard deviations; textures and patterns reach 130
+constexpr double kBeyondDoubt = 1000;  // a horizon at sea has some thousands
+// Share of the seen sectors that need such edges; lines on the ground fill up to half, see below.
+constexpr double kAllAround = 2.0 / 3;
+constexpr double kOften = 3;  // a sector needs so many times the edges expected by chance,
+constexpr double kFew = 8;    // plus so many
 constexpr std::size_t kMostEdges = 40000;
 
 struct Lit {
@@ -44,7 +48,7 @@ struct Lit {
 
 struct Edge {
   Vector3d ray;
-  Vector3d normal;  // of the plane through the edge and O
+  Vector3d normal;  // normal of the plane through the edge and O
 };
 
 struct Seen {
@@ -283,7 +287,8 @@ Upright find_upright(const std::vector<geometry::Head>& heads, const std::vector
     edges = decided(kBeyondDoubt);
     if (!edges) found = near;
   }
-  // Lines on the ground and the walls of a room agree on wrong directions, too; how the pictures are held says which is up.
+  // Lines on the ground and the walls of a room agree on wrong directions, too; how the pictures are held says which is
+  // up.
   if (!ring && upright && found.up.dot(*upright) < std::cos(kOtherWay)) edges = edges && best > kBeyondDoubt;
   if (edges) {
     found.basis = UpBasis::kEdges;
