@@ -10,7 +10,7 @@ namespace nodal::bands {
 
 /// Halves the grid (rounded up) as often as its width stays at kLeastWidth or more; the first one is `finest`.
 std::vector<Grid> grids_below(Grid finest);
-inline constexpr int kLeastWidth = 32;  ///< of the coarsest grid: pixels of about 11 degrees
+inline constexpr int kLeastWidth = 32;  ///< smallest width of the coarsest grid; its pixels span about 11 degrees
 
 /// A coarser picture: the mean with a triangular filter, (1 3 3 1) / 8 at the equator. In other rows it is
 /// wider by 1 / cos(latitude), so that it has the same extent on the sphere everywhere, and rows go on
@@ -24,8 +24,8 @@ Layer reduced(const Layer& fine, Grid coarse, const parallel::Workers& workers);
 class Expansion {
  public:
   Expansion(const Layer& coarse, Grid fine) : coarse_(coarse), fine_(fine) {}
-  /// `row` of the fine grid, columns x .. x + width - 1 (continued at the end of the row), into width x channels numbers.
-  /// Beyond the coarse layer's window, its outermost pixels are used.
+  /// `row` of the fine grid, columns x .. x + width - 1 (continued at the end of the row), into width x channels
+  /// numbers. Beyond the coarse layer's window, its outermost pixels are used.
   void row(int y, int x, int width, std::vector<float>& into) const;
 
  private:
@@ -33,8 +33,8 @@ class Expansion {
   Grid fine_;
 };
 
-/// The layer, which holds the whole grid, at (u, v) in its pixels (the first one's centre is at 1/2, 1/2), by Catmull and
-/// Rom's cubic; into `channels` numbers.
+/// The layer, which holds the whole grid, at (u, v) in its pixels (the first one's centre is at 1/2, 1/2), by Catmull
+/// and Rom's cubic; into `channels` numbers.
 void sample_cubic(const Layer& whole, double u, double v, float* into);
 
 }  // namespace nodal::bands
