@@ -31,7 +31,7 @@ struct Kernels {
 /// By pixel, the sum of the weights of a tile's records.
 struct Presence {
   Weights all{};
-  Weights present{};  ///< of heads that are there
+  Weights present{};  ///< part of `all` from heads that are not missing
 };
 
 Presence presence_of(const GridTable& grid, std::size_t t, Pictures pictures) {

@@ -11,9 +11,9 @@
 
 namespace nodal::blend {
 
-/// The pictures of one set: head h at pyramid level l is pictures[l * heads + h]; its low picture, if it has one, follows
-/// as level Source::levels. Levels that no head has may be left out. A missing head has planes[0].data == nullptr at
-/// level 0. Planes are read in place, with any stride.
+/// The pictures of one set: head h at pyramid level l is pictures[l * heads + h]; its low picture, if it has one,
+/// follows as level Source::levels. Levels that no head has may be left out. A missing head has planes[0].data ==
+/// nullptr at level 0. Planes are read in place, with any stride.
 using Pictures = std::span<const ImageView>;
 
 /// Blends one frame set into rows [row_begin, row_end) of the raymap. If chroma is subsampled vertically, row_begin is
@@ -27,7 +27,7 @@ using Pictures = std::span<const ImageView>;
 ///     negative  = 128 black - curve(sample)                      curve: HeadTone's. Light and weights are stored
 ///     negative  = mulr(negative, gain)                           negative, as a weight of exactly one then fits into
 ///     negative += mulr(q, 2^13), clamped to +-kMaxSample         16 bits. gain: mulr(vignetting's, HeadTone's), if any
-///     light    += mulr(negative, -weight)                        q: only with two bands, LowBand::coefficients at (i, j)
+///     light    += mulr(negative, -weight)                        q: LowBand::coefficients at (i, j), if two bands
 ///   level       = black + mulr(light, scale), or (curve(light) + 64) >> 7, clamped to 0 .. 255
 ///   or, for 16-bit raymaps: number = table.linear[light], 0 for light below 0
 ///
@@ -37,9 +37,9 @@ using Pictures = std::span<const ImageView>;
 /// c is the head's confidence (0: missing; 1: no confidence set) by the pixel's own sample before curve and gain (the
 /// largest of R G B); for chroma, by the luma sample nearest to chroma sample (x, y).
 ///
-/// Where the table has a cover (BlendTable::cover), its records take what the tile's own lack: with C the confidence of a
-/// head without doubt (255; 1 if no confidence is set), S the sum of w over the tile's own records, and V the sum of w c
-/// over the cover's, where V is not 0,
+/// Where the table has a cover (BlendTable::cover), its records take what the tile's own lack: with C the confidence of
+/// a head without doubt (255; 1 if no confidence is set), S the sum of w over the tile's own records, and V the sum of
+/// w c over the cover's, where V is not 0,
 ///
 ///   own records:    (w c 2^15 + C S / 2) / (C S)
 ///   cover records:  (w c (C S - W) 2^15 + C S V / 2) / (C S V)
@@ -48,8 +48,8 @@ using Pictures = std::span<const ImageView>;
 /// four luma samples, rounded half up; at odd edges the edge sample is repeated. Not in raymaps whose rays were sorted
 /// into tiles (GridTable::places), because their neighbouring pixels need not have neighbouring rays. For those, rows
 /// count rows of tiles, and a tile's pixels can be anywhere, so the raymap is complete only after all rows have been
-/// blended. Of batches (GridTable::batches) a call blends those whose first tile is in its rows, if tiles are counted row
-/// by row.
+/// blended. Of batches (GridTable::batches) a call blends those whose first tile is in its rows, if tiles are counted
+/// row by row.
 ///
 /// Preconditions, not checked here: the table is validated; every head's picture matches table.sources, prepared as in
 /// prepare.h where its source needs that; the raymap matches table.format (16-bit rows are packed). The fastest kernel
@@ -64,7 +64,8 @@ void blend_rows(const BlendTable& table, Pictures pictures, const SetTone& tone,
 
 /// The share of each raymap pixel's weight that comes from present heads, for rows [row_begin, row_end): 255 where no
 /// head is missing, 0 where all are missing (the pixel is black), else 1 .. 254. What a cover replaces counts by the
-/// share of its weight that is there. Of `pictures` it reads only whether pictures[h].planes[0].data of level 0 is null.
+/// share of its weight that is there. Of `pictures` it reads only whether pictures[h].planes[0].data of level 0 is
+/// null.
 ///
 /// Threading, ownership, errors: as blend_rows. `validity` has the raymap's size.
 void validity_rows(const BlendTable& table, Pictures pictures, const MutablePlaneView& validity, int row_begin,

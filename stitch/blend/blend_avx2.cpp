@@ -84,8 +84,8 @@ inline V look_up(const std::uint8_t* of, V index) {
     return _mm256_shuffle_epi8(row(of), index);
   } else {
     constexpr std::size_t kHalf = kLength / 2;
-    const V upper =
-        _mm256_slli_epi16(index, kLength == 64 ? 2 : 3);  // moves the bit that selects the half to the top of its byte
+    // Moves the bit that selects the half to the top of its byte.
+    const V upper = _mm256_slli_epi16(index, kLength == 64 ? 2 : 3);
     return _mm256_blendv_epi8(look_up<kHalf>(of, index), look_up<kHalf>(of + kHalf, index), upper);
   }
 }

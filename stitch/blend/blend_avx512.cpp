@@ -77,8 +77,8 @@ constexpr Picks pair_bytes() {
 constexpr Picks kPairBytes = pair_bytes();
 
 struct Avx512 {
-  /// The light that record r, or the pair that begins with it, contributes to all components, negative. Returns how many
-  /// records these are.
+  /// The light that record r, or the pair that begins with it, contributes to all components, negative. Returns how
+  /// many records these are.
   template <int N>
   [[gnu::always_inline]] static inline std::size_t next_light(const BlendJob& job, std::size_t r, const Constants& k,
                                                               std::array<Rows, N>& negative_light) {

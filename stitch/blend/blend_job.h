@@ -68,7 +68,7 @@ struct JobComponent {
   RepeatedInt16 black;  ///< 128 * ComponentRule::black
   RepeatedInt16 black_level;
   std::uint8_t tone = 0;
-  RepeatedInt16 scale;           ///< of light; OutputTone::scale
+  RepeatedInt16 scale;           ///< factor of light; OutputTone::scale
   RepeatedInt16 negative_scale;  ///< -scale
   bool output_curve = false;
 };
@@ -88,16 +88,16 @@ struct BlendJob {
   int components = 0;
   std::array<JobComponent, kMaxPlanes> component{};
   std::array<std::array<PatchPlane, kMaxHeads>, kMaxLevels> planes{};
-  std::array<std::array<PlaneView, kMaxHeads>, kMaxLevels> luma{};  ///< for confidence
-  std::array<ImageView, kMaxHeads> low{};                           ///< low pictures
-  LowBand* low_band = nullptr;                                      ///< with two bands
+  std::array<std::array<PlaneView, kMaxHeads>, kMaxLevels> luma{};  ///< luma planes, used for confidence
+  std::array<ImageView, kMaxHeads> low{};                           ///< low pictures of the heads
+  LowBand* low_band = nullptr;                                      ///< null without two bands
   /// Per head, shifts from chroma to luma coordinates: a chroma sample (x, y) has luma (x << right, y << down).
   std::array<std::array<std::uint8_t, 2>, kMaxHeads> luma_shift{};
   std::array<std::array<Pieces<32>, kToneClasses>, kMaxHeads> curve;
   std::array<std::array<RepeatedInt16, kToneClasses>, kMaxHeads> gain_of{};
   std::array<Pieces<64>, kToneClasses> output;
   std::array<MutablePlaneView, kMaxPlanes> out{};  ///< by component of the grid
-  int row_begin = 0;                               ///< in rows of the grid
+  int row_begin = 0;                               ///< first row of the call, in rows of the grid
   int row_end = 0;
 
   const PatchPlane& plane(const PatchRecord& record) const {

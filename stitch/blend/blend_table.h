@@ -47,9 +47,10 @@ inline std::int16_t moved(std::int16_t coefficient, int samples) {
 /// 1 / (1 << kFractionBits) samples. For pixels with weight both are below 15, so that the next sample is in the patch
 /// too. The record is two halves of 16 bytes with the same layout, one for x and one for y.
 ///
-/// Where one patch does not hold the samples of a tile, but one for each half of it does, the head has a pair of records: that
-/// of the upper four rows, followed by that of the lower four rows. They have one weight between them, and one list, or one
-/// polynomial: that of the second record is the first one's, moved() by the distance between the patches.
+/// Where one patch does not hold the samples of a tile, but one for each half of it does, the head has a pair of
+/// records: that of the upper four rows, followed by that of the lower four rows. They have one weight between them,
+/// and one list, or one polynomial: that of the second record is the first one's, moved() by the distance between the
+/// patches.
 struct PatchRecord {
   Quadratic x{};
   std::uint16_t left = 0;  ///< first column and row of the patch in the plane of the record's level
@@ -121,23 +122,23 @@ struct Tile {
 
 /// What one head shows at one point of a LowGrid.
 struct LowSight {
-  std::uint16_t x = 0;  ///< in the head's low picture, in 1/256 of its samples
+  std::uint16_t x = 0;  ///< column in the head's low picture, in 1/256 of its samples
   std::uint16_t y = 0;
-  std::uint16_t weight = 0;  ///< in 1 / (1 << kWeightBits); those of a point sum to exactly one
+  std::uint16_t weight = 0;  ///< weight in 1 / (1 << kWeightBits); the weights of a point sum to exactly one
   std::int16_t gain = 0;     ///< undoes vignetting, as GridTable::gains; 0 if there is none to undo
   HeadIndex head = 0;
   friend bool operator==(const LowSight&, const LowSight&) = default;
 };
 
-/// Two bands (low_band.h): the points at which the light of the heads' low pictures is compared. They are the corners of
-/// square cells of a block's tiles. Cells share a corner where their rays there are the same.
+/// Two bands (low_band.h): the points at which the light of the heads' low pictures is compared. They are the corners
+/// of square cells of a block's tiles. Cells share a corner where their rays there are the same.
 struct LowGrid {
   int cell_tiles = 2;                      ///< side of a cell in tiles, 1 or 2
-  std::vector<std::uint32_t> first_point;  ///< of every block, and one more
-  std::vector<std::uint32_t> first_sight;  ///< of every point, and one more
+  std::vector<std::uint32_t> first_point;  ///< number of each block's first point, and the end
+  std::vector<std::uint32_t> first_sight;  ///< index of each point's first sight, and the end
   std::vector<LowSight> sights;
-  /// Of every block's cells, row by row: upper left, upper right, lower left and lower right corner, as numbers of points
-  /// of the block.
+  /// Of every block's cells, row by row: upper left, upper right, lower left and lower right corner, as numbers of
+  /// points of the block.
   std::vector<std::array<std::uint8_t, 4>> cells;
 };
 
@@ -164,15 +165,15 @@ struct GridTable {
     return static_cast<std::uint32_t>(y) << 16 | static_cast<std::uint32_t>(x);
   }
 
-  /// Only with `places`, and only where that is faster: a batch of strips, of kBlockTiles tiles each, is blended into a buffer.
-  /// Its pixels are then written in runs. Without batches, each pixel is written on its own.
+  /// Only with `places`, and only where that is faster: a batch of strips, of kBlockTiles tiles each, is blended into a
+  /// buffer. Its pixels are then written in runs. Without batches, each pixel is written on its own.
   struct Batch {
     std::uint32_t strip = 0;  ///< its first tile is strip * kBlockTiles
     std::uint32_t run = 0;    ///< its first run
   };
   /// Pixels side by side in one row of the component's plane.
   struct Run {
-    std::uint32_t place = 0;  ///< of its first pixel, see place()
+    std::uint32_t place = 0;  ///< place() of its first pixel
     std::uint32_t slot = 0;   ///< index in `slots` of its first pixel
   };
   std::vector<Batch> batches;  ///< and one more, which ends the last; empty: no batches
@@ -224,8 +225,8 @@ struct ComponentRule {
 
 /// Everything that the blend of one raymap needs. Immutable once validated.
 struct BlendTable {
-  PixelFormat format = PixelFormat::kI420;  ///< of the raymap: I420, NV12, RGB24, GREY, RGB48 or GREY16
-  int width = 0;                            ///< of the raymap, px
+  PixelFormat format = PixelFormat::kI420;  ///< format of the raymap: I420, NV12, RGB24, GREY, RGB48 or GREY16
+  int width = 0;                            ///< width of the raymap, px
   int height = 0;
   struct Source {
     PixelFormat format = PixelFormat::kI420;
@@ -239,22 +240,22 @@ struct BlendTable {
     std::uint8_t sharpen = 0;
     /// Pyramid levels that this head's records use; 1: only the picture itself.
     std::uint8_t levels = 1;
-    /// Two bands: side of the squares of which the head's low picture has one sample each (low_picture.h), in samples of
-    /// the picture: a power of two, kLeastLowSize .. kMaxLowSize. 0: there is no low picture.
+    /// Two bands: side of the squares of which the head's low picture has one sample each (low_picture.h), in samples
+    /// of the picture: a power of two, kLeastLowSize .. kMaxLowSize. 0: there is no low picture.
     std::uint16_t low_size = 0;
     /// The head's entries in Pictures: its levels, then its low picture.
     std::size_t pictures() const { return std::size_t{levels} + (low_size != 0 ? 1 : 0); }
     /// Which field of the head's frames the picture is; `height` is then the field's height. Nothing: a whole frame.
     std::optional<FieldParity> field = std::nullopt;
-    /// By grid and level - 1: whether each band of kMadeRows rows of the level is made. Nothing is read from the others.
-    /// Empty: all are.
+    /// By grid and level - 1: whether each band of kMadeRows rows of the level is made. Nothing is read from the
+    /// others. Empty: all are.
     std::array<std::array<std::vector<bool>, kMaxLevels - 1>, 2> made{};
   };
   std::vector<Source> sources;   ///< format, size and preparation of each head's picture, by head index
   std::vector<GridTable> grids;  ///< full resolution first, then chroma if it is subsampled
-  /// What replaces a head that is missing or not trusted, where `grids` show only the best head of each pixel: for every
-  /// grid, the tiles of a blend of all heads, in the same order (places are the grid's own). A tile that only one head
-  /// sees has no records here. Empty if `grids` blend all heads.
+  /// What replaces a head that is missing or not trusted, where `grids` show only the best head of each pixel: for
+  /// every grid, the tiles of a blend of all heads, in the same order (places are the grid's own). A tile that only one
+  /// head sees has no records here. Empty if `grids` blend all heads.
   std::vector<GridTable> cover;
   std::array<ComponentRule, kMaxPlanes> components{};
   /// What a GridTable::gains value of one (1 << 15) stands for, in 1/256; 256 .. 2048.

@@ -1,5 +1,5 @@
-// Functions that are also compiled for AVX2; the loader selects the version. For integer arithmetic, where both give the
-// same bytes.
+// Functions that are also compiled for AVX2; the loader selects the version. For integer arithmetic, where both give
+// the same bytes.
 #pragma once
 
 #ifdef __x86_64__

@@ -13,7 +13,7 @@ namespace {
 struct Constants {
   using Shorts = std::array<std::int16_t, 32>;
   using Bytes = std::array<std::uint8_t, 64>;
-  alignas(64) Shorts j, jj, next;   ///< of the upper rows, by lane: j, jj, 8j + 16
+  alignas(64) Shorts j, jj, next;   ///< factors of the upper rows, by lane: j, jj, 8j + 16
   alignas(64) Bytes pair_of;        ///< added to a byte index in both bytes of a number: it and its successor
   alignas(64) Bytes nibble, seven;  ///< bit positions for twice_from: bits 12 .. 15, and 5 .. 12
   alignas(64) Bytes tops;           ///< picks the high byte of each number, twice

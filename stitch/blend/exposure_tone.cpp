@@ -32,7 +32,7 @@ std::int64_t shown_at(const ToneTable& tones, std::int64_t sample) {
 OutputCurve output_curve(const ToneTable& tones, std::uint16_t scale, std::int64_t top) {
   OutputCurve curve;
   for (std::size_t i = 0; i < curve.knots.size(); ++i) {
-    const std::int64_t lifted = static_cast<std::int64_t>(512 * i) * scale;  // in 1 / 256
+    const std::int64_t lifted = static_cast<std::int64_t>(512 * i) * scale;  // light * scale, in 1/256 of a sample
     const std::int64_t held = tones.soft ? soften(lifted, top * 256, kMaxSample * 256) : lifted;
     curve.knots[i] = static_cast<std::int16_t>(shown_at(tones, held));
   }

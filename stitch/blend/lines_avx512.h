@@ -28,9 +28,9 @@ alignas(64) constexpr std::array<std::uint8_t, 64> kCounted = counted();
   }
 }
 
-/// Writes N registers side by side, a strip's part of row `row` of plane `plane`. Where they begin within a cache line, that
-/// line is completed with the end of the strip to the left, so that whole lines bypass the caches: a store into a part of a
-/// line would read the line first.
+/// Writes N registers side by side, a strip's part of row `row` of plane `plane`. Where they begin within a cache line,
+/// that line is completed with the end of the strip to the left, so that whole lines bypass the caches: a store into a
+/// part of a line would read the line first.
 template <std::size_t N>
 [[gnu::always_inline]] inline void put_row(std::uint8_t* to, const V (&bytes)[N], const RowEnds& ends,
                                            std::size_t row) {

@@ -46,13 +46,14 @@ int low_sample_at(const PlaneView& plane, const LowSight& at) {
 
 using Corners = std::array<std::array<std::int32_t, GridTable::kBlockTiles * GridTable::kBlockTiles>, 4>;
 
-/// Coefficients of 1, i, j, ij: the corrections in the tile (column, row) of every cell, by those at the cells' corners.
-/// A cell is 1 << kBits pixels wide; products are scaled by its square, so that each coefficient is rounded once.
+/// Coefficients of 1, i, j, ij: the corrections in the tile (column, row) of every cell, by those at the cells'
+/// corners. A cell is 1 << kBits pixels wide; products are scaled by its square, so that each coefficient is rounded
+/// once.
 template <int kBits>
 [[gnu::always_inline]] inline void fit(const Corners& corners, std::size_t cells, int column, int row,
                                        std::array<std::int16_t, 4>* to) {
   const auto rounded = [](int value, int shift) { return (value + (1 << (shift - 1))) >> shift; };
-  const int x = 16 * column + 1;  // of pixel centres, in half pixels from the cell's corner
+  const int x = 16 * column + 1;  // x and y of pixel centres, in half pixels from the cell's corner
   const int y = 16 * row + 1;
   std::array<std::uint32_t, 2 * GridTable::kBlockTiles * GridTable::kBlockTiles> pairs;
   const auto pair = [](int lower, int upper) {

@@ -12,11 +12,11 @@ namespace nodal::blend {
 
 /// Corrections of the heads' light in one block of tiles, computed from low pictures (prepare.h), block by block.
 ///
-/// At each point of GridTable::low, every head's light is that of its low picture, bilinear between samples: by curve and
-/// gain as in blend.h, negative. The confidence in it is the least that the head has in the darkest and the brightest level
-/// of the four samples. `mean` is the weighted mean of the heads that are there, their weights multiplied by the
-/// confidence. A head's correction at the point is mean - light, clamped to kMaxCorrection, times confidence / kSure,
-/// rounded towards 0: what is clipped tells nothing about the rest of a square. In a cell, it is
+/// At each point of GridTable::low, every head's light is that of its low picture, bilinear between samples: by curve
+/// and gain as in blend.h, negative. The confidence in it is the least that the head has in the darkest and the
+/// brightest level of the four samples. `mean` is the weighted mean of the heads that are there, their weights
+/// multiplied by the confidence. A head's correction at the point is mean - light, clamped to kMaxCorrection, times
+/// confidence / kSure, rounded towards 0: what is clipped tells nothing about the rest of a square. In a cell, it is
 /// bilinear between the four corners; a corner that the head does not see counts as the mean of those that it sees, and
 /// as 0 if it sees none. So with l the light of a head, low(l) that of its low picture, and w_narrow and w_wide the
 /// weights of both transitions, the raymap is
@@ -64,13 +64,13 @@ class LowBand {
   const GridTable& grid_;
   const int cell_bits_;  ///< a cell is 1 << cell_bits_ tiles wide
   std::size_t first_point_ = 0;
-  const std::size_t cell_count_;                        ///< of a block
-  const std::array<std::uint8_t, 4>* cells_ = nullptr;  ///< of the block
+  const std::size_t cell_count_;                        ///< number of cells per block
+  const std::array<std::uint8_t, 4>* cells_ = nullptr;  ///< the current block's cells
   std::size_t tile_ = 0;                                ///< the tile's place in a head's coefficients
   std::uint32_t corrected_ = 0;                         ///< one bit for each head with a correction that is not 0
   std::array<std::array<Corrections, kMaxPlanes>, kMaxHeads> at_;
-  /// Of the upper left tiles of all cells, cell by cell; with cells of several tiles then of the upper right, the lower left
-  /// and the lower right ones.
+  /// Of the upper left tiles of all cells, cell by cell; with cells of several tiles then of the upper right, the lower
+  /// left and the lower right ones.
   using Coefficients = std::array<std::array<std::int16_t, 4>, GridTable::kBlockTiles * GridTable::kBlockTiles>;
   std::array<std::array<Coefficients, kMaxPlanes>, kMaxHeads> coefficients_;
 };

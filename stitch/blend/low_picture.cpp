@@ -129,7 +129,8 @@ template <bool kMost>
     const auto squares = static_cast<std::size_t>(std::min(at_once, width - begin));
     const std::size_t count = squares * static_cast<std::size_t>(square);
     std::array<const std::uint8_t*, kLowRows> read;
-    std::array<std::array<std::uint8_t, kColumns>, kLowRows> collected;  // of narrow pictures, or with gaps
+    // Copies of the rows of pictures that are narrow or have gaps.
+    std::array<std::array<std::uint8_t, kColumns>, kLowRows> collected;
     for (std::size_t k = 0; k < kLowRows; ++k) {
       const std::uint8_t* from = line_of(square, in, y, k);
       read[k] = from + begin * square;

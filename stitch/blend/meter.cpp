@@ -7,7 +7,7 @@ namespace {
 
 struct Level {
   int luma = 0;
-  int brightest = 0;  ///< of the colours, if there are any
+  int brightest = 0;  ///< level of the brightest colour, if there are colours
 };
 
 int mean_of_four(const PlaneView& plane, int x, int y) {

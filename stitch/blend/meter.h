@@ -16,13 +16,13 @@ namespace nodal::blend {
 /// For every cell of a coarse grid on the sphere, where the heads see its centre. Made by stitch/table.
 struct MeterTable {
   struct Sample {
-    std::uint16_t x = 0;  ///< of the head's picture, full resolution; (x + 1, y + 1) is inside too
+    std::uint16_t x = 0;  ///< column in the head's full-size picture; (x + 1, y + 1) is inside, too
     std::uint16_t y = 0;
     std::int16_t lost = 0;  ///< effect of vignetting and the head's own gain on light there, stops
     HeadIndex head = 0;
   };
   struct Cell {
-    std::uint32_t solid_angle = 0;  ///< in 1 / 2^24 of the sphere
+    std::uint32_t solid_angle = 0;  ///< unit: 2^-24 of the sphere
     std::uint32_t end = 0;          ///< its samples are samples[previous cell's end .. end)
   };
   struct Head {
@@ -41,7 +41,7 @@ inline constexpr int kBlackLevel = 5;      ///< up to this level it may be crush
 
 /// The light that one head measured, and its settings.
 struct HeadLight {
-  Stops exposure = 0;             ///< in effect: stops_of(shutter) + stops_of(gain)
+  Stops exposure = 0;             ///< stops_of(shutter) + stops_of(gain) that were in effect
   Stops light = 0;                ///< mean light of its cells, so that light + exposure is 0 at a full sample
   std::uint32_t solid_angle = 0;  ///< solid angle of its cells, in 1 / 2^24 spheres; 0: no picture
   std::uint32_t clipped = 0;      ///< the part of it that is clipped in the head's own picture
@@ -53,7 +53,7 @@ struct SphereLight {
   std::uint64_t set = 0;
   std::array<HeadLight, kMaxHeads> heads{};
   Stops light = 0;                ///< mean over every cell that a head of the set sees
-  std::uint32_t solid_angle = 0;  ///< of those cells
+  std::uint32_t solid_angle = 0;  ///< solid angle of those cells, in 2^-24 spheres
 };
 
 /// A cell's light is the mean over the heads in which it is neither clipped nor black. If all are clipped, it is the

@@ -1,5 +1,5 @@
-// The patch coordinates of a tile's pixels, and other polynomials over a tile, for AVX-512. Internal to blend_avx512.cpp,
-// which includes it inside NODAL_TARGET_BEGIN.
+// The patch coordinates of a tile's pixels, and other polynomials over a tile, for AVX-512. Internal to
+// blend_avx512.cpp, which includes it inside NODAL_TARGET_BEGIN.
 #pragma once
 
 #include <immintrin.h>
@@ -48,8 +48,8 @@ struct Places {
   return _mm512_add_epi8(both, load(k.pair_of));
 }
 [[gnu::always_inline]] inline V across_of(const Constants& k, V x) {  // f - 128 and -f, see Places::across
-  const V flipped =
-      _mm512_ternarylogic_epi32(twice_from(k.seven, x), load(k.low_bits), load(k.flips), 0x6a);  // (a & b) ^ c
+  // (a & b) ^ c.
+  const V flipped = _mm512_ternarylogic_epi32(twice_from(k.seven, x), load(k.low_bits), load(k.flips), 0x6a);
   return _mm512_add_epi8(flipped, load(k.across));
 }
 [[gnu::always_inline]] inline V down_of(const Constants& k, V y) {

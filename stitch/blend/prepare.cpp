@@ -155,7 +155,8 @@ ImageView half(ImageView shape) {
   return shape;
 }
 
-/// A picture as prepare_picture reads it: YUYV, UYVY and I422 with only the chroma rows that the blend uses, hence as I420.
+/// A picture as prepare_picture reads it: YUYV, UYVY and I422 with only the chroma rows that the blend uses, hence as
+/// I420.
 ImageView as_read(ImageView picture) {
   picture = halved_chroma(picture);
   if (has_chroma(picture.format) && picture.format != PixelFormat::kNv12) picture.format = PixelFormat::kI420;

@@ -1,5 +1,5 @@
-// How pixels are written that are not where their tiles are (GridTable::places). Internal to stitch/blend; in an unnamed
-// namespace for the reason given in tile_math.h.
+// How pixels are written that are not where their tiles are (GridTable::places). Internal to stitch/blend; in an
+// unnamed namespace for the reason given in tile_math.h.
 #pragma once
 
 #include <cstring>
@@ -86,8 +86,8 @@ void write_run(const BlendJob& job, std::size_t r, const Number* buffer) {
   }
 }
 
-/// Fetches the cache lines in which a run begins and ends. Always inlined: GCC takes a function that only prefetches for one
-/// without effect, and removes calls of it.
+/// Fetches the cache lines in which a run begins and ends. Always inlined: GCC takes a function that only prefetches
+/// for one without effect, and removes calls of it.
 template <int N>
 [[gnu::always_inline]] inline void prefetch_run(const BlendJob& job, std::size_t r) {
   const GridTable::Run run = job.grid->runs[r];

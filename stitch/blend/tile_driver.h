@@ -19,8 +19,8 @@
 namespace nodal::blend {
 namespace {
 
-/// Strips that emit() writes follow each other from left to right: a kernel may keep the end of a row, up to 64 bytes, until
-/// the strip to the right completes its cache line.
+/// Strips that emit() writes follow each other from left to right: a kernel may keep the end of a row, up to 64 bytes,
+/// until the strip to the right completes its cache line.
 struct RowEnds {
   static constexpr std::size_t kBytes = 64;
   std::uint8_t* of;       ///< kBytes for each row of the strip, component by component; aligned
@@ -244,10 +244,11 @@ void write_strip(const BlendJob& job, int column, int row, const std::int16_t* s
   }
 }
 
-/// Blends the call's part of a grid. `buffer`: one strip of each component, or GridTable::kBufferSlots if the grid has batches.
+/// Blends the call's part of a grid. `buffer`: one strip of each component, or GridTable::kBufferSlots if the grid has
+/// batches.
 template <class Kernel, int N, class Number>
 [[gnu::noinline]] void blend_strips(const BlendJob& job, Number* buffer) {
-  constexpr std::size_t kEnds = std::size_t{N} * kTile * RowEnds::kBytes;  // of a row of tiles
+  constexpr std::size_t kEnds = std::size_t{N} * kTile * RowEnds::kBytes;  // bytes of the ends of a row of tiles
   alignas(64) std::array<std::uint8_t, 8 * kEnds> ends;
   const GridTable& grid = *job.grid;
   const bool scattered = !grid.places.empty();

@@ -100,7 +100,8 @@ class WeightReader {
     rest_.fill(1 << kWeightBits);
   }
 
-  /// The weights of the next record, row by row, 0 .. 1 << kWeightBits; 0 in the half of the tile that it does not have.
+  /// The weights of the next record, row by row, 0 .. 1 << kWeightBits; 0 in the half of the tile that it does not
+  /// have.
   void next(Weights& weights) {
     const PatchRecord& record = *record_++;
     if (record.has(0)) read(record_ + (record.paired() ? 1 : 0) == end_);

@@ -74,7 +74,7 @@ struct SetTone {
   std::array<HeadTone, kMaxHeads> heads{};
   std::array<OutputTone, kToneClasses> output{};
   std::optional<Confidence> confidence;
-  std::optional<ChromaFade> fade;  ///< for raymaps with chroma
+  std::optional<ChromaFade> fade;  ///< only for raymaps with chroma
   /// Whether gains are applied. False requires that every gain is kMaxToneGain, and it then means exactly one.
   bool gains = false;
 };
