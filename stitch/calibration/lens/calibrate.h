@@ -42,12 +42,12 @@ struct ViewReport {
   std::string name;
   int pairs = 0;         ///< matches that agree with the first estimate
   double tilt_deg = 0;   ///< between the pattern's normal and the lens's axis
-  double distance = 0;   ///< of the pattern's plane, in pattern widths
+  double distance = 0;   ///< distance of the pattern's plane, in pattern widths
   double blur_px = 0;    ///< sigma
   double covered = 0;    ///< share of the region that shows the pattern
   double explained = 0;  ///< share of the photograph's variance that the fit explains
   double rms = 0;        ///< rms of the residuals, in 1/255 of the range
-  double gain = 1;       ///< of its light, relative to the brightest photograph
+  double gain = 1;       ///< brightness of its light relative to the brightest photograph's
 };
 
 struct LensReport {
@@ -57,7 +57,7 @@ struct LensReport {
   double mapping_deviation_px = 0;      ///< standard deviation of a ray's pixel, rms over the region
   double covered = 0;                   ///< share of the region that at least one photograph covers
   std::vector<std::string> notes;       ///< remarks for the user, one sentence each
-  std::vector<GreyImage> residuals;     ///< of each photograph, for a range of 1; 0 outside the pattern
+  std::vector<GreyImage> residuals;     ///< one image per photograph, for a range of 1; 0 outside the pattern
 };
 
 struct LensCalibration {

@@ -11,7 +11,7 @@ namespace nodal::calibration {
 namespace {
 
 constexpr int kBands = 24;                // bands of rows; fixed, so that sums do not depend on the threads
-constexpr solve::Huber kPixelHuber{2.0};  // in standard deviations of the residuals
+constexpr solve::Huber kPixelHuber{2.0};  // standard deviations of the residuals
 constexpr int kShadeStride = 3;           // shading is smooth: every third pixel of a row suffices
 constexpr double kPixelVariance = 1.0 / 12;
 constexpr int kSmallestSide = 90;  // px, of the coarsest pyramid level
@@ -66,7 +66,7 @@ ScaleSpace::Sample through_footprint(const ScaleSpace& pattern, const Eigen::Vec
 /// The constants of one photograph's pose and blur, computed once for many pixels.
 struct DenseAlignment::Look {
   PlaneFinder plane;
-  double sigma;        // of the total blur, px of the level
+  double sigma;        // standard deviation of the total blur, px of the level
   double by_log_blur;  // d(log2 of sigma) / d(log_blur)
 
   Look(const Pose& pose, double log_blur, int level) : plane(pose) {
@@ -84,7 +84,7 @@ struct DenseAlignment::Look {
 
 /// One pixel of one photograph, with the pattern's value there.
 struct DenseAlignment::Seen {
-  geometry::Pixel pixel;       // of the full photograph
+  geometry::Pixel pixel;       // position in the full-size photograph
   double x = 0, y = 0;         // the same, scaled to -1..1
   double value = 0;            // the photograph's value
   ScaleSpace::Sample pattern;  // derivatives are per px of the pattern

@@ -34,7 +34,7 @@ inline constexpr Care kThorough{700'000, 3e-4, 2e-3};  // more pixels do not imp
 /// The quality of a photograph's fit.
 struct DenseFit {
   double explained = 0;  ///< share of the photograph's variance that the fit explains, where it shows the pattern
-  double rms = 0;        ///< of the residuals, for a range of 1
+  double rms = 0;        ///< rms of the residuals, for a range of 1
   double covered = 0;    ///< share of the region's pixels that show the pattern
 };
 

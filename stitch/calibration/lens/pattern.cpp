@@ -28,7 +28,7 @@ class Random {
 constexpr double kLargestRadius = 1.0 / 18;  // share of the longer side
 constexpr double kSmallestRadius = 2.0;      // px
 constexpr double kCoverage = 0.5;            // share of the area that the discs of one octave cover
-constexpr float kStep = 0.62F;               // of grey, before the values are compressed to 0..1
+constexpr float kStep = 0.62F;               // change of grey, before the values are compressed to 0..1
 
 struct Disc {
   double x, y, radius;

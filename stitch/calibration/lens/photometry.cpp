@@ -20,7 +20,7 @@ constexpr int kLightOwn = 5;                       // gain, slope x, slope y, x^
 constexpr double kLowest = 0.02, kHighest = 0.98;  // outside, recorded values are crushed or saturated
 constexpr double kFoot = 0.002;                    // share of full light
 constexpr solve::Huber kLightHuber{0.03};
-constexpr double kClearly = 0.9;  // of a gamma curve's rms: a polynomial must be below
+constexpr double kClearly = 0.9;  // a polynomial's rms must be below this share of the gamma curve's
 
 struct State {
   std::array<double, kShared> shared{};

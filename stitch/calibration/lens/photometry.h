@@ -12,14 +12,14 @@ namespace nodal::calibration {
 struct LightSample {
   int view = 0;
   double x = 0, y = 0;  ///< px
-  double light = 0;     ///< of the pattern, 0..1
+  double light = 0;     ///< light of the pattern, 0..1
   double value = 0;     ///< encoded, 0..1
 };
 
 struct Photometry {
   Response response;
   std::array<double, 3> vignetting{};  ///< coefficients over (r / radius)^2
-  std::vector<double> gains;           ///< of each photograph's light, the largest is 1
+  std::vector<double> gains;           ///< brightness of each photograph's light; the largest is 1
   double rms = 0;                      ///< rms of the residuals, encoded
 };
 

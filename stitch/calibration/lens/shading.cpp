@@ -10,9 +10,9 @@ namespace nodal::calibration {
 namespace {
 
 constexpr int kPasses = 3;
-constexpr double kFarOff = 2.0;       // in standard deviations
+constexpr double kFarOff = 2.0;       // standard deviations; residuals beyond it weigh less
 constexpr double kStiffness = 1e-3;   // weight of the tone curve's second differences
-constexpr double kLeastRange = 0.05;  // of the tone curve; below it there is no contrast
+constexpr double kLeastRange = 0.05;  // smallest range of the tone curve; below it there is no contrast
 
 /// The monomials x^i y^j of degree up to 4, in order of degree.
 template <class Terms>

@@ -13,8 +13,8 @@ namespace nodal::calibration {
 namespace {
 
 constexpr double kStop = 0.69314718055994530942;  // ln 2
-constexpr int kLeastRays = 60;                    // that two heads must share to be compared
-constexpr std::size_t kLeastPlaces = 300;         // times three channels, to fit a response
+constexpr int kLeastRays = 60;                    // rays that two heads must share to be compared
+constexpr std::size_t kLeastPlaces = 300;         // places per fit of a response; each has three channels
 constexpr double kLeastGamma = 0.3, kMostGamma = 5;
 constexpr double kLargeLeft = 0.3;     // stops
 constexpr double kUnsureCorner = 0.1;  // stops

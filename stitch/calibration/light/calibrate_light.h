@@ -33,7 +33,7 @@ struct LightReport {
   Calibration calibration;  ///< the prior with the new values; checked
   std::vector<HeadLight> heads;
   bool response_found = false;
-  double sigma_gamma = 0;                    ///< of a gamma curve
+  double sigma_gamma = 0;                    ///< standard deviation of a gamma; 0 for a polynomial
   double response_left_stops = 0;            ///< rms of the residuals between exposures
   double before_stops = 0, after_stops = 0;  ///< rms over all shared rays
   std::vector<std::string> notes;            ///< remarks for the user, one sentence each

@@ -15,12 +15,12 @@
 namespace nodal::calibration {
 namespace {
 
-constexpr solve::Huber kHuber{1.5};  // in standard deviations
+constexpr solve::Huber kHuber{1.5};  // standard deviations
 constexpr double kLoosely = 4;       // weight of "no fall-off" where the data do not determine the fall-off
 constexpr double kHeld = 1e6;        // weight that holds an unknown that the data do not determine
 constexpr double kLeastLight = 1e-4;
 constexpr double kLeastFall = 0.02;
-constexpr double kClearly = 0.85;  // of a gamma curve's rms: a polynomial must be below
+constexpr double kClearly = 0.85;  // a polynomial's rms must be below this share of the gamma curve's
 constexpr std::size_t kMostTerms = 4;
 
 /// ln light of an observation, and its derivatives by the few unknowns on which it depends.

@@ -20,7 +20,7 @@ struct LightModel {
 /// The spread of observations of one light under a model, natural logarithms.
 struct Disagreement {
   double rms = 0;                ///< weighted
-  std::vector<double> head_rms;  ///< of each head's observations
+  std::vector<double> head_rms;  ///< rms of each head's observations
 };
 Disagreement disagreement(const LightGroups& groups, const LightModel& model);
 
@@ -41,8 +41,8 @@ struct LightFreedom {
 };
 struct LightFit {
   LightModel model;
-  std::vector<std::array<double, 3>> sigma_log_gain;  ///< of each head
-  std::vector<double> sigma_corner;                   ///< of ln V at s = 1
+  std::vector<std::array<double, 3>> sigma_log_gain;  ///< standard deviations of each head's log gains
+  std::vector<double> sigma_corner;                   ///< standard deviation of each head's ln V at s = 1
 };
 LightFit fit_gains(const LightGroups& shared_rays, const LightModel& start, const LightFreedom& freedom);
 

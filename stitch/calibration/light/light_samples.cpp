@@ -14,7 +14,7 @@ constexpr int kPatch = 2;                      // px to each side: five by five
 constexpr int kDarkest = 5, kBrightest = 250;  // a pixel outside is crushed or clipped
 constexpr double kMostDetail = 16;             // levels; a patch with more shows an edge, not a brightness
 constexpr double kNoise = 1;                   // standard deviation of a patch's mean, levels
-constexpr double kMisplaced = 0.4;             // of a patch's detail: the difference due to misaligned heads
+constexpr double kMisplaced = 0.4;             // difference due to misaligned heads, as a share of a patch's detail
 
 struct Patch {
   std::array<double, 3> mean{};  // levels

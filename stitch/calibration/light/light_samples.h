@@ -25,7 +25,7 @@ struct Observation {
   int channel = 0;
   double value = 0;   ///< encoded, 0..1, mean over the patch
   double s = 0;       ///< squared distance from the lens's centre, relative to fall_off_radius()
-  double stops = 0;   ///< of the set
+  double stops = 0;   ///< exposure of the set, stops
   double weight = 1;  ///< inverse variance of the value's logarithm
 };
 
