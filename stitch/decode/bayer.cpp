@@ -10,7 +10,7 @@
 namespace nodal::decode {
 namespace {
 
-constexpr int kReach = 2;  ///< of the filters
+constexpr int kReach = 2;  ///< samples that the filters reach to each side
 constexpr int kRows = 2 * kReach + 1;
 
 [[gnu::always_inline]] inline std::uint8_t level(int sixteenths) {

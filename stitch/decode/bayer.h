@@ -8,9 +8,9 @@
 
 namespace nodal::decode {
 
-/// Interpolates the two missing colours of every pixel of `mosaic` (is_bayer(), at least 4 x 4 px) and writes the picture
-/// to `into`, which has the same size and is I420, RGB24 or GREY. Integers: the filters are exact and rounded half up. At
-/// the edges the mosaic is mirrored about its outermost row or column.
+/// Interpolates the two missing colours of every pixel of `mosaic` (is_bayer(), at least 4 x 4 px) and writes the
+/// picture to `into`, which has the same size and is I420, RGB24 or GREY. Integers: the filters are exact and rounded
+/// half up. At the edges the mosaic is mirrored about its outermost row or column.
 ///
 /// Source: H. Malvar, L. He, R. Cutler, High-quality linear interpolation for demosaicing of Bayer-patterned color
 /// images, ICASSP 2004.

@@ -11,12 +11,12 @@
 
 namespace nodal::decode {
 
-/// Decodes MJPEG, Bayer and YUV411 frames to the format that the blend reads (blended_format()), and converts Y U V of another
-/// ColourCoding to full range BT.601 in the same format.
+/// Decodes MJPEG, Bayer and YUV411 frames to the format that the blend reads (blended_format()), and converts Y U V of
+/// another ColourCoding to full range BT.601 in the same format.
 ///
 /// Threading: thread-bound; different decoders are independent.
-/// Ownership: owns the memory of the decoded picture, which is allocated once. Pages of it that are never written take no
-///   memory, so a decoder for a head whose frames need no decoding costs nothing.
+/// Ownership: owns the memory of the decoded picture, which is allocated once. Pages of it that are never written take
+///   no memory, so a decoder for a head whose frames need no decoding costs nothing.
 class FrameDecoder {
  public:
   /// For frames of `delivered` and of width x height px that are blended as `blended`.

@@ -23,8 +23,8 @@ struct Frame {
   std::uint8_t process = 0;  ///< 0: baseline, 1: extended sequential, 2: progressive; others are not decoded
   int components = 0;
   int components_in_scan = 0;
-  bool bottom_field = false;  ///< by an AVI1 segment
-  std::size_t scan_at = 0;    ///< of the scan's marker
+  bool bottom_field = false;  ///< an AVI1 segment says that it is a bottom field
+  std::size_t scan_at = 0;    ///< position of the scan's marker
 };
 
 bool is_start_of_frame(std::uint8_t marker) {
@@ -66,8 +66,8 @@ std::optional<Frame> read_segments(std::span<const std::uint8_t> jpeg) {
   return std::nullopt;
 }
 
-/// What begins with the first SOI behind the EOI of the JPEG whose scan is at `scan_at`; empty if nothing does. Inside of a scan's
-/// data FF D9 means EOI only (ITU-T T.81, B.1.1.5).
+/// What begins with the first SOI behind the EOI of the JPEG whose scan is at `scan_at`; empty if nothing does. Inside
+/// of a scan's data FF D9 means EOI only (ITU-T T.81, B.1.1.5).
 std::span<const std::uint8_t> next_jpeg(std::span<const std::uint8_t> jpegs, std::size_t scan_at) {
   std::uint8_t wanted = kEoi;
   for (std::size_t at = scan_at; at + 1 < jpegs.size(); ++at) {
@@ -152,8 +152,8 @@ bool JpegDecoder::only_superfluous_bytes() const {
          std::strstr(tjGetErrorStr2(handle_.get()), "extraneous bytes") != nullptr;
 }
 
-/// TurboJPEG writes whole blocks of samples that share chroma, so a picture of odd size gets rows and columns of luma that
-/// it does not have. Such luma, and chroma of another subsampling, go through scratch memory.
+/// TurboJPEG writes whole blocks of samples that share chroma, so a picture of odd size gets rows and columns of luma
+/// that it does not have. Such luma, and chroma of another subsampling, go through scratch memory.
 int JpegDecoder::decode_planes(std::span<const std::uint8_t> jpeg, int subsampling, const MutableImageView& into) {
   std::array<MutablePlaneView, kMaxPlanes> decoded = into.planes;
   std::array<bool, kMaxPlanes> apart{};

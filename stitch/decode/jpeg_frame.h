@@ -40,10 +40,10 @@ class JpegDecoder {
  public:
   JpegDecoder();
 
-  /// `into` is I420, RGB24 or GREY, and the JPEG has its size. Chroma of any subsampling becomes that of I420: by means of
-  /// its samples, or by linear interpolation where it is coarser. Two JPEGs of half the height, one behind the other, are the
-  /// fields of an interlaced frame: the first is the top field, unless its AVI1 segment says that it is the bottom field.
-  /// What `into` holds after a fault is undefined.
+  /// `into` is I420, RGB24 or GREY, and the JPEG has its size. Chroma of any subsampling becomes that of I420: by means
+  /// of its samples, or by linear interpolation where it is coarser. Two JPEGs of half the height, one behind the
+  /// other, are the fields of an interlaced frame: the first is the top field, unless its AVI1 segment says that it is
+  /// the bottom field. What `into` holds after a fault is undefined.
   DecodeFault decode(std::span<const std::uint8_t> jpeg, const MutableImageView& into);
 
  private:

@@ -18,7 +18,7 @@ struct Row {
 };
 struct Matrix {
   int black = 0;
-  std::array<Row, 3> to{};  ///< of Y, U, V
+  std::array<Row, 3> to{};  ///< rows that give Y, U and V
 };
 
 /// The luma shares of red and blue; green has the rest.
