@@ -9,8 +9,8 @@
 
 namespace nodal::geometry {
 
-/// The biquadratic polynomial through the values at the centres of nine pixels of a square of kSide x kSide: those in its
-/// corners, in the middle of its sides and in its middle. N values a point; Side is even.
+/// The biquadratic polynomial through the values at the centres of nine pixels of a square of kSide x kSide: those in
+/// its corners, in the middle of its sides and in its middle. N values a point; Side is even.
 template <int N, int Side = 16>
 struct Biquadratic {
   using Value = Eigen::Matrix<double, N, 1>;

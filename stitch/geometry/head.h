@@ -23,8 +23,8 @@ struct Projection {
 
 /// One camera C_i: lens, orientation, region, radiometry. With (x, y, z) a ray in the head's frame, a its angle from
 /// the axis and psi its direction around the axis:  u = c_x + r(a) cos psi,  v = c_y + a_y r(a) sin psi.
-/// If the calibration has a distance, rays of the rig end on the sphere of that radius, and the head sees their ends from
-/// its own position.
+/// If the calibration has a distance, rays of the rig end on the sphere of that radius, and the head sees their ends
+/// from its own position.
 ///
 /// Threading: immutable after make(); any thread.
 /// Ownership: a value; it does not refer to the calibration.

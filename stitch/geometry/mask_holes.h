@@ -10,7 +10,7 @@ namespace nodal::geometry {
 
 struct MaskHole {
   std::size_t head = 0;
-  double solid_angle_sr = 0;  ///< of the rays that this head's masks cover and that no head sees
+  double solid_angle_sr = 0;  ///< solid angle of the rays that this head's masks cover and that no head sees
   Angles towards;             ///< one of them
 };
 

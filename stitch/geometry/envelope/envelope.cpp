@@ -13,8 +13,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kOnSurface = 1e-12;  // of distances
-constexpr double kInPlane = 1e-9;     // of the mesh's size
+constexpr double kOnSurface = 1e-12;  // tolerance relative to the distance
+constexpr double kInPlane = 1e-9;     // tolerance relative to the mesh's size
 
 double volume(const Vector3d& a, const Vector3d& b, const Vector3d& c) { return a.dot(b.cross(c)); }
 

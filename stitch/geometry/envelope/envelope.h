@@ -26,14 +26,14 @@ class Envelope {
   /// A shape and its sizes, as Solid::named() takes them. Errors: those of Solid::named().
   static Result<Envelope> named(std::string_view text);
   /// A Wavefront OBJ, as read_obj() takes it. Which side of a face is which does not matter.
-  /// Errors: those of read_obj(); kBadValue, with the line of the face, for a mesh with a hole or a fold, or that hides a
-  /// part of itself from the nodal point.
+  /// Errors: those of read_obj(); kBadValue, with the line of the face, for a mesh with a hole or a fold, or that hides
+  /// a part of itself from the nodal point.
   static Result<Envelope> from_obj(std::string_view text);
   /// The same of a mesh that was read. Errors: kTooLarge for more than kMaxTriangles.
   static Result<Envelope> from_mesh(const ObjMesh& mesh);
 
-  /// Errors: kBadValue for an eye on the surface, or inside and not in the kernel; the message names a face that it would
-  /// see from behind. A solid's kernel is its whole inside.
+  /// Errors: kBadValue for an eye on the surface, or inside and not in the kernel; the message names a face that it
+  /// would see from behind. A solid's kernel is its whole inside.
   Status check_eye(const Eigen::Vector3d& eye) const;
   /// The point that an eye sees in a direction; nothing where it looks past the envelope, from outside only.
   std::optional<Eigen::Vector3d> seen(const Eigen::Vector3d& eye, const Ray& direction) const;
@@ -45,7 +45,7 @@ class Envelope {
 
   std::optional<Solid> solid_;  ///< nothing: the mesh
   TriangleTree mesh_;           ///< corners counter-clockwise about outward normals
-  std::vector<int> lines_;      ///< of the triangles in the file; in `counted_`
+  std::vector<int> lines_;      ///< where each triangle is in the file, counted in `counted_`
   std::string_view counted_;    ///< ObjMesh::counted
 };
 

@@ -118,7 +118,8 @@ Result<ObjMesh> read_obj(std::string_view text, std::size_t most_bytes, std::siz
 
 Status check_closed(const ObjMesh& mesh) {
   const auto at = [&](int number) { return std::string(mesh.counted) + " " + std::to_string(number); };
-  std::map<std::pair<std::uint32_t, std::uint32_t>, int> lines;  // of the triangle that runs along an edge
+  // Triangle::line of the triangle that runs along an edge.
+  std::map<std::pair<std::uint32_t, std::uint32_t>, int> lines;
   for (const ObjMesh::Triangle& triangle : mesh.triangles) {
     for (std::size_t k = 0; k < 3; ++k) {
       const auto edge = std::pair(triangle.corners[k].vertex, triangle.corners[(k + 1) % 3].vertex);

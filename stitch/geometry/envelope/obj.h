@@ -20,7 +20,7 @@ struct ObjMesh {
   static constexpr std::uint32_t kNone = 0xFFFF'FFFF;
   struct Triangle {
     std::array<Corner, 3> corners;
-    int line = 0;  ///< of the file; in `counted`
+    int line = 0;  ///< where it is in the file, counted in `counted`
   };
   std::vector<Eigen::Vector3d> vertices;
   std::vector<Eigen::Vector2d> textures;
@@ -29,8 +29,8 @@ struct ObjMesh {
 };
 
 /// Reads the lines v, vt and f; others are skipped. Faces with more corners are cut into triangles.
-/// Errors: kTooLarge beyond `most_bytes` or `most_triangles`, kBadFormat for a bad line or a file without a face; messages
-/// begin with "line N: ".
+/// Errors: kTooLarge beyond `most_bytes` or `most_triangles`, kBadFormat for a bad line or a file without a face;
+/// messages begin with "line N: ".
 Result<ObjMesh> read_obj(std::string_view text, std::size_t most_bytes, std::size_t most_triangles);
 
 /// Refuses a mesh with a hole or a fold: each edge must belong to two triangles that run along it in opposite

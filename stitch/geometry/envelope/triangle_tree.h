@@ -31,10 +31,10 @@ class TriangleTree {
   double reach() const { return reach_; }
 
  private:
-  static constexpr std::uint32_t kLeaf = 4;  ///< triangles in one, at most
+  static constexpr std::uint32_t kLeaf = 4;  ///< largest number of triangles in a leaf
   struct Node {
     Eigen::Vector3d least, most;
-    std::uint32_t begin = 0, end = 0;  ///< in order_
+    std::uint32_t begin = 0, end = 0;  ///< range of order_
     std::uint32_t right = 0;           ///< the second child; the first follows its parent. 0: a leaf
   };
   void build(std::uint32_t begin, std::uint32_t end);

@@ -7,9 +7,9 @@
 
 namespace nodal::geometry {
 
-/// Square faces of n x n pixels. Each is the picture of a 90-degree pinhole that looks that way; `up` has its front edge
-/// at the bottom and `down` at the top. With the parameter `pad`, a face has that many more pixels on every side, which
-/// continue its plane, so that filters and video coders do not see the neighbour in the picture.
+/// Square faces of n x n pixels. Each is the picture of a 90-degree pinhole that looks that way; `up` has its front
+/// edge at the bottom and `down` at the top. With the parameter `pad`, a face has that many more pixels on every side,
+/// which continue its plane, so that filters and video coders do not see the neighbour in the picture.
 ///
 /// On the face z = 1 a pixel [x0,x1] x [y0,y1] spans A(x1,y1) - A(x0,y1) - A(x1,y0) + A(x0,y0),
 /// A(x,y) = atan(x y / sqrt(1 + x^2 + y^2)). The largest, in the centre, is 4 / n^2; the smallest 3 sqrt 3 times less.

@@ -69,7 +69,7 @@ class DualDisc final : public RaymapLayout {
     struct Piece {
       Pixel in, out;
     };
-    std::array<Piece, 4> pieces;  // of the edges, within the disc
+    std::array<Piece, 4> pieces;  // parts of the pixel's edges that are within the disc
     std::size_t count = 0;
     for (std::size_t k = 0; k < 4; ++k) {
       const Pixel &a = corners[k], &b = corners[(k + 1) % 4];

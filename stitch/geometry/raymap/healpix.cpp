@@ -80,8 +80,8 @@ std::optional<Pixel> Healpix::pixel(const Ray& ray) const {
 }
 
 std::vector<LayoutPatch> Healpix::patches() const {
-  // Each face in two triangles: along fx + fy = 1, caps and belt meet. One that has a pole as its corner is a square with one
-  // side at the pole, because meridians meet there at angles that they do not have on the sphere.
+  // Each face in two triangles: along fx + fy = 1, caps and belt meet. One that has a pole as its corner is a square
+  // with one side at the pole, because meridians meet there at angles that they do not have on the sphere.
   std::vector<LayoutPatch> patches;
   for (std::size_t face = 0; face < kRing.size(); ++face) {
     for (const bool far : {false, true}) {

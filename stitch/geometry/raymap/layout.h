@@ -37,15 +37,16 @@ class RaymapLayout {
   /// within each: then rays can be interpolated. Not if every row has a scale of its own.
   virtual bool smooth() const { return !scattered(); }
 
-  /// Parts of the sphere whose pixels have a regular order in the raymap: `run` consecutive pixels (row * width + column)
-  /// hold rays of one cell, the next `run` pixels of the next cell, and after the last cell the first one follows again.
+  /// Parts of the sphere whose pixels have a regular order in the raymap: `run` consecutive pixels (row * width +
+  /// column) hold rays of one cell, the next `run` pixels of the next cell, and after the last cell the first one
+  /// follows again.
   struct Cells {
     std::uint64_t count = 0;  ///< 0: there are none
     std::uint64_t run = 1;
     std::uint64_t of(std::uint64_t pixel) const { return pixel / run % count; }
   };
-  /// For scattered layouts with a regular order: cells of about `rays` rays or more. Each is compact, or goes around the
-  /// sphere and is at least as high as `side` rays would be apart if all rays were spread evenly.
+  /// For scattered layouts with a regular order: cells of about `rays` rays or more. Each is compact, or goes around
+  /// the sphere and is at least as high as `side` rays would be apart if all rays were spread evenly.
   virtual Cells cells([[maybe_unused]] std::int64_t rays, [[maybe_unused]] double side) const { return {}; }
 
   /// The ray at continuous coordinates, 0..width by 0..height; pixel (i, j)'s own ray is ray(i + .5, j + .5). Nothing
@@ -72,8 +73,8 @@ class RaymapLayout {
 };
 
 /// `text` as LayoutName::parse() takes it.
-/// Errors: those of LayoutName::parse(), kBadValue for a size that the layout cannot have (the message gives the nearest
-/// possible one).
+/// Errors: those of LayoutName::parse(), kBadValue for a size that the layout cannot have (the message gives the
+/// nearest possible one).
 Result<std::unique_ptr<RaymapLayout>> make_layout(std::string_view text, int width, int height);
 Result<std::unique_ptr<RaymapLayout>> make_layout(const LayoutName& name, int width, int height);
 

@@ -6,8 +6,8 @@
 
 namespace nodal::geometry {
 
-/// Pixels hold the rays in the order of the file. The list says nothing about solid angles: every pixel counts as an equal
-/// part of the sphere.
+/// Pixels hold the rays in the order of the file. The list says nothing about solid angles: every pixel counts as an
+/// equal part of the sphere.
 class ListedRays final : public ScatteredRays {
  public:
   /// `digits`: of a list that is known. Errors: kNotFound; kBadValue for another size than the list's.

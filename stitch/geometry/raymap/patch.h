@@ -13,9 +13,9 @@ struct PatchPoint {
   Ray ray;
 };
 
-/// A smooth image of the unit square, or of the triangle (0, 0), (1, 0), (0, 1), in the picture and on the sphere. Patches
-/// meet along whole sides. `at` may be left or right of the picture where it continues on its other side. It keeps the layout
-/// by reference.
+/// A smooth image of the unit square, or of the triangle (0, 0), (1, 0), (0, 1), in the picture and on the sphere.
+/// Patches meet along whole sides. `at` may be left or right of the picture where it continues on its other side. It
+/// keeps the layout by reference.
 struct LayoutPatch {
   bool triangle = false;
   int across = 1, down = 1;  ///< about square cells; down = 0: one row, however fine the mesh is

@@ -43,8 +43,8 @@ struct Hammersley {
   static Point point(std::uint64_t k, std::uint64_t count) {
     return {(static_cast<double>(k) + 0.5) / static_cast<double>(count), radical_inverse(2, k)};
   }
-  /// Consecutive points are a band along a circle of latitude. `n` evenly spread rays are sqrt(4 pi / n) apart, and a band of
-  /// that height at the equator has sqrt(pi n) of them; nearer to a pole it is higher.
+  /// Consecutive points are a band along a circle of latitude. `n` evenly spread rays are sqrt(4 pi / n) apart, and a
+  /// band of that height at the equator has sqrt(pi n) of them; nearer to a pole it is higher.
   static RaymapLayout::Cells cells(std::int64_t n, std::int64_t rays, double side) {
     const auto band = static_cast<std::int64_t>(std::ceil(side * std::sqrt(kPi * static_cast<double>(n))));
     const std::int64_t run = std::max(rays, band);
@@ -55,8 +55,8 @@ struct Hammersley {
 struct Halton {
   static constexpr std::string_view kName = "halton";
   static Point point(std::uint64_t k, std::uint64_t) { return {radical_inverse(2, k + 1), radical_inverse(3, k + 1)}; }
-  /// The points k, k + 2^a 3^b, .. share the first a digits of u and the first b digits of v. Cells are about square at the
-  /// equator of the equal-area cylinder, which is pi times as wide as high.
+  /// The points k, k + 2^a 3^b, .. share the first a digits of u and the first b digits of v. Cells are about square at
+  /// the equator of the equal-area cylinder, which is pi times as wide as high.
   static RaymapLayout::Cells cells(std::int64_t n, std::int64_t rays, double) {
     const std::int64_t most = n / rays;
     std::int64_t halves = 1, thirds = 1;

@@ -101,7 +101,8 @@ std::optional<Ray> Polyhedron::ray(double x, double y) const {
 /// The solid angle of the part of a pixel that is in a face.
 double Polyhedron::part(const Face& face, int i, int j) const {
   if (face.left >= i + 1 || face.right <= i || face.top >= j + 1 || face.bottom <= j) return 0;
-  // The least and the most of the corners' barycentric coordinates: most pixels are whole in a face, or whole beside it.
+  // The least and the most of the corners' barycentric coordinates: most pixels are whole in a face, or whole beside
+  // it.
   const Eigen::Vector3d first = face.map_of_picture * Eigen::Vector3d(i, j, 1);
   const auto right = face.map_of_picture.col(0), down = face.map_of_picture.col(1);
   if (((first + right.cwiseMax(0) + down.cwiseMax(0)).array() < 0).any()) return 0;

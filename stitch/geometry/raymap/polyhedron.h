@@ -9,7 +9,8 @@
 
 namespace nodal::geometry {
 
-/// How the places on a face are spread over its triangle in the picture; both in barycentric coordinates, which sum to 1.
+/// How the places on a face are spread over its triangle in the picture; both in barycentric coordinates, which sum to
+/// 1.
 ///
 /// Threading: immutable; any thread.
 class FaceScale {
@@ -22,19 +23,19 @@ class FaceScale {
 };
 
 /// Triangles of the picture, each an image (affine, without a FaceScale) of a triangle in space that rays are projected
-/// on from the nodal point (gnomonic). A triangle spans 2 atan2(a . (b x c), 1 + a b + b c + c a) sr with a, b, c the rays of its corners
-/// (Van Oosterom and Strackee 1983); a pixel is the sum of its parts in all triangles. With h the distance of the faces
-/// from the nodal point, where pixels are largest, they span (their area on the face) / h^2.
+/// on from the nodal point (gnomonic). A triangle spans 2 atan2(a . (b x c), 1 + a b + b c + c a) sr with a, b, c the
+/// rays of its corners (Van Oosterom and Strackee 1983); a pixel is the sum of its parts in all triangles. With h the
+/// distance of the faces from the nodal point, where pixels are largest, they span (their area on the face) / h^2.
 class Polyhedron final : public RaymapLayout {
  public:
   struct Corner {
-    Pixel at;  ///< in the picture; width and height are 1
+    Pixel at;  ///< position in a picture whose width and height are 1
     Eigen::Vector3d point;
   };
   using Triangle = std::array<Corner, 3>;
 
-  /// `triangles` must fill the sphere, parts beyond the picture left out, without overlap. `scale` must live longer than
-  /// the layout, and leave the edges of faces in place as a whole; null: none.
+  /// `triangles` must fill the sphere, parts beyond the picture left out, without overlap. `scale` must live longer
+  /// than the layout, and leave the edges of faces in place as a whole; null: none.
   Polyhedron(std::string_view name, RaymapSize size, const std::vector<Triangle>& triangles,
              const FaceScale* scale = nullptr);
 

@@ -69,8 +69,8 @@ struct Known {
   RayList list;
 };
 
-/// The known lists, in the order in which they became known. None is removed, because any name that was given out may be used
-/// at any time.
+/// The known lists, in the order in which they became known. None is removed, because any name that was given out may
+/// be used at any time.
 std::array<std::atomic<const Known*>, kMaxRayLists>& all_known() {
   static std::array<std::atomic<const Known*>, kMaxRayLists> slots{};
   return slots;

@@ -51,14 +51,15 @@ std::span<const LayoutKind> layout_kinds();
 /// The layouts' names, separated by commas.
 std::string layout_list();
 
-/// A layout with the value of its parameter; as text "cube", "cube:pad=4", or "rays:HASH" for a list of rays that is known
-/// to this process.
+/// A layout with the value of its parameter; as text "cube", "cube:pad=4", or "rays:HASH" for a list of rays that is
+/// known to this process.
 class LayoutName {
  public:
   /// Errors: kUnsupported for an unknown name (the message lists the known ones); kBadValue for a parameter that the
   /// layout does not have, or whose value is out of range; kNotFound for a list of rays that is not known here.
   static Result<LayoutName> parse(std::string_view text);
-  /// The same, and "rays:FILE": makes the list of this file known. Errors: also those of `read` and make_ray_list_known().
+  /// The same, and "rays:FILE": makes the list of this file known. Errors: also those of `read` and
+  /// make_ray_list_known().
   static Result<LayoutName> parse(std::string_view text, const ReadRayFile& read);
 
   const LayoutKind& kind() const { return *kind_; }

@@ -30,8 +30,8 @@ class ScatteredRays : public RaymapLayout {
  private:
   /// Pixels by cell: strips along circles of latitude, about as high as neighbouring rays are apart, cut by longitude.
   struct Index {
-    std::vector<std::uint32_t> cells_before;  ///< of each strip and all above it
-    std::vector<std::uint32_t> begin;         ///< of each cell in `pixels`, and the end
+    std::vector<std::uint32_t> cells_before;  ///< number of cells above each strip, and of all
+    std::vector<std::uint32_t> begin;         ///< index in `pixels` of each cell's first pixel, and the end
     std::vector<std::uint32_t> pixels;        ///< row * width + column
 
     int strips() const { return static_cast<int>(cells_before.size()) - 1; }

@@ -9,8 +9,9 @@
 namespace nodal::geometry {
 
 /// Row j is a slice of equal area, sin phi in [2 j / H - 1, 2 (j + 1) / H - 1] (the printed arcsin is of a number in
-/// [-1, 1]). Its W rays have random theta, sorted, and a random place within the slice. All numbers follow from the seed
-/// by integer arithmetic, so that board and host agree. A pixel spans the slice half way to its neighbours in theta.
+/// [-1, 1]). Its W rays have random theta, sorted, and a random place within the slice. All numbers follow from the
+/// seed by integer arithmetic, so that board and host agree. A pixel spans the slice half way to its neighbours in
+/// theta.
 class StratifiedRandom final : public ScatteredRays {
  public:
   static Result<std::unique_ptr<RaymapLayout>> make(RaymapSize size, std::int64_t seed);
