@@ -32,7 +32,7 @@ struct ExportedHead {
 };
 
 struct ExportedFile {
-  std::string head;  ///< for formats with one camera per file; empty otherwise
+  std::string head;  ///< name of the head, for formats with one camera per file; empty otherwise
   std::string text;
 };
 

@@ -28,8 +28,8 @@ void take_fit(const PolynomialHead& fit, const std::string& what_was_lost, HeadC
 void tell_lens_fit(double rms_px, double max_px, const std::string& what_was_lost, const HeadCalibration& head,
                    std::vector<std::string>& notes);
 
-/// Sets the heads' positions (m, in the rig's frame), with a note that also says `how` they were found, and the distance
-/// if there is one. Rounding errors are no positions; without any there is no distance.
+/// Sets the heads' positions (m, in the rig's frame), with a note that also says `how` they were found, and the
+/// distance if there is one. Rounding errors are no positions; without any there is no distance.
 void set_positions(std::span<const Eigen::Vector3d> positions, const std::string& how, ImportResult& result);
 
 /// A picture's width or height from a field's value; `field` is its name in errors.

@@ -1,5 +1,5 @@
-// Kalibr's camchain.yaml: a chain of cameras. T_cn_cnm1 gives each camera's pose relative to the previous one, T_cam_imu
-// relative to the inertial sensor.
+// Kalibr's camchain.yaml: a chain of cameras. T_cn_cnm1 gives each camera's pose relative to the previous one,
+// T_cam_imu relative to the inertial sensor.
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cmath>
@@ -218,7 +218,7 @@ Result<ImportResult> import_kalibr(std::string_view text, std::string_view name)
   result.calibration.name = std::string(name);
   result.calibration.comment = "Imported from a Kalibr camera chain.";
   Places places;
-  std::vector<Eigen::Vector3d> positions;  // in the first camera's frame
+  std::vector<Eigen::Vector3d> positions;  // positions in the first camera's frame
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   for (std::size_t n = 0; n <= kMaxCalibratedHeads && chain.has("cam" + std::to_string(n)); ++n) {
     const std::string camera_name = "cam" + std::to_string(n);

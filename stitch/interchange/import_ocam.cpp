@@ -51,8 +51,8 @@ Result<std::vector<Row>> read_rows(std::string_view text) {
   return rows;
 }
 
-/// From a point of the sensor's plane to the picture: row = c x + d y + row0, column = e x + y + column0; x down, y right,
-/// px with a pixel's centre at integers. The ray is (x, y, f(r)), r = |(x, y)|; the axis points backwards.
+/// From a point of the sensor's plane to the picture: row = c x + d y + row0, column = e x + y + column0; x down, y
+/// right, px with a pixel's centre at integers. The ray is (x, y, f(r)), r = |(x, y)|; the axis points backwards.
 struct OcamModel {
   std::vector<double> f;  ///< coefficients of 1, r, r^2, ...
   double row0 = 0, column0 = 0, c = 1, d = 0, e = 0;

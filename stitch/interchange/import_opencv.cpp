@@ -1,4 +1,5 @@
-// OpenCV's FileStorage, YAML or XML, as written by its calibration programs and by ROS: one camera per file, no orientation.
+// OpenCV's FileStorage, YAML or XML, as written by its calibration programs and by ROS: one camera per file, no
+// orientation.
 #include <algorithm>
 #include <initializer_list>
 

@@ -47,7 +47,7 @@ Result<ImageFile> read_image_file(const ScriptLine& line) {
 /// The lines of a project, sorted by meaning.
 struct Project {
   ImageLines lines;              // includes the dummy, because links count it
-  std::vector<ImageFile> files;  // for every image except the dummy
+  std::vector<ImageFile> files;  // one per image except the dummy
   bool has_dummy = false;
 };
 

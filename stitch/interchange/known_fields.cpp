@@ -9,8 +9,8 @@
 namespace nodal::interchange {
 namespace {
 
-constexpr std::size_t kMaxNamesInNote = 8;     // of unknown fields
-constexpr std::size_t kMaxUnknownKept = 1000;  // of the unknown fields of a file; further ones are not counted
+constexpr std::size_t kMaxNamesInNote = 8;     // unknown fields that a note names
+constexpr std::size_t kMaxUnknownKept = 1000;  // unknown fields of a file that are kept; further ones are not counted
 constexpr std::size_t kMaxValueInNote = 40;    // bytes
 
 bool matches(const KnownField& field, std::string_view place, std::string_view name) {

@@ -1,5 +1,5 @@
-// The fields of other programs' formats, and what an import does with each. One table for each format; a field that is in
-// no table is named to the user.
+// The fields of other programs' formats, and what an import does with each. One table for each format; a field that is
+// in no table is named to the user.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@ enum class FieldUse : std::uint8_t {
   kUsed,      ///< changes the calibration, the pictures' names or the control points
   kNoted,     ///< describes a head or the pictures in a way that Nodal cannot hold: left out with a note
   kRefused,   ///< without it the import would be wrong
-  kUnneeded,  ///< of the other program's output, interface or sound: describes no head
+  kUnneeded,  ///< concerns the other program's output, interface or sound, and describes no head
 };
 
 struct KnownField {

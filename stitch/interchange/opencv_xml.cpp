@@ -10,8 +10,8 @@
 namespace nodal::interchange {
 namespace {
 
-constexpr int kMaxDepth = 16;      // of elements; OpenCV's calibrations have 4
-constexpr int kMaxMembers = 1000;  // of a mapping; yaml-cpp searches them one by one
+constexpr int kMaxDepth = 16;      // nested elements; OpenCV's calibrations have 4
+constexpr int kMaxMembers = 1000;  // members of a mapping; yaml-cpp searches them one by one
 
 constexpr std::string_view kSpace = " \t\r\n";
 

@@ -19,8 +19,8 @@ struct Crop {
 
 /// The geometry variables of one image, with the file's values.
 struct PanotoolsImage {
-  std::string name;  ///< for the head
-  int width = 0;     ///< of the picture, px
+  std::string name;  ///< name that the head gets
+  int width = 0;     ///< width of the picture, px
   int height = 0;
   int projection = 0;  ///< f: 0 rectilinear, 2 circular and 3 full-frame fisheye
   double hfov = 0;     ///< v, degrees, across the lens's rectangle

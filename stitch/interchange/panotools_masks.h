@@ -13,8 +13,8 @@
 namespace nodal::interchange {
 
 /// Adds the masks to the heads of `result`; `head_of` is each image's head, or nothing for one that is no head. Masks
-/// without an equivalent in Nodal are left out with a note: masks that keep their inside, and polygons that a calibration
-/// cannot hold.
+/// without an equivalent in Nodal are left out with a note: masks that keep their inside, and polygons that a
+/// calibration cannot hold.
 /// Errors: kBadValue, with the line, for text that is not a list of numbers, or for an unknown image.
 Status add_masks(std::span<const ScriptLine* const> lines, std::span<const std::optional<std::size_t>> head_of,
                  ImportResult& result);

@@ -1,4 +1,5 @@
-// Light of heads in other programs' numbers: exposure, white balance, vignetting, response. Common to Hugin and VideoStitch.
+// Light of heads in other programs' numbers: exposure, white balance, vignetting, response. Common to Hugin and
+// VideoStitch.
 #pragma once
 
 #include <array>
@@ -19,7 +20,7 @@ enum class ForeignResponse : std::uint8_t {
 struct Photometry {
   double stops = 0;                        ///< exposure; a picture with more stops received less light
   std::array<double, 3> balance{1, 1, 1};  ///< red, green, blue
-  std::array<double, 4> V{1, 0, 0, 0};     ///< of 1, r^2, r^4, r^6
+  std::array<double, 4> V{1, 0, 0, 0};     ///< factors of 1, r^2, r^4, r^6
   double Vx = 0, Vy = 0;                   ///< px from the picture's middle
   double radius = 1;                       ///< px where r = 1
   ForeignResponse response = ForeignResponse::kMean;

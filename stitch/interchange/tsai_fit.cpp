@@ -13,7 +13,7 @@ constexpr int kPasses = 4;
 
 struct Radius {
   double r = 0;        // px, aspect taken out
-  double tangent = 0;  // of the ray's angle
+  double tangent = 0;  // tangent of the ray's angle
 };
 
 double slope(const Eigen::Vector3d& x, double s) { return 1 + s * (3 * x[1] + s * 5 * x[2]); }

@@ -37,12 +37,13 @@ struct Geometry {
   Eigen::Vector3d translation{0, 0, 0};
 };
 
-/// The first value of a curve over time: [type, frame, value, type, frame, value, ...]; of anything else the value itself.
-/// Adds `name` to `changing` if there are several.
+/// The first value of a curve over time: [type, frame, value, type, frame, value, ...]; of anything else the value
+/// itself. Adds `name` to `changing` if there are several.
 const nlohmann::json& first_value(const nlohmann::json& curve, const std::string& name,
                                   std::set<std::string>& changing);
 
-/// Reads 'geometries', or the fields of an old project; `crop` is the part of the picture to which the field of view refers.
+/// Reads 'geometries', or the fields of an old project; `crop` is the part of the picture to which the field of view
+/// refers.
 /// Errors: kMissingField, kBadValue, kUnsupported, with the field.
 Result<Geometry> read_geometry(const JsonFields& input, const Crop& crop, std::set<std::string>& changing,
                                FieldCheck& check);

@@ -38,7 +38,8 @@ void see_members(const YAML::Node& mapping, std::string_view place, const std::s
   for (const auto& member : mapping) {
     if (!member.first.IsScalar()) continue;
     const YAML::Node& value = member.second;
-    const YAML::Node data = value.IsMap() && value["data"].IsDefined() ? value["data"] : value;  // of a matrix
+    // A matrix has its numbers in `data`.
+    const YAML::Node data = value.IsMap() && value["data"].IsDefined() ? value["data"] : value;
     std::string text = data.IsScalar() ? data.Scalar() : data.IsNull() ? "" : "...";
     if (data.IsSequence() && data.size() <= kMaxShown) {
       text.clear();
