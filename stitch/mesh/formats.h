@@ -12,7 +12,8 @@
 
 namespace nodal::mesh {
 
-/// A mesh as files have it: no point is shared. Points have the rig's axes; texture coordinates are from the upper left.
+/// A mesh as files have it: no point is shared. Points have the rig's axes; texture coordinates are from the upper
+/// left.
 struct FileMesh {
   std::vector<Eigen::Vector3d> points;
   std::vector<Eigen::Vector2d> textures;  ///< as many
@@ -23,8 +24,8 @@ struct FileMesh {
 inline Eigen::Vector3d turned_over(const Eigen::Vector3d& p) { return {p.x(), -p.y(), -p.z()}; }
 
 Result<std::vector<std::uint8_t>> encode_glb(const Raymesh& mesh, const std::string& texture);
-/// The triangles of its scene, with the transformations of its nodes. Not `textured`: texture coordinates are not read, and
-/// those of the mesh are 0.
+/// The triangles of its scene, with the transformations of its nodes. Not `textured`: texture coordinates are not read,
+/// and those of the mesh are 0.
 Result<FileMesh> decode_glb(std::span<const std::uint8_t> bytes, bool textured);
 
 Result<std::vector<std::uint8_t>> encode_mshp(const Raymesh& mesh);

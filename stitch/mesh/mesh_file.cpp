@@ -69,8 +69,8 @@ Status check_size(std::span<const std::uint8_t> bytes) {
   return fail(Errc::kTooLarge, "more than " + std::to_string(kMaxMeshFileBytes) + " bytes: simplify the mesh");
 }
 
-/// Makes points that are equal to a millionth of the farthest one's distance one, and returns for each of the file's points
-/// which one it is.
+/// Makes points that are equal to a millionth of the farthest one's distance one, and returns for each of the file's
+/// points which one it is.
 Result<std::vector<std::uint32_t>> weld(const FileMesh& file, std::vector<Eigen::Vector3d>& points) {
   double reach = 0;
   for (std::size_t k = 0; k < file.points.size(); ++k) {

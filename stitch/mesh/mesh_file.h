@@ -25,8 +25,8 @@ Result<MeshFormat> mesh_format_of_name(std::string_view name);
 /// indices).
 Result<std::vector<std::uint8_t>> encode_mesh(const Raymesh& mesh, MeshFormat format, const std::string& texture);
 
-/// What encode_mesh() writes, and such files of other programs: of a .glb, the triangles of its scene; of an mshp box, its
-/// first mesh. Points that are equal to a millionth of the farthest one's distance are one.
+/// What encode_mesh() writes, and such files of other programs: of a .glb, the triangles of its scene; of an mshp box,
+/// its first mesh. Points that are equal to a millionth of the farthest one's distance are one.
 /// Errors: kBadFormat, kTruncated, kTooLarge, kUnsupported; those of check_raymesh().
 Result<Raymesh> decode_mesh(std::span<const std::uint8_t> bytes, MeshFormat format);
 

@@ -174,7 +174,7 @@ Result<FileMesh> decode_mesh_box(std::span<const std::uint8_t> bytes) {
 }  // namespace
 
 Result<std::vector<std::uint8_t>> encode_mshp(const Raymesh& mesh) {
-  std::map<std::uint32_t, std::uint32_t> known;  // of a float's bits, its index
+  std::map<std::uint32_t, std::uint32_t> known;  // index of each float, by its bits
   std::vector<std::uint32_t> coordinates;
   std::vector<std::array<std::uint32_t, 5>> vertices;
   for (std::uint32_t k = 0; k < mesh.vertices.size(); ++k) {

@@ -15,9 +15,9 @@ struct LayoutMesh {
   double error = 0;
 };
 
-/// As few triangles as keep the error within `most_error` rad, on an envelope: patches of the layout, each cut evenly, so
-/// that neighbours meet at their corners. The mesh of an icosahedron or dymaxion is a subdivided icosahedron.
-/// A scattered layout: the spherical Delaunay triangles of its rays (the convex hull of their directions). Between its
+/// As few triangles as keep the error within `most_error` rad, on an envelope: patches of the layout, each cut evenly,
+/// so that neighbours meet at their corners. The mesh of an icosahedron or dymaxion is a subdivided icosahedron. A
+/// scattered layout: the spherical Delaunay triangles of its rays (the convex hull of their directions). Between its
 /// corners a raymap of such a layout has no place: interpolate the corners' values.
 /// Errors: kTooLarge if more than kMaxMeshTriangles would be needed.
 Result<LayoutMesh> mesh_of_layout(const geometry::RaymapLayout& layout, const geometry::Envelope& envelope,

@@ -17,12 +17,12 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-/// A triangle before the camera. An edge's function, p x q . d, is linear in the direction d = (a, b, 1) of a pixel, and exactly
-/// opposite for the triangle on its other side, so that no pixel is between two. The three, divided by their sum, are the
-/// weights of the corners, in perspective (Olano and Greer 1997); nothing needs to be clipped.
+/// A triangle before the camera. An edge's function, p x q . d, is linear in the direction d = (a, b, 1) of a pixel,
+/// and exactly opposite for the triangle on its other side, so that no pixel is between two. The three, divided by
+/// their sum, are the weights of the corners, in perspective (Olano and Greer 1997); nothing needs to be clipped.
 struct Drawn {
   std::array<Vector3d, 3> edges;  ///< opposite of each corner
-  double depth = 0;               ///< of the plane, times the sum of edges
+  double depth = 0;               ///< depth of the plane times the sum of `edges`
   int left = 0, right = 0, top = 0, bottom = 0;
 };
 

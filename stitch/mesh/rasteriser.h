@@ -15,8 +15,8 @@
 
 namespace nodal::mesh {
 
-/// Which triangle each pixel of a view shows, and where in it: found by drawing triangles one after the other, with a depth
-/// for each pixel, the nearest stays. Another way than the search of an envelope's point for each pixel's ray.
+/// Which triangle each pixel of a view shows, and where in it: found by drawing triangles one after the other, with a
+/// depth for each pixel, the nearest stays. Another way than the search of an envelope's point for each pixel's ray.
 ///
 /// Threading: immutable; any thread.
 class MeshView {
@@ -53,7 +53,7 @@ class MeshView {
 
   int width_, height_;
   std::vector<Seen> pixels_;
-  std::vector<std::array<Eigen::Vector2d, 3>> textures_;  ///< of the triangles' corners
+  std::vector<std::array<Eigen::Vector2d, 3>> textures_;  ///< texture coordinates of each triangle's corners
 };
 
 }  // namespace nodal::mesh

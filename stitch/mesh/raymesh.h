@@ -16,8 +16,9 @@ inline constexpr std::size_t kMaxMeshTriangles = 1 << 18;
 inline constexpr std::size_t kMaxMeshFileBytes = 64 << 20;
 
 /// Vertices (rho, theta, phi, t_x, t_y): a point of the envelope, metres, rig's axes, and its place in the raymap, as a
-/// part of its width and height, from the upper left corner. Left and right of the raymap it goes on at the other side. At
-/// a seam of the raymap, one point has several vertices. Triangles are counter-clockwise as the nodal point sees them.
+/// part of its width and height, from the upper left corner. Left and right of the raymap it goes on at the other side.
+/// At a seam of the raymap, one point has several vertices. Triangles are counter-clockwise as the nodal point sees
+/// them.
 struct Raymesh {
   struct Vertex {
     std::uint32_t point = 0;  ///< its index
@@ -47,9 +48,9 @@ class Welder {
   std::map<Cell, std::uint32_t> cells_;
 };
 
-/// Refuses what is no envelope: triangles that the nodal point sees from behind or edge-on, that fold over each other, or
-/// that go around the nodal point more than once. A raymesh may cover a part of the sphere. Turns all triangles around if
-/// all are clockwise. Errors: kBadValue, with the number of the triangle, from 1, in the file's order.
+/// Refuses what is no envelope: triangles that the nodal point sees from behind or edge-on, that fold over each other,
+/// or that go around the nodal point more than once. A raymesh may cover a part of the sphere. Turns all triangles
+/// around if all are clockwise. Errors: kBadValue, with the number of the triangle, from 1, in the file's order.
 Status check_raymesh(Raymesh& mesh);
 
 /// The longest edge divided by the shortest, as the nodal point sees them.
