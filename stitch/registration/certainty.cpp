@@ -16,13 +16,15 @@ namespace {
 // Chosen on rigs drawn by seeds (tests/bench/campaign.cpp).
 constexpr double kMostLeverage = 0.8;  // a part that alone determines a parameter is not left out altogether
 constexpr double kStepTooShort = 1.5;  // steps to other lenses are too short, because large differences weigh less
-constexpr double kInexactPx = 0.01;    // of interpolation and blur
-constexpr double kDetermined = 1e-3;   // of the largest curvature: what a part says nothing about is below
-// Two heads that are apart by d along both axes are brought together by turns of d / 2 each, whose rms over heads and axes is
-// half of the displacement.
+constexpr double kInexactPx = 0.01;    // error of interpolation and blur
+// Share of the largest curvature; the curvature of turns that a part does not determine is smaller.
+constexpr double kDetermined = 1e-3;
+// Two heads that are apart by d along both axes are brought together by turns of d / 2 each, whose rms over heads and
+// axes is half of the displacement.
 constexpr double kPairAndAxes = 2;
-constexpr double kMostExcess = 2;     // of own curvatures; more is detail that is not aligned
-constexpr double kChanceShare = 0.4;  // of noise's share; less than 1, because own curvatures are too large
+constexpr double kMostExcess = 2;  // limit of own / common curvature; more is due to detail that is not aligned
+// Part of noise's share that is subtracted; less than 1, because own curvatures are too large.
+constexpr double kChanceShare = 0.4;
 
 using Matrix = Eigen::MatrixXd;
 using Vector = Eigen::VectorXd;
@@ -114,7 +116,7 @@ class Model {
     for (std::size_t p = 0; p < own_.size(); ++p) {
       if (own_[p].size() == 0) continue;
       const Matrix rest = Matrix::Identity(n, n) - kMostLeverage * own_[p] * own_inverse;
-      const Vector pull = inverse * rest.partialPivLu().solve(gradients_[p]);  // of the result without this part
+      const Vector pull = inverse * rest.partialPivLu().solve(gradients_[p]);  // change of the result without this part
       spread.parts += pull * pull.transpose();
     }
     return spread;

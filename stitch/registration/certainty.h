@@ -11,8 +11,8 @@
 namespace nodal::registration {
 
 /// Standard deviations of the estimated parameters. Squared, they are the sum of
-/// - noise, or, if it is larger, the contradiction between parts of the sphere, by a jackknife: the spread of the results
-///   without one part each. Near or moving things count as far as they pull in different directions;
+/// - noise, or, if it is larger, the contradiction between parts of the sphere, by a jackknife: the spread of the
+///   results without one part each. Near or moving things count as far as they pull in different directions;
 /// - the change of the result if lenses, or the distance of what is seen, were estimated too: errors that are the same
 ///   everywhere, which no spread shows;
 /// - for rotations, a hundredth of a pixel, because interpolation and blur are not exact.
@@ -27,11 +27,12 @@ struct Certainty {
   double by_focals = 0, by_lenses = 0, by_distance = 0;
   double distance_nearness = 0;  ///< 1 / that distance, 1/m; 0 if no head has a position
   /// The share of the objective that would go if the heads were turned differently in every part of the sphere, without
-  /// what noise alone explains. Close to 0 where one rotation per head fits everywhere; large if lenses are wrong, or if
-  /// things are near, because then displacements depend on what a part shows.
+  /// what noise alone explains. Close to 0 where one rotation per head fits everywhere; large if lenses are wrong, or
+  /// if things are near, because then displacements depend on what a part shows.
   double by_parts = 0;
-  /// The size of what by_parts counts: by how much the heads' pictures are displaced against each other after the rotations,
-  /// rms where they show detail, without what noise alone explains, px of the pictures. A fifth too small, as measured with focal lengths 0.5 to 0.8 % off.
+  /// The size of what by_parts counts: by how much the heads' pictures are displaced against each other after the
+  /// rotations, rms where they show detail, without what noise alone explains, px of the pictures. A fifth too small,
+  /// as measured with focal lengths 0.5 to 0.8 % off.
   double parts_px = 0;
 };
 

@@ -31,8 +31,8 @@ std::string lens_misfit(bool focals, double promised, double size_px);
 std::string wrong_lenses(bool focals);
 /// `nearness`: 1 / the distance at which the pictures agree best, 1/m; 0: unknown. `size_px`: Certainty::parts_px.
 std::string near_things(double nearness, double size_px, const Calibration& prior);
-/// Why fewer parameters of lenses are estimated than was asked for. `error`: that of what was asked for; empty if it has a
-/// result, but near things affect it, by `size_px` (Certainty::parts_px).
+/// Why fewer parameters of lenses are estimated than was asked for. `error`: that of what was asked for; empty if it
+/// has a result, but near things affect it, by `size_px` (Certainty::parts_px).
 std::string fewer_lens_parameters(Free asked, Free estimated, const std::string& error, double size_px);
 /// The same where overlaps show only a thin range of angles from the lenses' axes.
 std::string thin_overlaps(Free estimated, double from_deg, double to_deg);

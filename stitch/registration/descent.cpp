@@ -17,8 +17,8 @@ constexpr int kMostRefusals = 4;
 // Fall-offs are far from linear. Without rotations, no finer level would go on from here.
 constexpr int kMostRefusalsOfLight = 10;
 constexpr double kGrain = 2e-4;  // relative noise of the objective, from rays that enter and leave at the rims
-constexpr double kSameObjective =
-    1.001;                            // a step that raises the objective by less than this factor may still be accepted
+// A step that raises the objective by less than this factor may still be accepted.
+constexpr double kSameObjective = 1.001;
 constexpr double kLeastPivot = 1e-9;  // sums are of single-precision products: smaller pivots are rounding errors
 
 /// Keeps the distance between infinity and the nearest one that a calibration may have.
@@ -131,7 +131,7 @@ class LevelProblem {
   const Parameters& parameters_;
   const Sought& sought_;
   const DescentOptions& options_;
-  const Eigen::MatrixXd weights_;  // of soft priors
+  const Eigen::MatrixXd weights_;  // weights of the soft priors
   int tried_ = 0;
   bool refused_ = false;  // the latest step
   double promised_ = 0;   // the decrease that the first step from the best heads predicted

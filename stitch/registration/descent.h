@@ -30,8 +30,8 @@ struct Descended {
 /// Solves a symmetric system of the objective's sums. Pivots below the rounding error of these sums count as zero.
 Eigen::VectorXd solve_symmetric(const Eigen::MatrixXd& H, const Eigen::VectorXd& g);
 
-/// The step to the minimum of a quadratic model with this matrix and gradient, with plausible fall-offs only; `damping` is
-/// relative to each curvature.
+/// The step to the minimum of a quadratic model with this matrix and gradient, with plausible fall-offs only; `damping`
+/// is relative to each curvature.
 Eigen::VectorXd step_to_minimum(const Parameters& parameters, const std::vector<HeadState>& heads,
                                 const Eigen::MatrixXd& H, const Eigen::VectorXd& g, double damping);
 

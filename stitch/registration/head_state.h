@@ -57,7 +57,7 @@ struct HeadState {
   double vignetting_radius = 1;
   Region region;
   std::shared_ptr<const MaskField> masks;  ///< null if nothing is masked
-  double edge_radius = 1, edge_angle = 1;  ///< of the region's farthest point, at the start
+  double edge_radius = 1, edge_angle = 1;  ///< px and rad of the region's farthest point, at the start
 
   /// `distance`: Calibration::distance. Errors: kLensDomain.
   static Result<HeadState> from(const HeadCalibration& head, double distance = 0);

@@ -13,9 +13,9 @@
 namespace nodal::registration {
 
 struct LevelPlan {
-  int width = 0;         ///< of the raymap, as if it were equirectangular
-  int level = 0;         ///< of the pyramid
-  double sigma_px = 0;   ///< of the blur, in the level's pixels
+  int width = 0;         ///< width of the raymap, px, as if it were equirectangular
+  int level = 0;         ///< level of the pyramid
+  double sigma_px = 0;   ///< standard deviation of the blur, in the level's pixels
   double margin_px = 0;  ///< distance kept from the region's edge, in the level's pixels
   bool focal = false, lens = false;
   bool share_lens = false;  ///< one lens is estimated for all heads

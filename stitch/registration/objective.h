@@ -95,7 +95,7 @@ class Objective {
   double margin_px_;
   ObjectiveSettings settings_;
   const parallel::Workers& workers_;
-  std::vector<int> channels_;  ///< of each plane
+  std::vector<int> channels_;  ///< channel of each plane
   std::vector<bool> used_;
   std::vector<KeptTable> tables_;
 };

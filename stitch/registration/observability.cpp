@@ -17,7 +17,8 @@ double worst_sigma(const Eigen::Matrix3d& information) {
   return least > 0 ? 1 / std::sqrt(least) : std::numeric_limits<double>::infinity();
 }
 
-constexpr double kLittleDetail = 1.0 / 3;  // of the median head's; wide differences between scenes' parts are above 0.5
+// Share of the median head's detail; wide differences between scenes' parts are above 0.5.
+constexpr double kLittleDetail = 1.0 / 3;
 
 }  // namespace
 
@@ -86,7 +87,7 @@ Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyram
   detail.pairs = normal.pairs;
   const int n = normal.heads;
   for (int h = 0; h < n; ++h) {
-    PairSums all;  // of this head (a) with every other (b)
+    PairSums all;  // sums over the pairs of this head (a) with every other one (b)
     double total = 0;
     for (int other = 0; other < n; ++other) {
       if (other == h) continue;

@@ -10,9 +10,10 @@ namespace nodal::registration {
 
 /// How one head's detail compares with the other heads'.
 struct HeadDetail {
-  double rms = 0;        ///< of its own detail in the overlaps, levels
+  double rms = 0;        ///< rms of its own detail in the overlaps, levels
   double agreement = 0;  ///< correlation with the other heads' detail: 1 the same, 0 nothing in common
-  double sigma_rad = 0;  ///< of its rotation about the worst axis, if all others are known; infinite if undetermined
+  /// Standard deviation of its rotation about the worst axis, if all others are known; infinite if undetermined.
+  double sigma_rad = 0;
   double shared_sr = 0;
 };
 
@@ -29,7 +30,8 @@ Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyram
                               const std::vector<HeadState>& heads, const std::vector<bool>& used,
                               const Options& options, const parallel::Workers& workers);
 
-/// Of the heads in `used`, those with less than a third of the median head's detail: out of focus, in fog, or in the dark.
+/// Of the heads in `used`, those with less than a third of the median head's detail: out of focus, in fog, or in the
+/// dark.
 std::vector<bool> with_little_detail(const Detail& detail, const std::vector<bool>& used);
 
 /// For each head, the spread (5th to 95th percentile) of the squared distance from the lens's centre over the rays that

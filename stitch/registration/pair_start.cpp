@@ -15,8 +15,8 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kLeastBase =
-    2 * kRadiansPerDegree;  // two points closer to each other do not determine the rotation about them
+// Two points closer to each other do not determine the rotation about them.
+constexpr double kLeastBase = 2 * kRadiansPerDegree;
 constexpr std::size_t kMostTried = 1500;
 constexpr int kMostAttempts = 4;
 

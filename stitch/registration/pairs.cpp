@@ -25,11 +25,11 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr int kMostRounds = 60;
-constexpr double kEnough = 1e-14;  // of the cost
+constexpr double kEnough = 1e-14;  // share of the cost; a smaller decrease ends the descent
 constexpr double kDamping = 1e-9;  // the start is close, so steps are nearly Gauss-Newton steps
 constexpr double kLeastOutlier = 0.05 / kDegreesPerRadian;  // pairs set by hand are not more accurate than this
-constexpr double kFocalSigma =
-    0.05;  // relative error of a prior's focal length; determines focal lengths that the pairs do not
+// Relative error of a prior's focal length; determines focal lengths that the pairs do not.
+constexpr double kFocalSigma = 0.05;
 constexpr double kFocalStep = 1e-5;
 constexpr double kMostRms = 2 / kDegreesPerRadian;
 
@@ -70,8 +70,8 @@ class Bundle {
   bool focals_;
   Stand stand_;
   std::vector<bool> placed_, used_;
-  std::vector<double> weights_;  // of the pairs
-  std::vector<int> columns_;     // of a head's turn; its focal length follows; -1: fixed
+  std::vector<double> weights_;  // one per pair
+  std::vector<int> columns_;     // column of each head's turn; its focal length follows; -1: fixed
   int first_ = 0;
   int count_ = 0;
   Eigen::MatrixXd H_;

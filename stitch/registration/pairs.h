@@ -25,7 +25,7 @@ struct PointPair {
 struct PairAgreement {
   std::size_t a = 0, b = 0;  ///< heads, a < b
   int used = 0, rejected = 0;
-  double rms_deg = 0, worst_deg = 0;  ///< of those used
+  double rms_deg = 0, worst_deg = 0;  ///< rms and largest error of the used pairs
 };
 
 struct PairFit {
@@ -33,7 +33,7 @@ struct PairFit {
   std::vector<HeadReport> heads;
   std::vector<PairAgreement> agreements;
   std::vector<bool> used;  ///< one per pair: false for outliers
-  double rms_deg = 0;      ///< of all that are used
+  double rms_deg = 0;      ///< rms error of all used pairs
   std::vector<std::string> warnings;
 };
 

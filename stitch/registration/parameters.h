@@ -37,8 +37,8 @@ class Parameters {
   /// Which free parameters remain if only `sought` is estimated, which must be part of what is estimated here.
   std::vector<bool> part_of(const Sought& sought) const;
 
-  /// Soft priors, half a percent of focal lengths and of the edge's radius: the inverse variances of changes of lenses, as
-  /// a matrix of the free parameters. They matter only where the pictures say little, or contradict each other.
+  /// Soft priors, half a percent of focal lengths and of the edge's radius: the inverse variances of changes of lenses,
+  /// as a matrix of the free parameters. They matter only where the pictures say little, or contradict each other.
   Eigen::MatrixXd lens_weights(const std::vector<HeadState>& heads) const;
 
   Eigen::VectorXd gradient(const Normal& normal) const;

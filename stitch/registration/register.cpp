@@ -37,7 +37,8 @@ Status check_focals(const Calibration& prior, const LitFrames& frames, const Opt
   return fail(Errc::kHeadMismatch, wrong_focals(rms, sum / count, std::sqrt(held), std::sqrt(found->objective_after)));
 }
 
-// If whole lenses leave less than one part in this of the differences that focal lengths leave, then lenses are wrong, too.
+// If whole lenses leave less than one part in this of the differences that focal lengths leave, then lenses are wrong,
+// too.
 constexpr double kLensesExplain = 2;
 
 /// A head that was left out, and why.
@@ -92,8 +93,9 @@ Result<Registered> register_with(const Calibration& prior, const LitFrames& fram
   }
 }
 
-/// Where overlaps show the lenses if whole lenses are asked for and that is too little of them: the rest would be extrapolated,
-/// by tens of percent wrong, and heads agree nevertheless. Nothing if it is enough, or if heads do not overlap at all.
+/// Where overlaps show the lenses if whole lenses are asked for and that is too little of them: the rest would be
+/// extrapolated, by tens of percent wrong, and heads agree nevertheless. Nothing if it is enough, or if heads do not
+/// overlap at all.
 Result<std::optional<SeenRadii>> too_thin(const Calibration& prior, const Options& options) {
   if (options.free != Free::kLens || !options.geometry) return std::optional<SeenRadii>();
   NODAL_TRY_ASSIGN(const SeenRadii seen, seen_radii(prior));
@@ -101,8 +103,8 @@ Result<std::optional<SeenRadii>> too_thin(const Calibration& prior, const Option
   return enough ? std::nullopt : std::optional(seen);
 }
 
-/// Registers with fewer parameters of lenses if those asked for cannot be trusted: if overlaps show too little of the lenses, if
-/// there is no result with them, or if near things would bend whole lenses.
+/// Registers with fewer parameters of lenses if those asked for cannot be trusted: if overlaps show too little of the
+/// lenses, if there is no result with them, or if near things would bend whole lenses.
 Result<Report> register_what_is_sure(const Calibration& prior, const LitFrames& frames, const Options& options) {
   NODAL_TRY_ASSIGN(const std::optional<SeenRadii> thin, too_thin(prior, options));
   Result<Registered> asked = fail(Errc::kNotDetermined, "not tried");

@@ -42,8 +42,8 @@ enum class Gauge : std::uint8_t {
 
 /// One accepted step of the descent.
 struct Step {
-  int width = 0;          ///< of the raymap that the objective is summed on, px
-  int level = 0;          ///< of the pictures' pyramid; 0: full size, each next level half of it
+  int width = 0;          ///< width of the raymap that the objective is summed on, px
+  int level = 0;          ///< level of the pictures' pyramid; 0: full size, each next level half of it
   int iteration = 0;      ///< 0: the start of the level
   double objective = 0;   ///< mean squared difference of the shared rays, 8-bit levels squared
   double turned_deg = 0;  ///< the largest turn of a head in this step
@@ -127,10 +127,10 @@ struct LitFrames {
 ///
 /// Threading: thread-safe; starts `threads` of its own for the time of the call.
 /// Ownership: the frames' bytes must remain valid during the call.
-/// Errors: kBadValue for frames that do not fit the prior; kNoCoverage if the heads share too little; kNotDetermined for
-///   black frames; kHeadMismatch if the frames contradict the prior (the same picture twice, mirrored, upside down, another
-///   lens, noise). Each message says what is wrong and what to try. One head that contradicts three or more others is left
-///   out and reported as not placed.
+/// Errors: kBadValue for frames that do not fit the prior; kNoCoverage if the heads share too little; kNotDetermined
+///   for black frames; kHeadMismatch if the frames contradict the prior (the same picture twice, mirrored, upside down,
+///   another lens, noise). Each message says what is wrong and what to try. One head that contradicts three or more
+///   others is left out and reported as not placed.
 Result<Report> register_heads(const Calibration& prior, const std::vector<FrameSet>& frame_sets,
                               const Options& options);
 /// The same; `frames` must be of the options' colour.

@@ -20,12 +20,13 @@ namespace {
 
 // Of the loosest head: what is looser than this part of it is not made so by it alone.
 constexpr double kMuchLooser = 0.25;
-constexpr double kLooseSigmaPx =
-    0.5;  // pixels of the picture, or of the raymap if that is coarser: more is visible at seams
+// Pixels of the picture, or of the raymap if that is coarser: more is visible at seams.
+constexpr double kLooseSigmaPx = 0.5;
 constexpr int kAgreementWidth = 400;  // narrower raymaps show the position of the sky, but no detail
 constexpr double kLeastPairAgreement = 0.2;
-constexpr double kClearAgreement = 0.4;    // of a head with all others, on one level
-constexpr double kLeastFallOffSeen = 0.4;  // of the radius squared
+constexpr double kClearAgreement = 0.4;  // agreement of a head with all others, from which on a level counts for it
+// Spread of the shared rays' squared radii, relative to the edge's, that determines a fall-off.
+constexpr double kLeastFallOffSeen = 0.4;
 
 }  // namespace
 

@@ -64,8 +64,8 @@ class Run {
   Result<Alternative> attempt(bool lenses, bool distance);
   struct Explanation {
     Cause cause = Cause::kNone;
-    double nearness = 0;        ///< of near things, if one distance explains most, 1/m
-    std::vector<double> turns;  ///< by how much alternatives turn each head, rad; empty without any
+    double nearness = 0;        ///< nearness of near things, if one distance explains most, 1/m
+    std::vector<double> turns;  ///< how far alternatives turn each head, rad; empty without alternatives
   };
   Explanation explained(const Certainty& certainty);
   Result<Explanation> check_cause(const Certainty& certainty);
@@ -97,17 +97,18 @@ class Run {
     double rad = 0;
     double per_radian = 0;  // pixels of the level
   };
-  std::vector<std::optional<CoarseSigma>> coarse_sigma_;  // on the finest level on which the head agrees with others
-  std::vector<double> loose_sigma_;                       // of heads that are not placed, rad
-  std::vector<std::size_t> wrong_;                        // by the latest check_agreement()
-  std::ptrdiff_t apart_ = 0;  // pairs of heads whose common detail did not agree in that check
+  // By head, from the finest level on which it agrees with others.
+  std::vector<std::optional<CoarseSigma>> coarse_sigma_;
+  std::vector<double> loose_sigma_;  // rad; by head, infinite if not placed
+  std::vector<std::size_t> wrong_;   // heads that disagreed in the latest check_agreement()
+  std::ptrdiff_t apart_ = 0;         // pairs of heads whose common detail did not agree in that check
   Cause cause_ = Cause::kNone;
   double displaced_px_ = 0;
-  bool soft_priors_ = true;          // of lenses
+  bool soft_priors_ = true;          // the lenses have soft priors
   std::vector<bool> loose_;          // heads whose detail does not determine their rotation
-  std::vector<double> agreement_;    // of heads, by the latest check_agreement()
+  std::vector<double> agreement_;    // each head's agreement in the latest check_agreement()
   std::vector<bool> little_detail_;  // heads with much less detail than the others, by the latest check_agreement()
-  float huber_ = 0;                  // of the latest level
+  float huber_ = 0;                  // Huber's threshold on the latest level
   Report report_;
   double work_done_ = 0, work_all_ = 1;
 };

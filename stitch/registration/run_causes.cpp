@@ -13,13 +13,13 @@ constexpr double kContradiction = 0.05;
 constexpr double kStillContradictory = 0.03;  // the same with lenses estimated: then wrong ones leave less than 0.01
 // Levels of 255, rms. Pictures that differ by less are equal but for rounding, which contradicts itself, too.
 constexpr double kRounding = 0.5;
-constexpr double kMostlyExplained = 0.5;  // of the contradictions
-constexpr double kMostlyFocals = 0.7;     // of what lenses explain
+constexpr double kMostlyExplained = 0.5;  // remaining share of the contradictions, below which they count as explained
+constexpr double kMostlyFocals = 0.7;     // share of what lenses explain, above which focal lengths are the cause
 
 }  // namespace
 
-// Goes on from the result with other parameters estimated: all lenses, or none, and the distance, or none. Lenses that are
-// not estimated are the prior's; those that are have no soft priors.
+// Goes on from the result with other parameters estimated: all lenses, or none, and the distance, or none. Lenses that
+// are not estimated are the prior's; those that are have no soft priors.
 Result<Run::Alternative> Run::attempt(bool lenses, bool distance) {
   const Options options = options_;
   const std::vector<HeadState> heads = heads_;

@@ -6,7 +6,8 @@
 namespace nodal::registration {
 namespace {
 
-constexpr double kStrictHuber = 0.3;  // of the rms difference: lowers the weight of close objects, which do not line up
+// Share of the rms difference; lowers the weight of close objects, which do not line up.
+constexpr double kStrictHuber = 0.3;
 
 }  // namespace
 

@@ -31,7 +31,7 @@ struct Sample {
   RadialTable table;
   double angle = 0, scale = 1;
   std::vector<Tile> rays;
-  std::vector<std::vector<float>> values;  // for the rays of each tile
+  std::vector<std::vector<float>> values;  // values at the rays of each tile
 };
 
 struct Candidate {

@@ -13,9 +13,9 @@ namespace nodal::registration {
 namespace {
 
 constexpr double kLeastSpan = 0.4;
-constexpr int kSamples = 96;        // of a picture, each way
-constexpr std::size_t kRings = 50;  // that the radius is divided into
-constexpr double kSeen = 0.03;      // of a ring's samples that other heads show, too
+constexpr int kSamples = 96;        // samples of a picture along each axis
+constexpr std::size_t kRings = 50;  // rings that the radius is divided into
+constexpr double kSeen = 0.03;      // share of a ring's samples that other heads must show, too
 
 struct Ring {
   double samples = 0, shared = 0;

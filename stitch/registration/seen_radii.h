@@ -8,10 +8,10 @@ namespace nodal::registration {
 
 struct SeenRadii {
   double span = 0;                  ///< share of the radius, from the axis to the edge of what is used
-  double from_deg = 0, to_deg = 0;  ///< of the rays, from the lenses' axes
+  double from_deg = 0, to_deg = 0;  ///< angles of the seen rays from the lenses' axes
 
-  /// Whether overlaps that show so little determine whole lenses. Fisheyes of 220 degrees back to back show 0.36 of it, and
-  /// any lens that is odd about 90 degrees fits them; a ring of heads that share a quarter shows 0.6.
+  /// Whether overlaps that show so little determine whole lenses. Fisheyes of 220 degrees back to back show 0.36 of it,
+  /// and any lens that is odd about 90 degrees fits them; a ring of heads that share a quarter shows 0.6.
   bool determine_lenses() const;
 };
 

@@ -15,7 +15,8 @@ struct alignas(64) Tile {
   float x[kTile], y[kTile], z[kTile];
   float omega[kTile];  ///< sr
   float axis[3] = {0, 0, 1};
-  float cos_radius = 1, sin_radius = 0;  ///< of a cone about the axis that contains all rays
+  /// Cosine and sine of the radius of a cone about the axis that contains all rays.
+  float cos_radius = 1, sin_radius = 0;
 };
 
 /// One picture of a head at one level of its pyramid, relative light in 8-bit levels (0..255).
@@ -31,18 +32,18 @@ struct HeadSight {
   float nearness = 0;             ///< 1/m
   const RadialTable* table = nullptr;
   float center_x, center_y, aspect;
-  float left, top, right, bottom;  ///< of the region, reduced so that every tap is inside
+  float left, top, right, bottom;  ///< bounds of the region, reduced so that every tap is inside
   float circle_x, circle_y, circle_radius2;
   const MaskField* masks = nullptr;  ///< null if nothing is masked
   float mask_margin = 0;             ///< full-size px
   float vignetting_x, vignetting_y, per_vignetting_radius2, vignetting[3];
   float gain[3];
   float level_scale;             ///< full-size pixels per pixel of the level
-  int width = 0, height = 0;     ///< of the level
-  float axis[3];                 ///< in the rig
-  float cos_reach, sin_reach;    ///< of the largest angle from its axis that it sees
+  int width = 0, height = 0;     ///< size of the level
+  float axis[3];                 ///< the head's axis in the rig frame
+  float cos_reach, sin_reach;    ///< cosine and sine of the largest angle from its axis that it sees
   std::vector<PlaneRef> planes;  ///< number of frame sets times channels
-  std::vector<int> channels;     ///< of each plane
+  std::vector<int> channels;     ///< channel of each plane
 };
 
 /// One head on one tile: the kernel's working memory, reused for every tile.
@@ -55,18 +56,18 @@ struct alignas(64) TileHead {
   float weight[kTile];       ///< density; 0 where the head does not see the ray
   float vignetting_s[kTile];
   float falloff[kTile];                  ///< V
-  float dlog_du[kTile], dlog_dv[kTile];  ///< of V, by the picture's px
+  float dlog_du[kTile], dlog_dv[kTile];  ///< derivatives of log V by the picture's px
   float fx[kTile], fy[kTile];
   float light[kTile], du[kTile], dv[kTile];  ///< du, dv: derivatives by px; all divided by gain and V
   float error[kTile];                        ///< from the ray's mean
   float share[kTile];                        ///< w / W
   float active[kTile];                       ///< the weight of its difference
   float gu[kTile], gv[kTile];        ///< derivatives of light by px without the aspect, including the fall-off's
-  float gradient[3][kTile];          ///< of light by the ray, in the rig frame
+  float gradient[3][kTile];          ///< gradient of light by the ray, in the rig frame
   float J[kMaxSlots][kTile];         ///< derivatives of light by the head's slots
   float J_others[kMaxSlots][kTile];  ///< the same with the light's gradient from the other heads on the ray
   int cell[kTile];
-  int offset[kTile];  ///< of the upper left tap
+  int offset[kTile];  ///< index of the upper left tap
   int head = 0;
 };
 using Rows = const float (*)[kTile];

@@ -16,7 +16,7 @@ void gradient_weight(const TileHead& a, const TileRays& rays, float* weight);
 /// Sums over rays of measure * w_a w_b / W times ...
 struct PairSums {
   double measure = 0;             ///< ... one
-  double solid_angle = 0;         ///< that both see, sr; times the number of planes
+  double solid_angle = 0;         ///< solid angle that both heads see, sr, times the number of planes
   double difference = 0;          ///< ... (l_a - l_b)^2
   double aa = 0, ab = 0, bb = 0;  ///< ... l_a^2, l_a l_b, l_b^2
   /// Rms difference, levels.
