@@ -14,7 +14,7 @@ namespace {
 using bands::Layer;
 
 constexpr int kMostRounds = 4;      ///< all heads, in turn; the cost rarely falls after the second round
-constexpr double kUnit = 1.0 / 64;  ///< of costs as integers, levels
+constexpr double kUnit = 1.0 / 64;  ///< levels per unit of the integer costs
 /// Between two pixels that no two heads see both, levels.
 constexpr double kUnknown = 40;
 

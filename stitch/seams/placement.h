@@ -16,15 +16,15 @@ inline constexpr std::uint8_t kNobody = 255;
 struct PlacementOptions {
   /// The cost of a seam's length where the pictures agree, in levels (of 255) per pixel of the map.
   double length = 1;
-  /// The cost of a pixel whose head has no score, relative to one with the best score, in levels. Small: it places seams
-  /// only where the pictures leave the choice.
+  /// The cost of a pixel whose head has no score, relative to one with the best score, in levels. Small: it places
+  /// seams only where the pictures leave the choice.
   double score = 0.1;
   /// Differences up to this are noise, levels.
   double noise = 1;
   /// Larger differences do not count more, levels.
   double largest = 60;
-  /// The cost of a pixel that changes its head from one set to the next, levels: seams stay where they are unless another
-  /// place is clearly better, so that what does not move does not flicker.
+  /// The cost of a pixel that changes its head from one set to the next, levels: seams stay where they are unless
+  /// another place is clearly better, so that what does not move does not flicker.
   double change = 2;
 };
 
@@ -32,8 +32,8 @@ struct PlacementOptions {
 /// other, the pixels that should go over to it, by a minimum cut. A seam's cost is the sum, along it, of the difference
 /// between the two heads' pictures (Kwatra et al., "Graphcut Textures", 2003), per length on the sphere.
 ///
-/// views: one for each head, on one grid; the last channel is the head's score, > 0 where it sees a pixel, the others are
-///   colours (levels). At most 255.
+/// views: one for each head, on one grid; the last channel is the head's score, > 0 where it sees a pixel, the others
+///   are colours (levels). At most 255.
 /// previous: the labels of the set before, or empty.
 /// Time: about a second for a map of 1024 x 512 and six heads. Memory: 200 bytes a pixel of the map.
 Labels place_seams(std::span<const bands::Layer> views, const Labels& previous, const PlacementOptions& options = {});
@@ -43,9 +43,9 @@ struct Share {
   std::uint8_t head = 0;
   float part = 0;
 };
-/// The heads' shares at (u, v), in pixels of the map; the largest share is first. The labels of the pixels around (u, v)
-/// are weighted by a quadratic B-spline: lines along which the first head changes are smooth, although the map is coarse.
-/// kNobody has no share. Empty if no head's pixels are near.
+/// The heads' shares at (u, v), in pixels of the map; the largest share is first. The labels of the pixels around (u,
+/// v) are weighted by a quadratic B-spline: lines along which the first head changes are smooth, although the map is
+/// coarse. kNobody has no share. Empty if no head's pixels are near.
 void shares_at(const Labels& labels, bands::Grid map, double u, double v, std::vector<Share>& shares);
 
 /// The cost of labels, in levels times pixels of the map.
