@@ -50,7 +50,7 @@ struct Trial {
   const Evaluation& here;
   const Eigen::VectorXd& step;
   double promised = 0;      ///< predicted share of the cost
-  double next_damping = 0;  ///< of the next step, if this one is accepted
+  double next_damping = 0;  ///< damping of the next step, if this one is accepted
 };
 
 /// Descends from `start`, whose evaluation is `at`, to a state of least cost; the best state so far is kept. A problem

@@ -8,7 +8,8 @@
 namespace nodal::solve {
 namespace {
 
-constexpr double kLeastEigenvalue = 1e-14;  // for a unit-diagonal matrix: some tens of units in the last place
+// Smaller eigenvalues of a unit-diagonal matrix are noise: this is some tens of units in the last place.
+constexpr double kLeastEigenvalue = 1e-14;
 
 Eigen::VectorXd solve_scaled(const Eigen::MatrixXd& A, const Eigen::VectorXd& g, double least_pivot) {
   const Eigen::LDLT<Eigen::MatrixXd> cholesky(A);
@@ -74,7 +75,7 @@ Eigen::VectorXd solve_bounded(const Eigen::MatrixXd& H, const Eigen::VectorXd& g
                               const SymmetricOptions& options) {
   const Eigen::VectorXd unbounded = solve_symmetric(H, g, {}, options);
   Eigen::VectorXd x = unbounded;
-  Eigen::MatrixXd rows(0, x.size()), toward(x.size(), 0);  // for the bounds violated so far
+  Eigen::MatrixXd rows(0, x.size()), toward(x.size(), 0);  // one row or column per bound violated so far
   Eigen::VectorXd crossed(0);
   while (true) {
     constexpr double kTouched = 1e-8;

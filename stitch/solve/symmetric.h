@@ -9,7 +9,7 @@ namespace nodal::solve {
 /// How a symmetric system is solved.
 struct SymmetricOptions {
   double damping = 0;      ///< Marquardt's damping: the share of each diagonal element that is added to it
-  double least_pivot = 0;  ///< in the matrix scaled to a unit diagonal, a smaller pivot is rounding noise
+  double least_pivot = 0;  ///< smallest pivot of the matrix scaled to a unit diagonal; a smaller one is rounding noise
 };
 
 /// The submatrix of the unknowns that are solved for, scaled to a unit diagonal.
