@@ -8,7 +8,8 @@
 
 namespace nodal::table {
 
-/// Appends a record with its list of coordinates, which is taken from `lists`. The second of a pair has the first one's list.
+/// Appends a record with its list of coordinates, which is taken from `lists`. The second of a pair has the first one's
+/// list.
 inline void append_record(blend::PatchRecord record, std::span<const std::uint16_t> lists, blend::GridTable& to) {
   constexpr std::size_t kList = 2 * blend::kTilePixels;
   if (record.listed() && record.has(0)) {

@@ -15,8 +15,8 @@ constexpr std::size_t kStrip = GridTable::kBlockTiles * kTilePixels;
 constexpr std::size_t kLeastRun = 4;
 constexpr std::size_t kLongRun = 32;
 
-/// The first strip of each batch, and the end. A batch has as many whole cells as fit into `most` strips, or one cell that fits
-/// into `limit` strips, or `most` strips where there are no cells.
+/// The first strip of each batch, and the end. A batch has as many whole cells as fit into `most` strips, or one cell
+/// that fits into `limit` strips, or `most` strips where there are no cells.
 std::vector<std::uint32_t> first_strips(const GridTable& grid, std::size_t most, std::size_t limit,
                                         std::span<const std::uint32_t> cells) {
   const auto strips = static_cast<std::uint32_t>(grid.tile_count() / GridTable::kBlockTiles);
@@ -148,7 +148,8 @@ std::size_t components_on(PixelFormat raymap, int grid) {
 
 void add_batches(GridTable& grid, std::size_t components, std::span<const std::uint32_t> cells) {
   if (grid.places.empty()) return;
-  // Half the buffer is in or near the level-1 cache. Only if runs are then not long, they gain more by the whole buffer.
+  // Half the buffer is in or near the level-1 cache. Only if runs are then not long, they gain more by the whole
+  // buffer.
   const std::size_t limit = GridTable::most_strips(components);
   for (const std::size_t most : {limit / 2, limit}) {
     clear(grid);

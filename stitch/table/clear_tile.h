@@ -16,9 +16,9 @@ struct ClearTile {
   std::array<double, blend::kTilePixels> gain;  ///< as in RaySample
 };
 
-/// The tile whose first sample is (left, top), if the layout is smooth and one head has the whole weight all over it, by
-/// the limits of the scores' slopes or by the tile's distance from the seam. Positions are a biquadratic polynomial through nine of them, within a
-/// quarter of kPatchFit of what RowSampler computes. Nothing without seams.
+/// The tile whose first sample is (left, top), if the layout is smooth and one head has the whole weight all over it,
+/// by the limits of the scores' slopes or by the tile's distance from the seam. Positions are a biquadratic polynomial
+/// through nine of them, within a quarter of kPatchFit of what RowSampler computes. Nothing without seams.
 std::optional<ClearTile> clear_tile(const RaySampler& sampler, int grid, int left, int top);
 
 /// Whether the layout is smooth, and at most one head can see rays of the tile. Quick; may say no where it is so.

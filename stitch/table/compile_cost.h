@@ -14,12 +14,12 @@ namespace nodal::table {
 
 class RaySampler;
 
-/// In steps; one is about a nanosecond on a processor of 2020. What a ray costs depends on the heads that see it, on the corners
-/// of their masks near it, and on whether their lenses can be looked up; the sum over the raymap is estimated from about
-/// kRays of its rays.
+/// In steps; one is about a nanosecond on a processor of 2020. What a ray costs depends on the heads that see it, on
+/// the corners of their masks near it, and on whether their lenses can be looked up; the sum over the raymap is
+/// estimated from about kRays of its rays.
 struct CompileCost {
-  std::vector<std::uint64_t> heads;  ///< by head
-  std::uint64_t total = 0;           ///< of all heads
+  std::vector<std::uint64_t> heads;  ///< cost of each head
+  std::uint64_t total = 0;           ///< sum over all heads
 
   static constexpr int kRays = 4096;
 };

@@ -14,7 +14,7 @@ namespace nodal::table {
 
 struct HeadOptics {
   TabledLens lens;
-  Eigen::Vector3d right, down, axis;  ///< of the head, in the rig: the rows of R_head_rig
+  Eigen::Vector3d right, down, axis;  ///< axes of the head in the rig frame: the rows of R_head_rig
   double cos_reach = -1;              ///< rays with a smaller cosine to the axis are outside the region
   double depth_per_px = 1;  ///< 1 over the distance from an edge of the region where the weight has its full value
   EncodedGain undo;

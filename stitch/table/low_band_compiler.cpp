@@ -10,13 +10,13 @@
 namespace nodal::table {
 namespace {
 
-constexpr int kCellPixels = 16;  // of the raymap
+constexpr int kCellPixels = 16;  // side of a low picture's square, in pixels of the raymap
 /// How far inside its region a head must see a point, in sides of the low picture's squares. A low picture between its
-/// samples is a mean with a standard deviation of 0.87 sides, so that at this margin, where the head's weight begins at 0,
-/// about 7 % of it are outside. A larger margin would leave more narrow overlaps uncorrected.
+/// samples is a mean with a standard deviation of 0.87 sides, so that at this margin, where the head's weight begins at
+/// 0, about 7 % of it are outside. A larger margin would leave more narrow overlaps uncorrected.
 constexpr double kMargin = 1.25;
-/// Corners are taken this far inside their cell, px of the grid: at the edge of a face of the layout, the ray on the edge
-/// may be that of another face.
+/// Corners are taken this far inside their cell, px of the grid: at the edge of a face of the layout, the ray on the
+/// edge may be that of another face.
 constexpr double kInside = 1.0 / 64;
 /// Corners of two cells are one point if their rays differ by less than this share of the cell's diagonal.
 constexpr double kSame = 1.0 / 16;

@@ -25,7 +25,8 @@ std::vector<std::uint16_t> low_sizes(const RaySampler& sampler);
 class LowBandCompiler {
  public:
   /// `wide` is made with Transition::kFeather. `shape` has the grid's size, and no tiles. places: GridTable::places of
-  /// layouts whose rays are sorted into tiles, else empty. vignetting_scale: BlendTable's; 0 where no vignetting is undone.
+  /// layouts whose rays are sorted into tiles, else empty. vignetting_scale: BlendTable's; 0 where no vignetting is
+  /// undone.
   LowBandCompiler(const RaySampler& wide, int grid, const blend::GridTable& shape,
                   std::span<const std::uint32_t> places, std::span<const std::uint16_t> sizes, int vignetting_scale);
 

@@ -26,11 +26,11 @@ struct TableOptions {
   Interpolation interpolation = Interpolation::kRay;
   Transition transition = Transition::kTwoBand;
   /// kTwoBand, kSeam: width of the ramp across a seam, in degrees on the sphere, 0 (no ramp) .. kWidestSeamDeg; at the
-  /// edge of a head's region its weight is 0 for every width. In degrees, because parallax and registration errors, which
-  /// the ramp hides, are angles, and because the width is then independent of the raymap's size.
+  /// edge of a head's region its weight is 0 for every width. In degrees, because parallax and registration errors,
+  /// which the ramp hides, are angles, and because the width is then independent of the raymap's size.
   double seam_width_deg = 1;
-  /// kTwoBand, kFeather: the distance from the edge of a head's region from which on its weight is not reduced, relative
-  /// to half the region's shorter side.
+  /// kTwoBand, kFeather: the distance from the edge of a head's region from which on its weight is not reduced,
+  /// relative to half the region's shorter side.
   double feather = 0.5;
   /// Heads with a smaller share of a sample than this do not contribute to it.
   double least_weight = 1.0 / 1024;
@@ -44,8 +44,8 @@ struct TableOptions {
   /// Levels of the heads' pyramids that may be used where the raymap shows a head much smaller than its picture: 1
   /// (only the picture itself) .. 5.
   int levels = 5;
-  /// kTwoBand, kSeam: compiles BlendTable::cover, too, as long as the rest. Without it the bytes are the same unless a head
-  /// is missing or heads had different exposures.
+  /// kTwoBand, kSeam: compiles BlendTable::cover, too, as long as the rest. Without it the bytes are the same unless a
+  /// head is missing or heads had different exposures.
   bool cover = true;
   /// Compiles the table for this field of every head's frames. The blend gets the field as a picture of half the rows
   /// (field_of); coordinates take into account which lines of the frame the field holds. Nothing: whole frames.

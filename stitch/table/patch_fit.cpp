@@ -59,8 +59,8 @@ bool fit_coordinate(const PixelValues& values, Masks masks, const Starts& starts
   bool good = true;
   for (std::size_t k = 0; k < masks.size(); ++k) {
     const std::int32_t begin = (starts[k] - starts[0]) * (1 << kFractionBits);
-    const std::int32_t end =
-        begin + (std::min(kPatch - 1, size - 1 - starts[k]) << kFractionBits);  // the next sample is inside
+    // The next sample is inside.
+    const std::int32_t end = begin + (std::min(kPatch - 1, size - 1 - starts[k]) << kFractionBits);
     for_each(masks[k], [&](std::size_t p) {
       const auto i = static_cast<std::int32_t>(p % 8);
       const auto j = static_cast<std::int32_t>(p / 8);
@@ -86,8 +86,8 @@ void list_coordinate(const PixelValues& values, Masks masks, const Starts& start
   }
 }
 
-/// Computes which rows of its patch a record's pixels read (PatchRecord::first, PatchRecord::rows). `paired`: it is one of a
-/// pair.
+/// Computes which rows of its patch a record's pixels read (PatchRecord::first, PatchRecord::rows). `paired`: it is one
+/// of a pair.
 void name_rows(const std::vector<std::uint16_t>& coordinates, PixelMask mask, bool paired, PatchRecord& record) {
   std::array<int, 4> first, last;  // by quarter
   first.fill(kPatch);
@@ -113,8 +113,8 @@ void name_rows(const std::vector<std::uint16_t>& coordinates, PixelMask mask, bo
     }
     int* starts = first.data() + 2 * half;
     for (std::size_t side = 0; side < 2; ++side) {
-      const int start =
-          starts[side] == kPatch ? starts[1 - side] : starts[side];  // a quarter without weight takes its neighbour's
+      // A quarter without weight takes its neighbour's.
+      const int start = starts[side] == kPatch ? starts[1 - side] : starts[side];
       record.first[half] |= static_cast<std::uint8_t>(std::min(start, kPatch - 1 - span) << (side * 4));
     }
   }

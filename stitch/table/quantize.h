@@ -13,8 +13,8 @@ namespace nodal::table {
 /// Rounds to the nearest integer. A value within kTie of the middle is rounded up, because the last bits of sines and
 /// cosines differ between the machines' libraries, and the table must be the same on every machine.
 inline std::int64_t round_up_ties(double value) {
-  constexpr double kTie =
-      1e-5;  // relative to the rounding step: far above the rounding noise of doubles, far below a visible error
+  // Relative to the rounding step: far above the rounding noise of doubles, far below a visible error.
+  constexpr double kTie = 1e-5;
   const double up = value + 0.5 + kTie;
   const auto whole = static_cast<std::int64_t>(up);
   return whole - (up < static_cast<double>(whole) ? 1 : 0);

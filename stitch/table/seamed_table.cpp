@@ -49,8 +49,8 @@ std::size_t cell_of(std::uint32_t place, int map_width) {
          ((place & 0xffff) >> kPlaceBits);
 }
 
-/// Calls visit(cell, weight of the column, weight of the row) for the 3 x 3 cells around a cell; 0, 1, 2 are the weights'
-/// indices.
+/// Calls visit(cell, weight of the column, weight of the row) for the 3 x 3 cells around a cell; 0, 1, 2 are the
+/// weights' indices.
 template <class Visit>
 void for_around(int column, int row, int map_width, const Visit& visit) {
   for (std::size_t l = 0; l < 3; ++l) {

@@ -14,15 +14,15 @@ class RaymapLayout;
 
 namespace nodal::table {
 
-/// Makes tables with other seams out of a compiled table. Its cover has, for every tile that several heads see, each head's
-/// patches; so a tile's new weights need no lens and no floating point, and nothing is read that the table's proof did not
-/// cover. Tiles that one head sees are copied.
+/// Makes tables with other seams out of a compiled table. Its cover has, for every tile that several heads see, each
+/// head's patches; so a tile's new weights need no lens and no floating point, and nothing is read that the table's
+/// proof did not cover. Tiles that one head sees are copied.
 ///
-/// Labels name the head that shows each pixel of an equirectangular map, row by row; kNoHead: any that sees it. Those around
-/// a place are weighted by a quadratic B-spline, which makes the map's steps a smooth line. With s the share of a head, S the
-/// largest one and D that of a ramp's half width, the head's weight is (1 - x) / (1 + x), x = (S - s) / D, and 0 from x = 1 on: as
-/// in seam.h. A head counts only at pixels at which the cover has a weight for it; where no head of the labels around has one,
-/// the head with the largest weight of the cover shows the pixel.
+/// Labels name the head that shows each pixel of an equirectangular map, row by row; kNoHead: any that sees it. Those
+/// around a place are weighted by a quadratic B-spline, which makes the map's steps a smooth line. With s the share of
+/// a head, S the largest one and D that of a ramp's half width, the head's weight is (1 - x) / (1 + x), x = (S - s) /
+/// D, and 0 from x = 1 on: as in seam.h. A head counts only at pixels at which the cover has a weight for it; where no
+/// head of the labels around has one, the head with the largest weight of the cover shows the pixel.
 ///
 /// Threading: immutable; any thread. Memory: 4 bytes a pixel of the tiles that several heads see.
 class SeamedTable {
@@ -40,16 +40,16 @@ class SeamedTable {
     blend::BlendTable table;
     std::vector<std::vector<bool>> made;  ///< by grid and tile: whether it was made anew, not copied
   };
-  /// `table`: the one that this object was made for (`before` is empty), or one that it made with the labels `before`. Only
-  /// tiles near changed labels are made anew.
+  /// `table`: the one that this object was made for (`before` is empty), or one that it made with the labels `before`.
+  /// Only tiles near changed labels are made anew.
   Moved with(const blend::BlendTable& table, Labels before, Labels labels) const;
 
  private:
   static constexpr std::uint32_t kOneHead = 0xffffffff;
   struct Grid {
-    std::vector<std::uint32_t> first;   ///< of every tile: index of its 64 places; kOneHead: one head sees it
+    std::vector<std::uint32_t> first;   ///< index of each tile's 64 places; kOneHead: only one head sees the tile
     std::vector<std::uint32_t> places;  ///< on the map, in 1/128 px: column, and row << 16; kNowhere outside the grid
-    std::vector<std::uint64_t> seen;  ///< of every record of the cover: the pixels for which it has weight, bit 8 j + i
+    std::vector<std::uint64_t> seen;  ///< for each record of the cover, the pixels for which it has weight, bit 8 j + i
   };
   blend::GridTable with(const blend::GridTable& own, const blend::GridTable& cover, const Grid& grid, Labels labels,
                         const std::vector<std::uint8_t>& around, const std::vector<bool>& made) const;

@@ -24,10 +24,11 @@ struct Placed {
 
 constexpr double kAngleSteps = 1 << 28;  // steps of the integer angles in pi
 constexpr std::int32_t kNoPart = INT32_MAX;
-/// Of a cell, at least. Fewer rays: more tiles are in two cells. More: a batch has fewer cells, and its runs are shorter.
+/// Of a cell, at least. Fewer rays: more tiles are in two cells. More: a batch has fewer cells, and its runs are
+/// shorter.
 constexpr std::int64_t kCellRays = 1024;
-/// With fewer compact cells, the raymap is so small (below half a megapixel) that strips of the whole sphere are faster:
-/// they need fewer patches, and all lines of the raymap stay in the cache.
+/// With fewer compact cells, the raymap is so small (below half a megapixel) that strips of the whole sphere are
+/// faster: they need fewer patches, and all lines of the raymap stay in the cache.
 constexpr std::uint64_t kLeastCells = 400;
 /// Cells around the sphere that are lower, in rays, have elongated tiles, which need more patches.
 constexpr double kLeastSide = 5;
@@ -73,8 +74,8 @@ void order_in_strips(std::vector<Placed>& rays, std::int64_t strips) {
             [](const Placed& a, const Placed& b) { return a.part != b.part ? a.part < b.part : by_theta(a, b); });
 }
 
-/// Orders the rays of one cell, from `begin` to `end` of all, in strips of about square tiles. A strip has whole tiles, because
-/// a tile of two strips reads patches for both.
+/// Orders the rays of one cell, from `begin` to `end` of all, in strips of about square tiles. A strip has whole tiles,
+/// because a tile of two strips reads patches for both.
 void order_cell(std::vector<Placed>& rays, std::size_t begin, std::size_t end) {
   const auto iterator = [&](std::size_t k) { return rays.begin() + static_cast<std::ptrdiff_t>(k); };
   std::sort(iterator(begin), iterator(end), by_phi);
@@ -98,14 +99,15 @@ geometry::RaymapLayout::Cells cells_of(const RaySampler& sampler, int grid) {
   using Cells = geometry::RaymapLayout::Cells;
   const geometry::RaymapLayout& layout = sampler.layout();
   const PlaneGrid& on_raymap = sampler.grids()[static_cast<std::size_t>(grid)].on_raymap;
-  const std::int64_t pixels = std::int64_t{on_raymap.step_x} * on_raymap.step_y;  // of the raymap for one of the grid
+  // Pixels of the raymap per pixel of the grid.
+  const std::int64_t pixels = std::int64_t{on_raymap.step_x} * on_raymap.step_y;
   const std::size_t strips = blend::GridTable::most_strips(components_on(sampler.raymap_format(), grid));
   constexpr std::int64_t kStripPixels = blend::GridTable::kBlockTiles * blend::kTilePixels;
   const std::int64_t most = static_cast<std::int64_t>(strips) * kStripPixels * pixels;
   const Cells cells = layout.cells(kCellRays, blend::kTile * on_raymap.step_y);
   if (cells.run == 1) return cells.count < kLeastCells ? Cells{} : cells;
-  // Cells of consecutive pixels can have any size. Batches have whole strips, so cells should, too. In a grid with steps, a cell
-  // has the same number of pixels as every other if it has whole rows of the grid.
+  // Cells of consecutive pixels can have any size. Batches have whole strips, so cells should, too. In a grid with
+  // steps, a cell has the same number of pixels as every other if it has whole rows of the grid.
   const std::int64_t strip = kStripPixels * pixels;
   const std::int64_t with_rows = std::lcm(strip, std::int64_t{layout.width()} * on_raymap.step_y);
   const auto run = static_cast<std::int64_t>(cells.run);
@@ -186,7 +188,7 @@ void lay(std::span<Placed> rays, std::size_t width, std::size_t height, std::uin
 SphereOrder sphere_order(const RaySampler& sampler, int grid) {
   const RaySampler::Grid& shape = sampler.grids()[static_cast<std::size_t>(grid)];
   std::vector<Placed> rays = placed(sampler, grid);
-  std::vector<std::size_t> first_rays;  // of the cells
+  std::vector<std::size_t> first_rays;  // index of each cell's first ray
   if (const geometry::RaymapLayout::Cells cells = cells_of(sampler, grid); cells.count != 0) {
     first_rays = order_in_cells(rays, cells, sampler, grid);
   } else {

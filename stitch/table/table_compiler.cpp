@@ -206,11 +206,11 @@ int tile_rows(const RaySampler::Grid& grid) { return (grid.height + blend::kTile
 struct TableCompiler::Work {
   std::unique_ptr<geometry::RaymapLayout> own_layout;  ///< if make() was given a layout's name
   RaySampler sampler;
-  std::optional<RaySampler> cover;               ///< for BlendTable::cover and for two bands
-  int vignetting_scale = 0;                      ///< 0: nothing to undo
-  std::vector<TileRun> rows;                     ///< of every grid, then of every grid of the cover
-  std::vector<SphereOrder> orders;               ///< by grid, for scattered layouts; else empty
-  std::vector<std::uint16_t> low_sizes;          ///< by head; empty: one band
+  std::optional<RaySampler> cover;       ///< cover for BlendTable::cover and two bands; empty: neither is wanted
+  int vignetting_scale = 0;              ///< 0: nothing to undo
+  std::vector<TileRun> rows;             ///< tiles of every grid, then of every grid of the cover
+  std::vector<SphereOrder> orders;       ///< by grid, for scattered layouts; else empty
+  std::vector<std::uint16_t> low_sizes;  ///< by head; empty: one band
   std::vector<std::vector<blend::LowGrid>> low;  ///< by grid, then row of blocks
 
   void compile_rows(const RaySampler& rays, int first, int begin, int end);

@@ -65,8 +65,8 @@ void TileBuilder::split_by_head(const TileSamples& samples) {
       needed[s.head] = needed[s.head] || samples.at[p].size() == 1;
     }
   });
-  const double least =
-      (kWeightFit + 0.5) / kWhole;  // between two integers, so that the result does not depend on rounding
+  // Between two integers, so that the result does not depend on rounding.
+  const double least = (kWeightFit + 0.5) / kWhole;
   std::array<int, kMaxHeads> part_of;
   part_of.fill(-1);
   std::vector<RaySample> kept;
@@ -104,9 +104,10 @@ void TileBuilder::split_by_head(const TileSamples& samples) {
   std::sort(parts_.begin(), parts_.end(), [](const Part& a, const Part& b) { return a.head < b.head; });
 }
 
-/// Adds the patches for those of the part's pixels `of` that are in a block. If one patch does not suffice, the pixels are
-/// separated where they jump to another place in the head's picture, over an edge of the layout. Without a jump, a pair of
-/// patches is tried, and then the block is halved, across or down, whichever leaves the smaller spans of coordinates.
+/// Adds the patches for those of the part's pixels `of` that are in a block. If one patch does not suffice, the pixels
+/// are separated where they jump to another place in the head's picture, over an edge of the layout. Without a jump, a
+/// pair of patches is tried, and then the block is halved, across or down, whichever leaves the smaller spans of
+/// coordinates.
 void TileBuilder::add_patches(std::size_t k, PixelMask of, const Block& block, TileRun& run) {
   const Part& part = parts_[k];
   const PixelMask mask = of & block_mask(block);
@@ -147,8 +148,8 @@ void TileBuilder::add_patches(std::size_t k, PixelMask of, const Block& block, T
   add_patches(k, of, across ? east : south, run);
 }
 
-/// The pixels of the mask on this side of the largest step between their sorted x or y coordinates; the whole mask if no
-/// step is above kJump.
+/// The pixels of the mask on this side of the largest step between their sorted x or y coordinates; the whole mask if
+/// no step is above kJump.
 PixelMask TileBuilder::before_jump(const Part& part, PixelMask mask) {
   std::int32_t largest = kJump;
   PixelMask before = mask;
@@ -186,8 +187,8 @@ std::optional<std::array<std::int16_t, 4>> TileBuilder::fit_gain(const Part& par
   return gain;
 }
 
-/// Adds one record for the pixels of one mask, or a pair for those of two, and returns true; if the patches cannot hold them,
-/// returns false. With `must` it always adds the record (a single pixel always fits).
+/// Adds one record for the pixels of one mask, or a pair for those of two, and returns true; if the patches cannot hold
+/// them, returns false. With `must` it always adds the record (a single pixel always fits).
 bool TileBuilder::add_records(const Part& part, std::span<const PixelMask> masks, bool must, TileRun& run) {
   const RaySampler::Plane& plane = sampler_.plane(grid_, part.head);
   const int width = plane.width >> part.level;

@@ -30,9 +30,9 @@ struct TileSamples {
 };
 
 /// Appends tiles of one grid to a run. A head contributes one patch to a tile. Its coordinates are a quadratic if that
-/// is within kPatchFit of every pixel's coordinates, else they are listed. If the pixels do not fit into one patch, or a
-/// bilinear function does not fit the vignetting gains, the tile is divided: at an edge of the layout, else into a pair of
-/// its upper and its lower half, else, recursively, in halves, with one patch for each part.
+/// is within kPatchFit of every pixel's coordinates, else they are listed. If the pixels do not fit into one patch, or
+/// a bilinear function does not fit the vignetting gains, the tile is divided: at an edge of the layout, else into a
+/// pair of its upper and its lower half, else, recursively, in halves, with one patch for each part.
 ///
 /// Threading: only the run changes; one builder per thread.
 /// Ownership: keeps the sampler by reference.
@@ -45,7 +45,8 @@ class TileBuilder {
   static constexpr int kGainFit = 24;
   /// The same for rays that were sorted into tiles: their positions are less regular than the pixels of a picture.
   static constexpr int kGainFitOfRays = 80;
-  /// A step between pixels of a tile, in 1 / (1 << kFractionBits) samples, that is none within a face of the layout: 4 px.
+  /// The smallest step between pixels of a tile that is not within a face of the layout: 4 px, in
+  /// 1 / (1 << kFractionBits) samples.
   static constexpr int kJump = 4 << blend::kFractionBits;
 
   /// vignetting_scale: BlendTable's; 0 if no vignetting is undone.
@@ -63,7 +64,7 @@ class TileBuilder {
     HeadIndex head = 0;
     int level = 0;
     PixelMask mask = 0;
-    PixelValues x{}, y{};  ///< in 1 / (1 << kFractionBits) samples of the level's plane
+    PixelValues x{}, y{};  ///< position in the level's plane, in 1 / (1 << kFractionBits) samples
     PixelValues weight{};
     PixelValues gain{};
   };

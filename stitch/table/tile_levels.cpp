@@ -71,8 +71,9 @@ double TileBuilder::square_between_rays(const Part& part) const {
          (plane_grid.step_x * plane_grid.step_y);
 }
 
-/// Chooses for each part the pyramid level whose samples are about as far apart as the raymap's pixels, in the direction
-/// of the larger step, so that it does not alias. Parts without square_step() take the coarsest level of the others.
+/// Chooses for each part the pyramid level whose samples are about as far apart as the raymap's pixels, in the
+/// direction of the larger step, so that it does not alias. Parts without square_step() take the coarsest level of the
+/// others.
 void TileBuilder::choose_levels() {
   int others = 0;
   for (const bool small : {false, true}) {
