@@ -22,8 +22,8 @@ struct Known {
   int widest_deg;  ///< field of view; of kPannini: with d = 1
 };
 
-// In the order of Projection. Formulas: Snyder, "Map Projections: A Working Manual", 1987; of kPannini: Sharpless, Postle and
-// German, "Pannini: A New Projection for Rendering Wide Angle Perspective Images", 2010.
+// In the order of Projection. Formulas: Snyder, "Map Projections: A Working Manual", 1987; of kPannini: Sharpless,
+// Postle and German, "Pannini: A New Projection for Rendering Wide Angle Perspective Images", 2010.
 constexpr std::array kKnown{
     Known{"perspective", Projection::kPerspective, 179},
     Known{"fisheye", Projection::kFisheye, 360},
@@ -125,8 +125,8 @@ double angle(const CameraName& name, double offset) {
   }
 }
 
-/// The angle phi of what an upright projection shows `down` focal lengths below its horizon, at `theta`; NaN where there
-/// is none.
+/// The angle phi of what an upright projection shows `down` focal lengths below its horizon, at `theta`; NaN where
+/// there is none.
 double phi(const CameraName& name, double theta, double down) {
   switch (name.projection) {
     case Projection::kPannini: return std::atan(down * (name.d + std::cos(theta)) / (name.d + 1));

@@ -26,7 +26,8 @@ enum class Projection {
   kStereographic,  ///< r = 2 tan(a / 2)
   kEquisolid,      ///< r = 2 sin(a / 2)
   kOrthographic,   ///< r = sin a
-  // By the ray's angles theta to the right and phi down (geometry::Angles): x to the right, y down. Verticals stay straight.
+  // By the ray's angles theta to the right and phi down (geometry::Angles): x to the right, y down. Verticals stay
+  // straight.
   kPannini,            ///< x = S sin theta, y = S tan phi, where S = (d + 1) / (d + cos theta)
   kCylindrical,        ///< x = theta, y = tan phi
   kCylinderEqualArea,  ///< x = theta, y = sin phi
@@ -37,8 +38,8 @@ enum class Projection {
 /// A projection with its parameters.
 struct CameraName {
   Projection projection = Projection::kPerspective;
-  /// Of kFisheye: f1 to f9, as those of an EquidistantLens. Only their ratios matter, because the field of view gives the
-  /// focal length.
+  /// Of kFisheye: f1 to f9, as those of an EquidistantLens. Only their ratios matter, because the field of view gives
+  /// the focal length.
   std::array<double, 9> f{1};
   /// Of kPannini: how far behind the axis of a cylinder of radius 1 the point is from which the cylinder is seen. 0 is
   /// perspective, 1 stereographic along the horizon.
@@ -72,15 +73,16 @@ class Camera {
 
   int width() const { return spec_.width; }
   int height() const { return spec_.height; }
-  /// The ray, in the raymap's frame, of a point of the picture; pixel (i, j)'s centre is (i + .5, j + .5). Nothing beyond
-  /// what the projection shows: a fisheye ends at 180 degrees from its axis, or where its r stops rising.
+  /// The ray, in the raymap's frame, of a point of the picture; pixel (i, j)'s centre is (i + .5, j + .5). Nothing
+  /// beyond what the projection shows: a fisheye ends at 180 degrees from its axis, or where its r stops rising.
   std::optional<geometry::Ray> ray(double x, double y) const;
 
  private:
   explicit Camera(const CameraSpec& spec);
   CameraSpec spec_;
-  std::shared_ptr<const geometry::RisingPolynomial> r_of_angle_;  ///< of a fisheye with f2 or more, else null
-  double focal_;                                                  ///< px
+  /// Polynomial of a fisheye with f2 or more; null otherwise.
+  std::shared_ptr<const geometry::RisingPolynomial> r_of_angle_;
+  double focal_;  ///< px
   Eigen::Matrix3d R_rig_camera_;
 };
 

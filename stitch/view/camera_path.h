@@ -17,9 +17,10 @@ struct CameraKey {
   double fov_deg = 90;
 };
 
-/// Direction and field of view between keys: each number follows a cubic of its own, smooth at the keys, and stays between the
-/// numbers of the two keys (Fritsch and Carlson, "Monotone Piecewise Cubic Interpolation", 1980). Angles are not taken modulo a turn: from 0
-/// to 720 the camera turns twice. Before the first key and after the last the camera rests.
+/// Direction and field of view between keys: each number follows a cubic of its own, smooth at the keys, and stays
+/// between the numbers of the two keys (Fritsch and Carlson, "Monotone Piecewise Cubic Interpolation", 1980). Angles
+/// are not taken modulo a turn: from 0 to 720 the camera turns twice. Before the first key and after the last the
+/// camera rests.
 ///
 /// Threading: immutable; any thread.
 class CameraPath {
@@ -27,8 +28,8 @@ class CameraPath {
   static constexpr std::size_t kMostKeys = 100'000;
   static constexpr std::int64_t kMostPictures = 10'000'000;
 
-  /// Lines "picture,yaw,pitch,roll,fov", degrees, pictures rising. Empty lines, what follows # in a line, and a first line with
-  /// these names do not count. Errors: kBadValue with the line; kTooLarge.
+  /// Lines "picture,yaw,pitch,roll,fov", degrees, pictures rising. Empty lines, what follows # in a line, and a first
+  /// line with these names do not count. Errors: kBadValue with the line; kTooLarge.
   static Result<CameraPath> parse(std::string_view text);
 
   const std::vector<CameraKey>& keys() const { return keys_; }
@@ -39,7 +40,7 @@ class CameraPath {
   explicit CameraPath(std::vector<CameraKey> keys);
 
   std::vector<CameraKey> keys_;
-  std::vector<CameraKey> slopes_;  ///< of every number, a picture; at the keys
+  std::vector<CameraKey> slopes_;  ///< slope of every number at each key, per picture
 };
 
 }  // namespace nodal::view

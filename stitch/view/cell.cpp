@@ -65,8 +65,8 @@ std::optional<Cell> Cell::make(const Target& target, const geometry::RaymapLayou
 }
 
 bool Cell::covers_one_piece(const Pieces& pieces, const Taps& taps) {
-  // Between rows of pixels positions go beyond those in the rows by an eighth of their second difference: by less than a
-  // pixel, given kWidest.
+  // Between rows of pixels positions go beyond those in the rows by an eighth of their second difference: by less than
+  // a pixel, given kWidest.
   Eigen::Array2d low(1e9, 1e9), high(-1e9, -1e9);
   for (int row = -1; row <= kSide; ++row) {
     const double j = std::clamp(row + 0.0, -0.5, kSide - 0.5);

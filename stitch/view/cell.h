@@ -25,8 +25,8 @@ class Cell {
   /// Samples along each side of a pixel are at most these.
   static constexpr int kMostSamples = 8;
 
-  /// The cell whose first pixel is (left, top). Nothing unless its positions are a polynomial to within 1/64 px, and all
-  /// pixels that its samples need are one piece of the raymap.
+  /// The cell whose first pixel is (left, top). Nothing unless its positions are a polynomial to within 1/64 px, and
+  /// all pixels that its samples need are one piece of the raymap.
   static std::optional<Cell> make(const Target& target, const geometry::RaymapLayout& layout, const Pieces& pieces,
                                   const Taps& taps, int left, int top);
 

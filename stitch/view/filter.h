@@ -31,8 +31,8 @@ struct Taps {
   std::array<std::array<std::int16_t, 8>, kPhases> phases{};
   /// The same for samples of 16 bits; they sum to kFineOne.
   std::array<std::array<std::int32_t, 8>, kPhases> fine{};
-  /// Taps count from here in a pixel, px: the nearest pixel contains the position; others count from centres, to the nearest
-  /// phase.
+  /// Taps count from here in a pixel, px: the nearest pixel contains the position; others count from centres, to the
+  /// nearest phase.
   double shift() const { return count == 1 ? 0 : 0.5 - 0.5 / kPhases; }
 
   static const Taps& of(Filter filter);

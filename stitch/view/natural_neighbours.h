@@ -13,9 +13,10 @@ struct Neighbour {
   double weight = 0;
 };
 
-/// The natural neighbours of a ray: the pixels that the ray's Voronoi cell on the sphere would touch if it were a pixel.
-/// Each weighs the length of their common edge divided by their distance (Belikov et al. 1997: exact for functions that
-/// are linear about the ray); edges are measured on the tangent plane. Weights sum to 1. A pixel's own ray gives that pixel.
+/// The natural neighbours of a ray: the pixels that the ray's Voronoi cell on the sphere would touch if it were a
+/// pixel. Each weighs the length of their common edge divided by their distance (Belikov et al. 1997: exact for
+/// functions that are linear about the ray); edges are measured on the tangent plane. Weights sum to 1. A pixel's own
+/// ray gives that pixel.
 std::vector<Neighbour> natural_neighbours(const geometry::ScatteredRays& rays, const geometry::Ray& ray);
 
 }  // namespace nodal::view

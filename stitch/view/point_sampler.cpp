@@ -49,8 +49,8 @@ double PointSampler::pitch_at(const Position& at) const {
   return std::sqrt(std::max(layout_.solid_angle(i, j), mean_sr_));
 }
 
-/// The pixels that hold the nearest rays of nine about this one, three quarters of a pixel apart, each with a weight that falls to 0
-/// one pixel away along longitude and latitude: bilinear if rows follow the latitude.
+/// The pixels that hold the nearest rays of nine about this one, three quarters of a pixel apart, each with a weight
+/// that falls to 0 one pixel away along longitude and latitude: bilinear if rows follow the latitude.
 template <class Sample>
 void PointSampler::add_across_edge(const PlaneView& plane, int channels, const Ray& ray, Sum<Sample>& sum) const {
   using Real = typename Sum<Sample>::Real;

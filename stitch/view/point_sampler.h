@@ -28,9 +28,9 @@ struct Sum {
   Real value[3] = {0, 0, 0};
 };
 
-/// Where the pixels around a position are not neighbours on the sphere (edges of faces, of discs, of rows), a sample is the
-/// mean of the nearest pixels of nine rays about it, weighted by their distance; in scattered raymaps, that of its natural
-/// neighbours.
+/// Where the pixels around a position are not neighbours on the sphere (edges of faces, of discs, of rows), a sample is
+/// the mean of the nearest pixels of nine rays about it, weighted by their distance; in scattered raymaps, that of its
+/// natural neighbours.
 ///
 /// Threading: immutable; any thread.
 /// Ownership: keeps the layout and its pieces by reference.

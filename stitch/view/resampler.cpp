@@ -69,8 +69,8 @@ class Resampler::Square {
     const std::optional<Pixel> pixel = ray ? resampler_.layout_.pixel(*ray) : std::nullopt;
     return pixel ? Position{pixel->x, pixel->y} : Position{};
   }
-  /// How the position changes across the pixel, px, along rows (1, 0) or columns (0, 1). Nothing if it does not change about
-  /// evenly: then the pixel is at an edge between faces.
+  /// How the position changes across the pixel, px, along rows (1, 0) or columns (0, 1). Nothing if it does not change
+  /// about evenly: then the pixel is at an edge between faces.
   std::optional<Eigen::Vector2d> step(int x, int y, int dx, int dy) {
     const auto mean = [&](const Position& before, const Position& behind) -> std::optional<Eigen::Vector2d> {
       const Eigen::Vector2d to_it = apart(before, at(x, y)), from_it = apart(at(x, y), behind);
@@ -91,8 +91,8 @@ class Resampler::Square {
     }
     return difference;
   }
-  /// Writes a pixel whose samples are all in one piece of the raymap: in integers, at positions that are linear within the
-  /// pixel. False, and nothing done, for others.
+  /// Writes a pixel whose samples are all in one piece of the raymap: in integers, at positions that are linear within
+  /// the pixel. False, and nothing done, for others.
   bool write_inside(int x, int y, std::uint8_t* to) {
     if (target_.pixel_sr > 0 || resampler_.layout_.scattered()) return false;
     const std::optional<Eigen::Vector2d> across = step(x, y, 1, 0), down = step(x, y, 0, 1);

@@ -16,10 +16,10 @@
 
 namespace nodal::view {
 
-/// A raymap's layout, prepared for sampling. Where the target's pixels are larger than the raymap's, each is the mean of
-/// samples across it, up to Cell::kMostSamples along each side: as many as it has pixels of the raymap below it.
-/// Positions of pixels are exact to 1/64 px where the target is smooth, and those of samples within a pixel are linear or closer;
-/// samples are exact to half a level.
+/// A raymap's layout, prepared for sampling. Where the target's pixels are larger than the raymap's, each is the mean
+/// of samples across it, up to Cell::kMostSamples along each side: as many as it has pixels of the raymap below it.
+/// Positions of pixels are exact to 1/64 px where the target is smooth, and those of samples within a pixel are linear
+/// or closer; samples are exact to half a level.
 ///
 /// Threading: immutable; any thread.
 /// Ownership: keeps the layout by reference.
@@ -32,13 +32,13 @@ class Resampler {
   /// Where the target's pixels are in the raymap: the same for every raymap of the layout.
   struct Plan {
     Target target;
-    int columns = 0;                         ///< of cells
+    int columns = 0;                         ///< number of columns of cells
     std::vector<std::optional<Cell>> cells;  ///< row by row; without a value: sampled pixel by pixel
   };
   Plan plan(const Target& target, const parallel::Workers& workers) const;
 
-  /// `raymap` has the layout's size; RGB24, GREY, RGB48 or GREY16, packed. The result has its format, and does not depend on
-  /// the number of threads.
+  /// `raymap` has the layout's size; RGB24, GREY, RGB48 or GREY16, packed. The result has its format, and does not
+  /// depend on the number of threads.
   DecodedImage resample(const ImageView& raymap, const Plan& plan, const parallel::Workers& workers) const;
   DecodedImage resample(const ImageView& raymap, const Target& target, const parallel::Workers& workers) const {
     return resample(raymap, plan(target, workers), workers);

@@ -39,8 +39,8 @@ Sample mean_level(int sum, int count) {
 }
 
 /// `origin` is the pixel that positions are relative to; every tap must be a pixel of the picture. So must, at RGB24,
-/// kLoadedBeyond more to the right of the last tap. `row_stride` in bytes. Writes count x channels samples, and may write
-/// over three more.
+/// kLoadedBeyond more to the right of the last tap. `row_stride` in bytes. Writes count x channels samples, and may
+/// write over three more.
 template <class Sample>
 using RowKernelOf = void (*)(const std::uint8_t* origin, std::ptrdiff_t row_stride, const Taps& taps,
                              const Curve& curve, int count, typename Samples<Sample>::Scaled* samples);

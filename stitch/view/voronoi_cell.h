@@ -37,10 +37,10 @@ struct NearRay {
   double distance = 0;  ///< the length of the chord
 };
 
-/// The cell of `ray` among `rays`. Its edges are indices of `found`: all rays near enough to matter, and some beyond. Rays
-/// at its own place cut nothing. What is farther than 89.9 degrees away cuts nothing, either. `moved` is false for the
-/// rays as they are; true: `ray` and the others are displaced by up to 1e-5 of their distance, each always in the same way, so that
-/// no four are on one circle.
+/// The cell of `ray` among `rays`. Its edges are indices of `found`: all rays near enough to matter, and some beyond.
+/// Rays at its own place cut nothing. What is farther than 89.9 degrees away cuts nothing, either. `moved` is false for
+/// the rays as they are; true: `ray` and the others are displaced by up to 1e-5 of their distance, each always in the
+/// same way, so that no four are on one circle.
 VoronoiCell voronoi_cell(const geometry::ScatteredRays& rays, const geometry::Ray& ray, bool moved,
                          std::vector<NearRay>& found);
 
