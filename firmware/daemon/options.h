@@ -26,8 +26,8 @@ struct Options {
 inline constexpr int kExitFine = 0;
 inline constexpr int kExitFailed = 1;    ///< it failed while running
 inline constexpr int kExitBadInput = 2;  ///< the command line or rig.toml is wrong
-inline constexpr int kExitCannotStart =
-    3;  ///< the store, a socket or a line cannot be opened, or no daemon answers the bridge
+/// The store, a socket or a line cannot be opened, or no daemon answers the bridge.
+inline constexpr int kExitCannotStart = 3;
 inline constexpr int kExitStageHung = 4;  ///< a stage hung at the end; outputs were made safe, the end was by force
 
 /// The options; or the exit code when there is nothing more to do: help was printed, or an error of the command line

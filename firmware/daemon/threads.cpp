@@ -143,8 +143,8 @@ void RigThreads::add_seams() {
 
 void RigThreads::add_keeper() {
   add("nodal-keeper", keeper_bell_, [this, adopted = std::uint64_t{0}]() mutable {
-    const std::uint64_t now =
-        rig_.blender().counts().adopted.load();  // before the step, so that the step frees the old table
+    // Before the step, so that the step frees the old table.
+    const std::uint64_t now = rig_.blender().counts().adopted.load();
     if (rig_.step_keeper()) {
       blend_bell_.ring();
       control_bell_.ring();

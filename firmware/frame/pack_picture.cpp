@@ -32,8 +32,8 @@ void pack_picture(const ImageView& picture, std::uint8_t* to) {
   const MutableImageView packed = packed_image(picture.format, picture.width, picture.height, to);
   const auto components = static_cast<std::size_t>(component_count(picture.format));
   bool interleaved = components > 1 && picture.planes[0].pixel_stride == packed.planes[0].pixel_stride;
-  const std::uint8_t* first =
-      picture.planes[0].data;  // the lowest address of row 0, in both pictures the same component
+  // The lowest address of row 0, in both pictures the same component.
+  const std::uint8_t* first = picture.planes[0].data;
   for (std::size_t c = 1; c < components && interleaved; ++c) {
     interleaved = rides_along(picture, packed, c);
     if (picture.planes[c].data < first) first = picture.planes[c].data;

@@ -20,8 +20,8 @@ void News::step(Instant now) {
   for (std::size_t kind = 0; kind < kNewsKinds; ++kind) {
     Bucket& bucket = buckets_[kind];
     const std::int64_t seconds = (now - bucket.filled).ms() / 1000;
-    constexpr std::int64_t kFullWithin =
-        2 * kBurstBytes / kBytesASecond;  // s; a longer time could overflow the product
+    // Seconds; a longer time could overflow the product.
+    constexpr std::int64_t kFullWithin = 2 * kBurstBytes / kBytesASecond;
     bucket.bytes = std::min(kBurstBytes, bucket.bytes + kBytesASecond * std::min(seconds, kFullWithin));
     bucket.filled = bucket.filled + Duration::seconds(seconds);
     if (bucket.left_out == 0) {

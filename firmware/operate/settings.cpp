@@ -195,8 +195,8 @@ Result<Settings> Settings::decode(std::span<const std::uint8_t> file, const Sha2
     return fail(Errc::kChecksum, "the file of stored settings is damaged; the rig starts with those of rig.toml");
   }
   FirstError error("the stored settings are not used, the rig starts with those of rig.toml");
-  const toml::parse_result parsed =
-      toml::parse(text);  // with the header line, a TOML comment, so that line numbers are those of the file
+  // With the header line, a TOML comment, so that line numbers are those of the file.
+  const toml::parse_result parsed = toml::parse(text);
   if (!parsed) {
     error.set(Errc::kBadFormat, parsed.error().source(), "not TOML: " + std::string(parsed.error().description()));
     return fail(error.get());

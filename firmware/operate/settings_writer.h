@@ -32,8 +32,8 @@ class SettingsWriter {
   /// A sentence while settings would not survive a restart; else empty.
   const std::string& problem() const { return problem_; }
 
-  static constexpr Duration kWriteEvery =
-      Duration::seconds(1);  ///< limits the wear of flash during many changes in a row
+  /// Limits the wear of flash during many changes in a row.
+  static constexpr Duration kWriteEvery = Duration::seconds(1);
   static constexpr Duration kRetryEvery = Duration::seconds(10);
   static constexpr Duration kAnswerWithin = Duration::seconds(1);  ///< the most that a slow disk delays a reply
 

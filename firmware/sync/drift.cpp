@@ -63,8 +63,8 @@ std::optional<std::int32_t> DriftMeter::ppb() const {
   const std::int64_t span = rate_.start_of(static_cast<std::uint64_t>(newer.number - older.number)).ns();
   if (span <= 0) return std::nullopt;
   constexpr std::int64_t kBillion = 1'000'000'000;
-  constexpr std::int64_t kMost =
-      8 * kBillion;  // ns: a billion times as much fits 64 bits, and no clock drifts this far in 17 s
+  // ns: a billion times as much fits 64 bits, and no clock drifts this far in 17 s.
+  constexpr std::int64_t kMost = 8 * kBillion;
   const std::int64_t ppb = std::clamp(newer.distance - older.distance, -kMost, kMost) * kBillion / span;
   return static_cast<std::int32_t>(std::clamp<std::int64_t>(ppb, -kBillion, kBillion));
 }

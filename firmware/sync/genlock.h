@@ -159,8 +159,8 @@ class Genlock {
   struct HeadEstimate {
     bool known = false;
     OffsetFilter skew;
-    double free_evidence =
-        0;            ///< Page's sum, 0 to kRunsFree: evidence that it runs free and does not follow its pulses
+    /// Page's sum, 0 to kRunsFree: evidence that it runs free and does not follow its pulses.
+    double free_evidence = 0;
     Duration offset;  ///< running mean of its mid-exposure relative to the set's
     Instant newest;   ///< the middle of its newest set
   };

@@ -8,8 +8,8 @@ namespace {
 constexpr int kOutliers = 3;       ///< one or two are single wrong timestamps; with a new phase, all are
 constexpr double kSigmas = 3;      ///< standard deviations that count as certain
 constexpr std::int64_t kGap = 16;  ///< periods without a timestamp after which the phase is not known
-constexpr std::int64_t kJitterMemory =
-    32;  ///< the mean of this many uniform errors has an error of 0.58 / sqrt(63) = 7 %
+/// The mean of this many uniform errors has an error of 0.58 / sqrt(63) = 7 %.
+constexpr std::int64_t kJitterMemory = 32;
 constexpr double kTimestampNoise = clock_spec::kTimestampVarianceUs2;
 
 Duration from_us(double us) { return Duration::nanoseconds(static_cast<std::int64_t>(us * 1000)); }

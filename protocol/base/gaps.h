@@ -12,8 +12,8 @@ namespace nodal::take {
 /// Sets that are missing between two that are there.
 struct Gap {
   std::uint64_t before = 0;  ///< index of the set after it
-  std::int64_t at_ns =
-      0;  ///< middle of the last set before it, by the rig's clock; of the set after it if there is none before
+  /// Middle of the last set before it, by the rig's clock; of the set after it if there is none before.
+  std::int64_t at_ns = 0;
   Duration length;            ///< without a set
   std::uint64_t slow = 0;     ///< sets that the rig had, and for which the disk or the board was too slow
   std::uint64_t error = 0;    ///< sets that were written, and that an error of the disk lost

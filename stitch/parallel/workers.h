@@ -1,5 +1,5 @@
-// Runs chunks of work on several threads. If the number of chunks does not depend on the number of threads, sums that are
-// computed chunk by chunk are the same to the bit for any number of threads.
+// Runs chunks of work on several threads. If the number of chunks does not depend on the number of threads, sums that
+// are computed chunk by chunk are the same to the bit for any number of threads.
 #pragma once
 
 #include <algorithm>

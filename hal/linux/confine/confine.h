@@ -34,8 +34,8 @@ struct Confinement {
 
 /// What is in force.
 struct Confined {
-  int landlock =
-      0;  ///< version of the kernel's interface; 0: the kernel has no Landlock (Linux 5.13 has), or it is off
+  /// Version of the kernel's interface; 0: the kernel has no Landlock (Linux 5.13 has), or it is off.
+  int landlock = 0;
   bool seccomp = false;   ///< false: the kernel has no seccomp filters
   std::string missing{};  ///< a sentence for the log about what the kernel lacks; empty: nothing
 };
