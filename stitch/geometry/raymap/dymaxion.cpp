@@ -19,7 +19,8 @@ double slope_at(double angle) {
 }
 
 /// With g_i the angles of a point's three gnomonic coordinates, the map's coordinates are
-/// g_i + (1 - g_1 - g_2 - g_3) / 3: the three great circles do not meet on the map, and the middle of the small triangle between them is taken.
+/// g_i + (1 - g_1 - g_2 - g_3) / 3: the three great circles do not meet on the map, and the middle of the small
+/// triangle between them is taken.
 class Fuller final : public FaceScale {
  public:
   Eigen::Vector3d to_map(const Eigen::Vector3d& b) const override {
