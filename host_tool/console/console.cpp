@@ -40,8 +40,8 @@ bool colour_wanted() {
 
 void put(std::FILE* file, std::string_view text) { std::fwrite(text.data(), 1, text.size(), file); }
 
-/// Prepares a line for a terminal: keeps the colours of paint(), replaces all other control characters and ends of lines,
-/// because names and errors come from rigs and files, which must not forge a line.
+/// Prepares a line for a terminal: keeps the colours of paint(), replaces all other control characters and ends of
+/// lines, because names and errors come from rigs and files, which must not forge a line.
 std::string shown(std::string_view text) {
   constexpr std::array<std::string_view, 6> kKept{kReset, "\x1b[32m", "\x1b[33m", "\x1b[31m", "\x1b[2m", "\x1b[1m"};
   std::string result;

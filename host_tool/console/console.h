@@ -38,8 +38,8 @@ class Console {
   /// failed write to standard output. Call it last.
   int end_output();
 
-  /// A result for human readers: one line on standard output, broken where a terminal ends; an end of a line in `text` is
-  /// replaced. Does nothing with --json.
+  /// A result for human readers: one line on standard output, broken where a terminal ends; an end of a line in `text`
+  /// is replaced. Does nothing with --json.
   void line(std::string_view text);
   /// A result for programs: one JSON document on one line of standard output. Does nothing without --json.
   void document(const Json& document);

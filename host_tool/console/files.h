@@ -17,8 +17,9 @@ Result<std::string> read_file(const std::string& path, std::size_t limit);
 /// kNow: on disk when write_file() returns (fsync). kLater: when the kernel writes it back.
 enum class Durability { kNow, kLater };
 
-/// Writes a temporary file beside `path`, then renames it to `path`; removes it if that fails. The mode is 0666 minus the umask. Errors:
-/// kExists (console/overwriting.h) unless the file has these bytes; kDiskFull, kNotFound (the folder), kIo; each names the file.
+/// Writes a temporary file beside `path`, then renames it to `path`; removes it if that fails. The mode is 0666 minus
+/// the umask. Errors: kExists (console/overwriting.h) unless the file has these bytes; kDiskFull, kNotFound (the
+/// folder), kIo; each names the file.
 Status write_file(const std::string& path, std::span<const std::uint8_t> bytes,
                   Durability durability = Durability::kNow);
 Status write_file(const std::string& path, std::string_view text);

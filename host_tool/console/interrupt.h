@@ -1,5 +1,5 @@
-// Ctrl-C, a closed terminal and other signals that end a program (hal::SignalOutcome::kEnds): for loops that wait for a rig, a
-// request to finish properly; for a computation, an immediate end.
+// Ctrl-C, a closed terminal and other signals that end a program (hal::SignalOutcome::kEnds): for loops that wait for a
+// rig, a request to finish properly; for a computation, an immediate end.
 #pragma once
 
 #include <string>
@@ -8,8 +8,8 @@ namespace nodal::host {
 
 class Console;
 
-/// From now on the first of these signals is only recorded; a second one of the same kind ends the program at once. Signals of
-/// kIgnored are ignored, so that a closed pipe and an exceeded file size limit become errors of write().
+/// From now on the first of these signals is only recorded; a second one of the same kind ends the program at once.
+/// Signals of kIgnored are ignored, so that a closed pipe and an exceeded file size limit become errors of write().
 void watch_interrupts();
 bool interrupted();
 /// The received signal; 0 if there was none.

@@ -7,13 +7,14 @@
 
 namespace nodal::host {
 
-/// Whether files that are there are replaced (--overwrite). Otherwise only those that this process wrote. Holds for the process, as a
-/// umask does.
+/// Whether files that are there are replaced (--overwrite). Otherwise only those that this process wrote. Holds for the
+/// process, as a umask does.
 ///
 /// Threading: set before there are other threads; the other functions are for all threads.
 void set_overwriting(bool on);
 
-/// Whether a file may be written at this name: nothing is there, it may be replaced, or it is no regular file (/dev/null, a FIFO).
+/// Whether a file may be written at this name: nothing is there, it may be replaced, or it is no regular file
+/// (/dev/null, a FIFO).
 /// Errors: kExists, naming the file.
 Status check_free(const std::string& path);
 

@@ -82,7 +82,8 @@ Status LocalFile::write(std::uint64_t offset, std::span<const std::uint8_t> byte
   }
   // The disk begins now, so that sync() has less to wait for.
   (void)::sync_file_range(fd_, static_cast<off_t>(from), static_cast<off_t>(offset - from), SYNC_FILE_RANGE_WRITE);
-  // Memory of what is on the disk is used again for the next bytes: faster than new memory, and other programs keep theirs.
+  // Memory of what is on the disk is used again for the next bytes: faster than new memory, and other programs keep
+  // theirs.
   constexpr std::uint64_t kKept = std::uint64_t{16} << 20;
   if (from >= let_go_ + 2 * kKept) {
     const std::uint64_t begin = std::exchange(let_go_, from - kKept);

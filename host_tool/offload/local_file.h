@@ -15,8 +15,8 @@ namespace nodal::host {
 /// Errors: kDiskFull, kIo, kNotFound; each names the file.
 class LocalFile {
  public:
-  /// Opens or creates it, to read and write. Symbolic links, devices and files with other names, too (hard links), are refused,
-  /// because the folder may come from anywhere.
+  /// Opens or creates it, to read and write. Symbolic links, devices and files with other names, too (hard links), are
+  /// refused, because the folder may come from anywhere.
   static Result<LocalFile> open_to_write(const std::filesystem::path& path);
   /// The same for reading a file that is there.
   static Result<LocalFile> open_to_read(const std::filesystem::path& path);

@@ -92,7 +92,7 @@ class Video final : public media::TakeFile {
   const std::shared_ptr<Source> source_;
   const std::string name_;
   const std::uint64_t size_;
-  std::uint64_t from_ = 0;  ///< of the window in the file
+  std::uint64_t from_ = 0;  ///< position of the window in the file, bytes
   Bytes window_;
 };
 

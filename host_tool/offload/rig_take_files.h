@@ -9,8 +9,8 @@
 
 namespace nodal::host {
 
-/// Documents and evidence are fetched whole when they are opened, video in windows of 8 MiB, when it is read. For a take of
-/// more than some seconds a copy (TakeCopy) is faster.
+/// Documents and evidence are fetched whole when they are opened, video in windows of 8 MiB, when it is read. For a
+/// take of more than some seconds a copy (TakeCopy) is faster.
 ///
 /// Threading: thread-bound.
 /// Ownership: owns the connection.

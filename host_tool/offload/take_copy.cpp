@@ -85,8 +85,8 @@ Result<TakeCopy> TakeCopy::begin(RigConnection& rig, std::uint64_t take, const f
   return copy;
 }
 
-/// Two rigs, or one whose card was replaced, have takes of the same number. The copy may be from before the rig deleted segments
-/// of the take to make room.
+/// Two rigs, or one whose card was replaced, have takes of the same number. The copy may be from before the rig deleted
+/// segments of the take to make room.
 Status TakeCopy::claim_folder(std::span<const std::uint8_t> manifest) {
   for (const std::string& name : {take::kManifestFile, take::kManifestFile + kPart}) {
     if (!length_of_file(folder_ / name)) continue;
@@ -182,8 +182,8 @@ Status TakeCopy::run(bool without_heads, const OnProgress& progress) {
   return done;
 }
 
-/// Documents and evidence: compared with the manifest as a whole. Evidence that is there is only read for its hashes; if it was
-/// changed, it stays as it is, and the copy ends.
+/// Documents and evidence: compared with the manifest as a whole. Evidence that is there is only read for its hashes;
+/// if it was changed, it stays as it is, and the copy ends.
 Status TakeCopy::copy_document(const take::Manifest::File& file, const OnProgress& progress) {
   const fs::path path = folder_ / file.name;
   const auto good = [&](std::span<const std::uint8_t> bytes) {

@@ -1,4 +1,5 @@
-// A copy of a take on the host: fetched from a rig, compared with the hashes of its recording, continued after interruptions.
+// A copy of a take on the host: fetched from a rig, compared with the hashes of its recording, continued after
+// interruptions.
 #pragma once
 
 #include <cstdint>
@@ -21,9 +22,9 @@ namespace nodal::host {
 /// Ownership: has the folder for itself. The connection outlives it.
 /// What exists is never written over: neither files of another take, nor one of this take that was changed.
 ///
-/// Errors: those of fetch_file(); kDiskFull, kIo, kNotFound of the host's disk; kWrongState if the folder holds another take of
-///   this number, or other files with its names; kBusy while another program copies to it; kChecksum if bytes differ
-///   from those that were recorded, kTries times.
+/// Errors: those of fetch_file(); kDiskFull, kIo, kNotFound of the host's disk; kWrongState if the folder holds another
+///   take of this number, or other files with its names; kBusy while another program copies to it; kChecksum if bytes
+///   differ from those that were recorded, kTries times.
 class TakeCopy {
  public:
   /// Bytes of the take that are there and verified, and the file that is being copied.
@@ -41,8 +42,8 @@ class TakeCopy {
   /// Of the files to copy: all, or those that are not a head's pictures.
   std::uint64_t bytes(bool without_heads) const;
 
-  /// Copies what is missing. When it returns, everything is on the host's disk. Without heads the copy stays unfinished: it has no
-  /// manifest.
+  /// Copies what is missing. When it returns, everything is on the host's disk. Without heads the copy stays
+  /// unfinished: it has no manifest.
   Status run(bool without_heads, const OnProgress& progress);
 
   /// Bytes that this object fetched.

@@ -51,10 +51,10 @@ class PicturedHeads {
 
   std::vector<geometry::Head> heads_;
   const registration::FrameSet& frames_;
-  std::vector<geometry::Ray> axes_;  ///< of the heads, in the rig
+  std::vector<geometry::Ray> axes_;  ///< the heads' axes in the rig frame
   std::vector<double> cos_reach_;    ///< rays with a smaller cosine to the axis are outside the region
   std::vector<Curve> decode_;
-  Curve encode_;  ///< of the square root of light, which resolves dark values like the encoded ones
+  Curve encode_;  ///< takes the square root of light, which resolves dark values like the encoded ones
 };
 
 }  // namespace nodal::host

@@ -35,8 +35,8 @@ class SyncReport {
   struct Head {
     std::string name;
     std::uint64_t missing = 0;   ///< sets without this head
-    std::int64_t median_ns = 0;  ///< of its mid-exposure minus the set's, signed
-    std::int64_t p99_ns = 0;     ///< of the absolute offset
+    std::int64_t median_ns = 0;  ///< median of its mid-exposure minus the set's, signed
+    std::int64_t p99_ns = 0;     ///< 99th percentile of the absolute offset
     std::int64_t worst_ns = 0;
     std::vector<std::optional<std::int64_t>> offsets;  ///< by set
   };
@@ -48,7 +48,7 @@ class SyncReport {
   std::uint64_t triggers_lost() const;  ///< pulses between the first and the last set for which no set arrived
   std::map<std::string, std::uint64_t> states() const;
 
-  std::vector<std::string> lines() const;  ///< for human readers
+  std::vector<std::string> lines() const;  ///< the report as text
   Json json() const;
   /// All heads' offsets over the sets, in one drawing.
   std::string svg() const;

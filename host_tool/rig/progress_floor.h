@@ -1,4 +1,5 @@
-// The least progress of a rig that counts as progress. Without it, a rig that sends a byte a minute would renew every wait.
+// The least progress of a rig that counts as progress. Without it, a rig that sends a byte a minute would renew every
+// wait.
 #pragma once
 
 #include <cstdint>
@@ -10,13 +11,13 @@
 
 namespace nodal::host {
 
-/// Bytes that must move in a window, unless what is waited for is complete sooner. With the usual --timeout of 10 s this is
-/// 1.6 kB/s, less than any link that a rig is reached by.
+/// Bytes that must move in a window, unless what is waited for is complete sooner. With the usual --timeout of 10 s
+/// this is 1.6 kB/s, less than any link that a rig is reached by.
 inline constexpr std::uint64_t kMinBytesAWindow = 16 * 1024;
 
 /// Divides a wait into half windows. Each must move half of `bytes`; the wait has stalled after two in a row that
-/// did not. One alone may be a pause of this program itself, such as Ctrl-Z. What moves must be counted byte by byte: at the
-/// floor, a frame of the protocol takes longer than a window.
+/// did not. One alone may be a pause of this program itself, such as Ctrl-Z. What moves must be counted byte by byte:
+/// at the floor, a frame of the protocol takes longer than a window.
 ///
 /// Threading: thread-bound.
 /// Ownership: none; the caller passes the time, of any one clock.

@@ -18,8 +18,8 @@ tl::unexpected<Error> bad(std::string_view text, std::string_view why) {
                                            text, why));
 }
 
-/// Whether `text` has only ASCII letters, digits and the characters of `others`. ssh(1) expands names in its configuration
-/// (%h, %r) and may pass them to a shell (ProxyCommand, Match exec).
+/// Whether `text` has only ASCII letters, digits and the characters of `others`. ssh(1) expands names in its
+/// configuration (%h, %r) and may pass them to a shell (ProxyCommand, Match exec).
 bool consists_of(std::string_view text, std::string_view others) {
   return std::ranges::all_of(text, [others](char c) {
     const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');

@@ -13,12 +13,12 @@ inline constexpr std::string_view kDefaultRig = "unix:/run/nodal/nodal.sock";
 
 struct RigAddress {
   std::string text;                  ///< as written by the user, for messages
-  std::vector<std::string> command;  ///< for ssh: the program to start and to communicate with; else empty
-  std::string link;                  ///< else: unix:PATH or usb:[SERIAL]
+  std::vector<std::string> command;  ///< the program to start and to communicate with (ssh); else empty
+  std::string link;                  ///< unix:PATH or usb:[SERIAL], without a command
 };
 
-/// Accepts "unix:PATH" (or just an absolute path), "usb:" and "usb:SERIAL", and "ssh://[user@]HOST[:port]". `ssh_program`
-/// is the value of NODAL_SSH, or "ssh".
+/// Accepts "unix:PATH" (or just an absolute path), "usb:" and "usb:SERIAL", and "ssh://[user@]HOST[:port]".
+/// `ssh_program` is the value of NODAL_SSH, or "ssh".
 /// Errors: kBadValue; the message gives the accepted forms.
 Result<RigAddress> parse_rig_address(std::string_view text, std::string_view ssh_program);
 

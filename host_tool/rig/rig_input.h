@@ -20,12 +20,12 @@ inline constexpr int kMaxTakes = 1000;
 inline constexpr int kMaxDiskModes = 8;
 inline constexpr int kMaxAuditEntries = 1024;  ///< a rig keeps the newest 256
 inline constexpr int kMaxHosts = 256;          ///< a rig talks to 8
-inline constexpr int kMaxDeviceLines = 4096;   ///< of the list of what is plugged in
+inline constexpr int kMaxDeviceLines = 4096;   ///< lines about devices that are plugged in
 inline constexpr std::size_t kMaxNameBytes = 200;
 inline constexpr std::size_t kMaxSentenceBytes = 1000;
 
-/// The only way from bytes of a rig to a message: parses, checks and cleans. So no command sees a text that was not made
-/// printable. `what` names the message in errors.
+/// The only way from bytes of a rig to a message: parses, checks and cleans. So no command sees a text that was not
+/// made printable. `what` names the message in errors.
 /// Errors: kBadFormat for bytes that are no such message; those of check_and_clean().
 template <class Message>
 Result<Message> parse_clean(const std::string& bytes, std::string_view what);

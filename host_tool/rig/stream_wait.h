@@ -11,8 +11,8 @@ namespace nodal::host {
 
 /// Threading: thread-bound.
 /// Ownership: refers to the connection.
-/// Errors: RigConnection::next_event()'s; kTimeout if the stream brings less than kMinBytesAWindow in `window`. Bytes of an
-///   incomplete piece count, too.
+/// Errors: RigConnection::next_event()'s; kTimeout if the stream brings less than kMinBytesAWindow in `window`. Bytes
+///   of an incomplete piece count, too.
 class StreamWait {
  public:
   /// `what` is expected, and named in errors.

@@ -24,13 +24,14 @@ struct Uploaded {
 
 /// How a document is to be taken.
 struct UploadTerms {
-  std::optional<Duration> trial{};  ///< on trial for at most that time; check the rig's feature first
-  std::string signature{};          ///< of the document; empty: not signed
-  bool allow_older = false;         ///< also with a signature of an older generation
+  /// The calibration is on trial for at most that time; check the rig's feature first.
+  std::optional<Duration> trial{};
+  std::string signature{};   ///< signature of the document; empty: not signed
+  bool allow_older = false;  ///< a signature of an older generation is accepted, too
 };
 
-/// Sends UploadBegin, the bytes from the offset that the rig answers, and UploadCommit with the terms. Reconnects after a
-/// lost link (3xx), up to `attempts` connections in total.
+/// Sends UploadBegin, the bytes from the offset that the rig answers, and UploadCommit with the terms. Reconnects after
+/// a lost link (3xx), up to `attempts` connections in total.
 /// Errors: the last connection's, or the rig's refusal of the document.
 Result<Uploaded> upload(const Reconnect& connect, std::vector<std::uint8_t> document, int attempts, Console& console,
                         const UploadTerms& terms = {});
