@@ -1,5 +1,5 @@
-// Claimed uncertainties, and the reasons that are named, on eight of the campaign's rigs. Among them are a head out of focus
-// that was once taken for one upside down (99), and parallax that was once taken for wrong focal lengths (11).
+// Claimed uncertainties, and the reasons that are named, on eight of the campaign's rigs. Among them are a head out of
+// focus that was once taken for one upside down (99), and parallax that was once taken for wrong focal lengths (11).
 #include <gtest/gtest.h>
 
 #include <algorithm>

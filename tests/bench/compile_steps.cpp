@@ -1,4 +1,5 @@
-// The steps that table::compile_cost() counts before a table is compiled, beside the seconds that one processor then takes.
+// The steps that table::compile_cost() counts before a table is compiled, beside the seconds that one processor then
+// takes.
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -13,7 +14,8 @@
 namespace nodal::bench {
 namespace {
 
-/// Thin masks along the diagonal of every head: the box of each is the whole picture, so that every ray is compared with their corners.
+/// Thin masks along the diagonal of every head: the box of each is the whole picture, so that every ray is compared
+/// with their corners.
 Calibration masked(Calibration rig, int masks) {
   for (HeadCalibration& head : rig.heads) {
     for (int m = 0; m < masks; ++m) {
@@ -39,7 +41,7 @@ void show(const std::string& name, const Calibration& rig, int width) {
       return;
     }
     steps = compiler->cost().total;
-    const std::clock_t begin = std::clock();  // of the processor, so that other load counts little
+    const std::clock_t begin = std::clock();  // the processor's time, so that other load counts little
     compiler->compile_rows(0, compiler->row_count());
     best = std::min(best, static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
   }

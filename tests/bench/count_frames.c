@@ -1,6 +1,7 @@
-// Counts the frames that a program takes from V4L2 devices, and those that its devices dropped, for tests/bench/capture. Preloaded
-// (LD_PRELOAD), so that every program is counted in the same way. The counts are in the file $COUNT_FRAMES/PID, one record
-// for each file descriptor. The driver numbers frames; a number that is left out is a drop.
+// Counts the frames that a program takes from V4L2 devices, and those that its devices dropped, for
+// tests/bench/capture. Preloaded (LD_PRELOAD), so that every program is counted in the same way. The counts are in the
+// file $COUNT_FRAMES/PID, one record for each file descriptor. The driver numbers frames; a number that is left out is
+// a drop.
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <linux/videodev2.h>

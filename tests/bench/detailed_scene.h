@@ -13,8 +13,8 @@ enum class Detail {
   kHorizon,  ///< falls off with latitude as a Gaussian of 0.2 rad; coarse shapes remain everywhere
 };
 
-/// Grey levels, about 20 to 236: octaves of smooth random values on a lattice in space, cells from 1/3 rad to 1/384 rad,
-/// each 0.8 times as strong as the one before. The lattice is turned against the axes, so that no face of a layout
+/// Grey levels, about 20 to 236: octaves of smooth random values on a lattice in space, cells from 1/3 rad to 1/384
+/// rad, each 0.8 times as strong as the one before. The lattice is turned against the axes, so that no face of a layout
 /// lies along it.
 ///
 /// Threading: immutable; any thread.

@@ -98,7 +98,8 @@ Calibration shape_of(Random& random) {
   }
 }
 
-/// The calibration's lens is equidistant. `amount` 1: focal lengths 0.5 %, centres 0.5 px, 0.7 % of curvature at the rim.
+/// The calibration's lens is equidistant. `amount` 1: focal lengths 0.5 %, centres 0.5 px, 0.7 % of the rim's
+/// curvature.
 void bend_lenses(Calibration& rig, double amount, Random& random) {
   const double common = between(random, -1, 1);
   for (HeadCalibration& head : rig.heads) {
@@ -180,8 +181,8 @@ test::Room room_of(Random& random) {
 double error_of(const Calibration& truth, const Calibration& found, std::size_t held, std::size_t h) {
   std::vector<bool> counted(truth.heads.size(), false);
   counted[held] = counted[h] = true;
-  return 2 *
-         test::rotation_error(truth, found, counted).max_deg;  // of two heads the mean error is half the relative one
+  // Two heads share the relative error, so the mean error is half of it.
+  return 2 * test::rotation_error(truth, found, counted).max_deg;
 }
 
 bool says(const std::vector<std::string>& texts, std::initializer_list<const char*> words) {
@@ -191,8 +192,8 @@ bool says(const std::vector<std::string>& texts, std::initializer_list<const cha
 }
 
 constexpr double kAboveNoise = 1;  // FaultEffect's parallax and lens
-constexpr double kUndeterminedPx =
-    0.01;  // FaultEffect::head_px: no estimate is better than interpolation and blur are exact
+// FaultEffect::head_px: no estimate is better than interpolation and blur are exact.
+constexpr double kUndeterminedPx = 0.01;
 
 void weigh_reasons(const DrawnRig& rig, const std::vector<std::string>& texts, Verdict& verdict) {
   const FaultEffect effect = effect_of(rig);

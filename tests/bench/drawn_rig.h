@@ -31,8 +31,8 @@ struct DrawnRig {
   Calibration prior;
   test::RenderedRig seen;          ///< what registration gets; `truth` holds the true rotations and lenses
   test::RenderedRig again;         ///< the same scene with other noise
-  std::optional<test::Room> room;  ///< in which it stands; otherwise everything is far away
-  std::vector<double> noise;       ///< of each head, levels
+  std::optional<test::Room> room;  ///< the room that it stands in; empty: everything is far away
+  std::vector<double> noise;       ///< noise of each head, levels
   registration::Options options;
 };
 /// The fault and all numbers depend only on the seed; faults take turns.
@@ -40,7 +40,7 @@ DrawnRig draw_rig(std::uint64_t seed);
 
 struct HeadClaim {
   std::string name;
-  double error_deg = 0;    ///< of its rotation relative to the head that is held
+  double error_deg = 0;    ///< error of its rotation relative to the head that is held
   double claimed_deg = 0;  ///< the reported standard deviation
   double ratio() const { return error_deg / claimed_deg; }
 };

@@ -62,7 +62,7 @@ struct Sighting {
   std::size_t head = 0;
   geometry::Projection at;
   Eigen::Vector3d displaced;  ///< the displacement as a tangent of the ray
-  Matrix columns;             ///< of the head's parameters, as tangents
+  Matrix columns;             ///< derivatives by the head's parameters, as tangents
 };
 
 /// The derivative of a picture by its pixels.
@@ -74,8 +74,8 @@ Gradient gradient_at(const std::vector<std::uint8_t>& picture, int width, geomet
   return {(level(x + 1, y) - level(x - 1, y)) / 2, (level(x, y + 1) - level(x, y - 1)) / 2};
 }
 
-/// By how much pictures change if a ray's light moves by a tangent of the ray. Squared, because two pictures with independent
-/// noise are used: their product has no noise of its own.
+/// By how much pictures change if a ray's light moves by a tangent of the ray. Squared, because two pictures with
+/// independent noise are used: their product has no noise of its own.
 double change_squared(const DrawnRig& rig, const Sighting& seen, const Eigen::Vector3d& tangent) {
   const Eigen::Vector2d moved = seen.at.J * tangent;
   const int width = rig.seen.truth.heads[seen.head].width;
@@ -83,8 +83,8 @@ double change_squared(const DrawnRig& rig, const Sighting& seen, const Eigen::Ve
          gradient_at(rig.again.bytes[seen.head], width, seen.at.pixel).dot(moved);
 }
 
-/// Rms change of light, over noise, by the part of the displacement between `model` and the truth that no estimate removes.
-/// `really(h, ray)`: the pixel at which head h really sees what is in the ray's direction.
+/// Rms change of light, over noise, by the part of the displacement between `model` and the truth that no estimate
+/// removes. `really(h, ray)`: the pixel at which head h really sees what is in the ray's direction.
 template <class Really>
 double displacement_effect(const DrawnRig& rig, const std::vector<Head>& model, const Really& really) {
   std::vector<std::vector<Sighting>> rays;
@@ -180,7 +180,7 @@ FaultEffect effect_of(const DrawnRig& rig) {
       const Eigen::Vector3d ray = direction(k);
       const auto at = heads[h].project_with_jacobian(Ray::towards(ray));
       if (!at || heads[h].distance_to_edge(at->pixel) < kEdgePx) continue;
-      double noise = 0;  // of the other heads' mean, squared; the best of them
+      double noise = 0;  // inverse variance of the best mean of the other heads
       for (std::size_t other = 0; other < heads.size(); ++other) {
         if (other == h) continue;
         const auto there = heads[other].project(Ray::towards(ray));

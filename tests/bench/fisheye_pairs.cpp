@@ -58,7 +58,8 @@ double series_at(const std::vector<double>& coefficients, double angle) {
 
 double edge_of(const FisheyePair& pair) { return pair.view_deg / 2 * kRadiansPerDegree; }
 
-/// The error of the radius at an angle, percent: of the head of which it is larger. 100 if the lens does not reach so far.
+/// The error of the radius at an angle, percent: of the head of which it is larger. 100 if the lens does not reach so
+/// far.
 double lens_error(const Calibration& truth, const Calibration& found, double angle) {
   double most = 0;
   for (std::size_t h = 0; h < truth.heads.size(); ++h) {

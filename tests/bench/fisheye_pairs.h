@@ -1,5 +1,5 @@
-// Pairs of fisheyes back to back, rendered by the simulator, which shares no projection code with the stitcher, and how far
-// calibrations from their pictures alone, and from a data sheet, are from the truth.
+// Pairs of fisheyes back to back, rendered by the simulator, which shares no projection code with the stitcher, and how
+// far calibrations from their pictures alone, and from a data sheet, are from the truth.
 #pragma once
 
 #include <array>
@@ -16,8 +16,8 @@ struct FisheyePair {
   std::string family;  ///< equidistant, equisolid, stereographic, or polynomial: between the first two
   std::string scene;   ///< town (far away), near (a room with columns close by), room, tiles (which repeat)
   double view_deg = 200;
-  bool tilted = false;  ///< by 20 degrees
-  int side = 720;       ///< of the pictures, px
+  bool tilted = false;  ///< the heads are tilted by 20 degrees, one up and one down
+  int side = 720;       ///< side of the pictures, px
 };
 
 /// The campaign's pairs: 0 to 39.

@@ -1,5 +1,6 @@
-// bench_formats [SECONDS]: nodald films r8 (eight 1920x1080 heads into 3840x1920) with heads that deliver I420 or MJPEG, at 30
-// frames a second, without hosts that pull. Prints raymaps a second, the time from a set to its raymap, and the processor.
+// bench_formats [SECONDS]: nodald films r8 (eight 1920x1080 heads into 3840x1920) with heads that deliver I420 or
+// MJPEG, at 30 frames a second, without hosts that pull. Prints raymaps a second, the time from a set to its raymap,
+// and the processor.
 #include <unistd.h>
 
 #include <cstdio>

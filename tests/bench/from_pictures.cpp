@@ -1,5 +1,5 @@
-// Rigs of which nothing is known but their pictures, against the truth: pairs of fisheyes back to back, beside a data sheet's
-// calibration, and sets of pictures taken from the hand, beside Hugin. Prints tables.
+// Rigs of which nothing is known but their pictures, against the truth: pairs of fisheyes back to back, beside a data
+// sheet's calibration, and sets of pictures taken from the hand, beside Hugin. Prints tables.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>

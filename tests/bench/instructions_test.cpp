@@ -10,8 +10,8 @@ namespace {
 
 /// The count of `tests/bench/instructions` on Debian 12 (valgrind 3.19, g++ 12.2 -O3). It does not depend on the
 /// machine's load, so it can be a test limit, unlike milliseconds. A faster blend lowers it; a change that raises
-/// it must state the reason here. The machine makes a difference: the code that had 16.50 on an Intel Xeon has 17.42 on an AMD
-/// EPYC (Zen 4), and so have versions of the blend from before and after two bands there.
+/// it must state the reason here. The machine makes a difference: the code that had 16.50 on an Intel Xeon has 17.42 on
+/// an AMD EPYC (Zen 4), and so have versions of the blend from before and after two bands there.
 constexpr double kInstructionsAPixel = 16.50;
 constexpr double kMargin = 0.08;
 

@@ -1,5 +1,6 @@
 // How much of a scene each raymap layout keeps at an equal number of rays, as it is, as JPEG and as H.264.
-//   build/release/bin/bench_layouts [--quick] [--only raw|jpeg|h264] [LAYOUT ...]    rows of JSON; tests/bench/layouts makes the table and the plot of them
+//   build/release/bin/bench_layouts [--quick] [--only raw|jpeg|h264] [LAYOUT ...]    rows of JSON; tests/bench/layouts
+//   makes the table and the plot of them
 #include <CLI/CLI.hpp>
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -30,7 +31,7 @@ using geometry::RaymapLayout;
 constexpr int kViews = 16, kViewSide = 240;
 constexpr double kViewFov = 50;  // degrees; 257 px/rad, finer than every raymap here
 constexpr int kFine = 3;         // rays along each side of a pixel, whose mean the pixel is
-constexpr int kFrames = 12;      // of a film
+constexpr int kFrames = 12;      // frames of a film
 constexpr double kTurn = 0.005;  // rad from frame to frame: half a pixel of 131072 rays
 constexpr double kJpegBits = 1;  // a ray
 constexpr double kVideoBits = 0.25;
@@ -219,7 +220,7 @@ class Coder {
     }
     return back;
   }
-  double size() const { return size_; }  ///< of the last film, bytes
+  double size() const { return size_; }  ///< bytes of the last film
 
  private:
   std::string at(const char* name) const { return (folder_ / name).string(); }

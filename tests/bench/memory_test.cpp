@@ -32,8 +32,8 @@ Resident resident(pid_t pid) {
 
 /// Measures after three calibrations, two of which were uploaded while another one was in use, and raymaps with each.
 /// One picture per head is included, because a camera's driver also keeps its frames in memory.
-/// The rate is one that a busy machine follows: while a raymap waits for its JPEG, the next one needs another buffer, and
-/// buffers are kept.
+/// The rate is one that a busy machine follows: while a raymap waits for its JPEG, the next one needs another buffer,
+/// and buffers are kept.
 Resident memory_of(const Workload& work) {
   ReplayedRig rig(work, PixelFormat::kI420, false, "5");
   const auto daemon = rig.start();

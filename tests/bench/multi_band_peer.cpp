@@ -13,7 +13,7 @@ namespace {
 constexpr int kBands = 5;  // OpenCV's default
 
 struct Warp {
-  cv::Rect box;  ///< in the raymap
+  cv::Rect box;  ///< place in the raymap
   cv::Mat map1, map2;
   cv::Mat mask;  ///< where the head is the best one
 };

@@ -9,9 +9,9 @@
 
 namespace nodal::bench {
 
-/// Blends I420 heads into an I420 raymap. Every head is remapped with fixed-point maps into the smallest rectangle of the
-/// raymap that holds what it sees. The masks are those of the seams of `sampler`: each pixel is the best head's, so that
-/// no time goes into finding seams.
+/// Blends I420 heads into an I420 raymap. Every head is remapped with fixed-point maps into the smallest rectangle of
+/// the raymap that holds what it sees. The masks are those of the seams of `sampler`: each pixel is the best head's, so
+/// that no time goes into finding seams.
 ///
 /// Threading: thread-bound; one thread (OpenCvPeer turns off OpenCV's own).
 class MultiBandPeer {

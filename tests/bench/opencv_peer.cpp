@@ -117,7 +117,7 @@ class OrderedBand : public Band {
     HeadIndex head = 0;
     bool alone = false;
     cv::Rect area;
-    cv::Mat map1, map2;  ///< in the format of cv::convertMaps for CV_16SC2
+    cv::Mat map1, map2;  ///< maps that cv::convertMaps makes with CV_16SC2
     cv::Mat weight;      ///< 8 bits
   };
 
@@ -171,9 +171,9 @@ class ListedBand : public Band {
   /// The rays of the band that one head sees, in rows of kColumns for cv::remap.
   struct Seen {
     static constexpr int kColumns = 512;
-    cv::Mat map1, map2;                ///< in the format of cv::convertMaps for CV_16SC2
-    std::vector<std::uint32_t> index;  ///< of the ray in the band
-    std::vector<std::uint8_t> weight;  ///< in 1/255
+    cv::Mat map1, map2;                ///< maps that cv::convertMaps makes with CV_16SC2
+    std::vector<std::uint32_t> index;  ///< index of the ray in the band
+    std::vector<std::uint8_t> weight;  ///< weight in 1/255
 
     void map(const std::vector<float>& x, const std::vector<float>& y) {
       if (x.empty()) return;

@@ -1,9 +1,9 @@
 // Heads that do not share one nodal point, in a room with people: pictures for tests/bench/parallax to compare.
 //   build/release/bin/bench_parallax FOLDER [DEGREES...]
-// FOLDER gets the truth, which is what the rig's nodal point sees; for each distance of the heads from it their pictures
-// and the calibration; at infinity (-far) and at the fitted distance (-near) the raymaps of each blend, each head's own
-// picture on the raymap with its mask, and which head is best and which one placed seams show. With DEGREES, also seam and
-// two bands with ramps of these widths.
+// FOLDER gets the truth, which is what the rig's nodal point sees; for each distance of the heads from it their
+// pictures and the calibration; at infinity (-far) and at the fitted distance (-near) the raymaps of each blend, each
+// head's own picture on the raymap with its mask, and which head is best and which one placed seams show. With DEGREES,
+// also seam and two bands with ramps of these widths.
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>

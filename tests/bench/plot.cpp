@@ -11,7 +11,7 @@ namespace nodal::bench {
 namespace {
 
 constexpr double kWidth = 760, kHeight = 490;                         // px of the picture
-constexpr double kLeft = 70, kTop = 96, kRight = 730, kBottom = 415;  // of the axes
+constexpr double kLeft = 70, kTop = 96, kRight = 730, kBottom = 415;  // px, bounds of the axes
 constexpr std::array kColours{"#0b6e99", "#b3470f", "#3a7d34", "#6b4a9e"};
 
 std::string escaped(std::string_view text) {

@@ -17,8 +17,8 @@ struct Finding {
   double psnr_db = 0;          ///< against the double-precision blend; 0: not measured
   double max_error = 0;
   double table_bytes_per_pixel = 0;
-  double mpixels = 0;         ///< of the raymap
-  double part_with_rays = 1;  ///< of its pixels
+  double mpixels = 0;         ///< megapixels of the raymap
+  double part_with_rays = 1;  ///< share of its pixels that have a ray
 };
 
 void print_table(const std::vector<Finding>& findings);
