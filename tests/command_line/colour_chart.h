@@ -27,8 +27,8 @@ inline constexpr Space kGrey22{"grey2.2", kSrgbSpace.xy, 2.2};
 /// Its ICC profile by Little CMS; `grey`: one for pictures of one channel.
 Bytes icc_of(const Space& space, bool grey = false);
 
-/// Samples of 0 to 1 of red, green and blue in another space with the same white: by the definition of both, without Little
-/// CMS. Colours outside the other space are moved to its edge.
+/// Samples of 0 to 1 of red, green and blue in another space with the same white: by the definition of both, without
+/// Little CMS. Colours outside the other space are moved to its edge.
 std::vector<double> by_definition(const std::vector<double>& rgb, const Space& from, const Space& to);
 
 /// The k-th of kColours colours: all of dark, middle and bright red, green and blue, and greys between them.

@@ -1,4 +1,5 @@
-// The chart through every command that makes pictures of pictures, from every kind of file: a table of the largest errors.
+// The chart through every command that makes pictures of pictures, from every kind of file: a table of the largest
+// errors.
 #include <gtest/gtest.h>
 #include <tiff.h>
 #include <turbojpeg.h>
@@ -58,7 +59,8 @@ void for_every_form(const Body& body) {
   }
 }
 
-/// A JPEG's own samples, by libjpeg-turbo: rounding them to whole levels of luma and chroma changes them by up to 2 levels.
+/// A JPEG's own samples, by libjpeg-turbo: rounding them to whole levels of luma and chroma changes them by up to 2
+/// levels.
 Bytes decoded(const Bytes& jpeg, int width, int height) {
   Bytes rgb(static_cast<std::size_t>(3 * width * height));
   const std::unique_ptr<void, int (*)(void*)> decoder(tjInitDecompress(), tjDestroy);
@@ -105,8 +107,8 @@ std::vector<double> write_form(const std::string& file, Bytes rgb, int width, in
 
 class ColourTable : public ColourCommand {
  protected:
-  /// Prints a row of the table. Allowed are rounding to 8 bits, and to luma and chroma where the result is a JPEG; with 16 bits
-  /// on both sides a tenth of a level.
+  /// Prints a row of the table. Allowed are rounding to 8 bits, and to luma and chroma where the result is a JPEG; with
+  /// 16 bits on both sides a tenth of a level.
   void expect(const char* command, const Form& form, const std::string& to, double worst, double most) {
     std::printf("%-22s %-10s %-6s to %-6s largest error %6.2f of 255\n", command, form.said.name, form.format.c_str(),
                 to.c_str(), 255 * worst);
@@ -175,8 +177,9 @@ double error_of_sphere(const std::vector<double>& sphere, int width, const std::
   return worst;
 }
 
-/// What a level in a JPEG is in sRGB, without any program: near the edge of sRGB a level of Adobe RGB or Display P3 is several
-/// of sRGB. So the colours of a JPEG are compared with those of its own samples, which rounding has changed by a level.
+/// What a level in a JPEG is in sRGB, without any program: near the edge of sRGB a level of Adobe RGB or Display P3 is
+/// several of sRGB. So the colours of a JPEG are compared with those of its own samples, which rounding has changed by
+/// a level.
 TEST(Jpeg, ALevelOfAWideSpace_IsSeveralLevelsOfSrgb) {
   for (const Space& space : {kSrgbSpace, kAdobeRgb, kDisplayP3}) {
     const Bytes colours = chart();

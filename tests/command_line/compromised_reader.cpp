@@ -1,5 +1,5 @@
-// A picture's reader that an attacker has taken over: preloaded, it stands before libpng and, when nodal begins to read a
-// PNG, tries what an attacker would try. Each attempt is a line of standard error: "attempt NAME: allowed|denied".
+// A picture's reader that an attacker has taken over: preloaded, it stands before libpng and, when nodal begins to read
+// a PNG, tries what an attacker would try. Each attempt is a line of standard error: "attempt NAME: allowed|denied".
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <signal.h>

@@ -1,4 +1,5 @@
-// What a reader that an attacker has taken over may do: read the command's inputs, write beside its outputs, nothing else.
+// What a reader that an attacker has taken over may do: read the command's inputs, write beside its outputs, nothing
+// else.
 #include <gtest/gtest.h>
 
 #include <filesystem>

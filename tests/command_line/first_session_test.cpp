@@ -43,7 +43,7 @@ class FirstSession : public RigTest {
     for (std::string line; std::getline(lines, line);) {
       const auto continued = [](char c) {
         return (static_cast<unsigned char>(c) & 0xC0) == 0x80;
-      };  // of a UTF-8 character
+      };  // bytes that continue a UTF-8 character
       widest = std::max(widest, line.size() - static_cast<std::size_t>(std::ranges::count_if(line, continued)));
     }
     return widest;

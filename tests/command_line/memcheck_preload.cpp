@@ -1,5 +1,5 @@
-// Preloaded into programs under Valgrind. Replaces the C library's syscall(): openat2 becomes openat, which Valgrind 3.19 knows. What openat2 alone
-// resolves, names that lead out of a folder, is not tested under Valgrind.
+// Preloaded into programs under Valgrind. Replaces the C library's syscall(): openat2 becomes openat, which Valgrind
+// 3.19 knows. What openat2 alone resolves, names that lead out of a folder, is not tested under Valgrind.
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <linux/openat2.h>

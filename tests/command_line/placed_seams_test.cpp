@@ -119,7 +119,8 @@ TEST_F(PlacedSeamsTest, ATakeThatIsRenderedWithAnotherCalibration_HasFixedSeamsI
   const Raymaps all = rendered({"--calibration", path("six.json")});
   ASSERT_GE(all.size(), 40U);
   EXPECT_EQ(rendered({"--calibration", path("six.json"), "--threads", "1"}), all);
-  const Raymaps later = rendered({"--calibration", path("six.json"), "--from", "0.8s"});  // in set 20 of the take
+  // 0.8 s is in set 20 of the take.
+  const Raymaps later = rendered({"--calibration", path("six.json"), "--from", "0.8s"});
   constexpr std::uint64_t kPeriod = 8;
   const std::uint64_t first = later.begin()->first;
   ASSERT_GE(first / kPeriod, all.begin()->first / kPeriod + 2);

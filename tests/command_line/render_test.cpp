@@ -1,5 +1,5 @@
-// Takes that the real nodald recorded, afterwards: `nodal render` beside the raymaps that it made while it filmed, `nodal take show`
-// and `take export`, and heads that play a take.
+// Takes that the real nodald recorded, afterwards: `nodal render` beside the raymaps that it made while it filmed,
+// `nodal take show` and `take export`, and heads that play a take.
 #include <algorithm>
 #include <cmath>
 #include <csignal>
@@ -118,7 +118,7 @@ TEST_F(RenderTest, RawTakes_GiveTheBytesThatTheRigMade) {
   EXPECT_NE(later.begin()->second, std::next(later.begin())->second);
 }
 
-/// Two swaps while it films: each set is rendered with the calibration that the rig blended it with, also when nodald was killed.
+/// Two swaps while it films: each set is rendered with the calibration that the rig used, also if nodald was killed.
 TEST_F(RenderTest, CalibrationsSwappedInATake_AreEachUsedForTheirSets) {
   Calibration other = six_heads("other");
   for (HeadCalibration& head : other.heads) head.center_x += 3;
@@ -234,7 +234,7 @@ TEST_F(RenderTest, OfJpegs_AreNearlyTheRigsOwn) {
       const int d = static_cast<std::uint8_t>(bytes[i]) - static_cast<std::uint8_t>(found->second[i]);
       sum += d * d;
     }
-    // JPEG of quality 90 keeps heads' pictures with some noise within 35 dB; fields in the wrong order are 20 dB off here.
+    // JPEG of quality 90 keeps noisy pictures of heads within 35 dB; fields in the wrong order are 20 dB off here.
     EXPECT_LT(std::sqrt(sum / static_cast<double>(bytes.size())), 4.5) << name.first << " " << name.second;
     ++compared;
   }

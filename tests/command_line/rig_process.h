@@ -61,7 +61,7 @@ class RigTest : public ::testing::Test {
   std::string write(const std::string& name, const std::string& content) const;
   std::string read(const std::string& name) const;
 
-  std::map<std::string, std::string> environment_;  ///< of nodal and nodald
+  std::map<std::string, std::string> environment_;  ///< environment of nodal and nodald
   Words under_;                                     ///< words before every command, such as those of a debugger
 
  private:

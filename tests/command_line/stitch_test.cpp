@@ -161,7 +161,7 @@ TEST_F(StitchCommand, SeveralFolders_GiveARaymapEach) {
 TEST_F(StitchCommand, AFolderForEachHead_IsItsSequence) {
   write_pictures("set");
   Words words{"stitch", path("rig.json")};
-  for (std::size_t h = town().truth.heads.size(); h-- > 0;) {  // in any order
+  for (std::size_t h = town().truth.heads.size(); h-- > 0;) {  // the order does not matter
     std::filesystem::create_directories(path("film/" + name_of(h)));
     for (const char* frame : {"0001.png", "0002.png", "0003.png"}) {
       std::filesystem::copy_file(path("set/" + name_of(h) + ".png"), path("film/" + name_of(h) + "/" + frame));

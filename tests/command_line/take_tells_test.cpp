@@ -1,4 +1,5 @@
-// What takes of the real nodald say, and how `nodal` passes it on: rates, copies that are not complete, what was done before an error.
+// What takes of the real nodald say, and how `nodal` passes it on: rates, copies that are not complete, what was done
+// before an error.
 #include <filesystem>
 
 #include "rig_process.h"

@@ -18,7 +18,7 @@ namespace {
 
 using ViewPeer = RigTest;
 constexpr double kPi = std::numbers::pi;
-constexpr int kSide = 96;  ///< of the views, px
+constexpr int kSide = 96;  ///< side of the views, px
 
 /// A smooth equirectangular picture, 30 to 226, with detail in every direction.
 std::vector<std::uint8_t> smooth_sphere(int width) {
@@ -35,8 +35,8 @@ std::vector<std::uint8_t> smooth_sphere(int width) {
   return test::png_of(grey, width, width / 2, 1);
 }
 
-/// How far `b` is beside `a`, px: least squares over the square from `first`. A constant difference is fitted too, because
-/// v360 rounds down.
+/// How far `b` is beside `a`, px: least squares over the square from `first`. A constant difference is fitted too,
+/// because v360 rounds down.
 Eigen::Vector2d shift(const DecodedImage& a, const DecodedImage& b, Eigen::Array2i first, int side) {
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
   Eigen::Vector3d sums = Eigen::Vector3d::Zero();
@@ -68,14 +68,16 @@ double worst_shift(const std::string& ours, const std::string& theirs) {
 
 TEST_F(ViewPeer, EveryCamera_ShowsWhatFfmpegsV360Shows) {
   if (Process({"sh", "-c", "command -v ffmpeg"}).wait().code != 0) GTEST_SKIP() << "ffmpeg is not installed";
-  // v360 takes the centres of the first and last pixels for -180 and 180 degrees: a picture this wide makes that negligible.
+  // v360 takes the centres of the first and last pixels for -180 and 180 degrees: a picture this wide makes that
+  // negligible.
   test::write_bytes(path("s.png"), smooth_sphere(4096));
   struct Pair {
     std::string camera;
     double fov;
     std::string v360;
   };
-  // v360's pannini shows one focal length to each side, its mercator all around; its cylinders take their height as an angle.
+  // v360's pannini shows one focal length to each side, its mercator all around; its cylinders take their height as an
+  // angle.
   const std::vector<Pair> pairs{
       {"perspective", 110, "flat:h_fov=110:v_fov=110"},
       {"pannini:d=0", 110, "flat:h_fov=110:v_fov=110"},
@@ -109,7 +111,8 @@ TEST_F(ViewPeer, FisheyesWithCoefficients_ShowWhatOpenCvsFisheyeShows) {
   if (Process({"sh", "-c", python + " -c 'import cv2, numpy'"}).wait().code != 0)
     GTEST_SKIP() << "Debian's python3-opencv is not installed";
   test::write_bytes(path("s.png"), smooth_sphere(1024));
-  // theta_d = theta (1 + k1 theta^2 + k2 theta^4 + ...), which is r. It finds rays up to less than 90 degrees off the axis.
+  // theta_d = theta (1 + k1 theta^2 + k2 theta^4 + ...), which is r. It finds rays up to less than 90 degrees off the
+  // axis.
   const std::string script = R"(
 import sys, cv2, numpy as np
 source, to, side, half = sys.argv[1], sys.argv[2], int(sys.argv[3]), np.radians(float(sys.argv[4]))

@@ -207,8 +207,9 @@ TEST_F(ViewCommand, WhatCannotBeDone_IsSaidInOneSentence) {
 }
 
 TEST_F(ViewCommand, EyeBesideTheCentreOfASphere_SeesWhatTheGeometryPredicts) {
-  // From 3 m in front of the centre of a sphere of 5 m, the point at the right is at atan(4 / 3) = 53.13 degrees. The camera
-  // there, turned to the right, shows in its middle what one at the centre shows when it is turned by that angle.
+  // From 3 m in front of the centre of a sphere of 5 m, the point at the right is at atan(4 / 3) = 53.13 degrees. The
+  // camera there, turned to the right, shows in its middle what one at the centre shows when it is turned by that
+  // angle.
   write_sphere("s.png", 512);
   const Words common{"--from", "equirectangular", "--fov", "2", "--size", "16x16"};
   const auto view = [&](Words words, const std::string& out) {
@@ -225,8 +226,8 @@ TEST_F(ViewCommand, EyeBesideTheCentreOfASphere_SeesWhatTheGeometryPredicts) {
 }
 
 TEST_F(ViewCommand, EyeOutsideOfASphere_SeesADiscOfTheSizeThatTheGeometryPredicts) {
-  // A sphere of 1 m from 2 m away spans asin(1 / 2) = 30 degrees from its centre: a disc of the radius tan 30 / tan 45 of half the
-  // view's width.
+  // A sphere of 1 m from 2 m away spans asin(1 / 2) = 30 degrees from its centre: a disc of the radius tan 30 / tan 45
+  // of half the view's width.
   write_sphere("s.png", 64);
   const Finished run = nodal({"view", path("s.png"), "--from", "equirectangular", "-o", path("v.png"), "--envelope",
                               "sphere:1", "--eye", "0,0,-2", "--size", "100x100"});
