@@ -1,4 +1,5 @@
-// A rig's USB gadget in the guest: made by the script of the Debian package, plugged to the same kernel's host controller.
+// A rig's USB gadget in the guest: made by the script of the Debian package, plugged to the same kernel's host
+// controller.
 #pragma once
 
 #include <map>

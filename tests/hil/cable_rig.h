@@ -16,7 +16,7 @@
 
 namespace nodal::hil {
 
-inline const std::string kScratch = "/tmp/cable-rig";  ///< in the guest's memory
+inline const std::string kScratch = "/tmp/cable-rig";  ///< a folder in the guest's memory
 
 inline std::string content(const std::string& file) {
   std::ifstream from(file, std::ios::binary);

@@ -1,5 +1,5 @@
-// How much of what the bus carries reaches the cable's user, beside a plain loop of USB transfers. In the guest's virtual
-// time computation takes none: this shows transfers that wait for each other, not the processor's work.
+// How much of what the bus carries reaches the cable's user, beside a plain loop of USB transfers. In the guest's
+// virtual time computation takes none: this shows transfers that wait for each other, not the processor's work.
 #include <gtest/gtest.h>
 #include <chrono>
 #include <fstream>

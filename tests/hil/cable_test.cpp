@@ -1,5 +1,5 @@
-// nodal against nodald over a USB cable: the kernel's FunctionFS and usbfs, with dummy_hcd between them. nodald runs as an
-// ordinary user, as with its systemd unit.
+// nodal against nodald over a USB cable: the kernel's FunctionFS and usbfs, with dummy_hcd between them. nodald runs as
+// an ordinary user, as with its systemd unit.
 #include <gtest/gtest.h>
 
 #include <csignal>
@@ -68,7 +68,7 @@ TEST_F(CableRig, HostsKilledInTheMiddleOfAPull_TheNextGetsNoByteMeantForThem) {
   const std::string expected = pull(rig.by_socket());
   for (int i = 0; i < 8; ++i) {
     const auto host = puller(rig.by_cable());
-    std::this_thread::sleep_for(std::chrono::microseconds(4300 * i));  // in the middle of another record each time
+    std::this_thread::sleep_for(std::chrono::microseconds(4300 * i));  // each time in the middle of another record
     host->signal(SIGKILL);
     host->wait();
     // Every second time, the next raymap fills the rig's transfers before the next host comes.

@@ -17,7 +17,7 @@ using Json = nlohmann::json;
 using test::Finished;
 using test::Process;
 
-const std::string kScratch = "/tmp/gpio-rig";  // in the guest's memory
+const std::string kScratch = "/tmp/gpio-rig";  // a folder in the guest's memory
 
 class GpioRig : public testing::Test {
  protected:

@@ -39,10 +39,11 @@ constexpr const char* kCameraTexts[] = {"Nodal", "IIDC emulator"};
 constexpr std::uint32_t kSpace = 0xF000'0000;  ///< the low half of FFFF F000 0000h
 constexpr std::uint32_t kRom = 0x400;
 
-constexpr std::uint32_t kGuidLow = 0x00C0'FFEE;  ///< of number 0; the others follow
-constexpr std::size_t kGuidLowPlace = 4;         ///< in the following words
+constexpr std::uint32_t kGuidLow = 0x00C0'FFEE;  ///< low word of camera 0's GUID; the others follow
+constexpr std::size_t kGuidLowPlace = 4;         ///< index of that word in the following ones
 
-/// IEEE 1212: bus information, root directory, unit directory (IIDC 1.31), unit dependent directory, two leaves of text.
+/// IEEE 1212: bus information, root directory, unit directory (IIDC 1.31), unit dependent directory, two leaves of
+/// text.
 constexpr std::array<std::uint32_t, 28> kConfigRom{0x0404'0000,
                                                    0x3133'3934,
                                                    0x0000'A002,

@@ -12,28 +12,28 @@
 
 namespace nodal::hil {
 
-/// With the registers of test::IidcRegisters, and USB's numbers of a Point Grey Firefly MV. A frame is one bulk transfer. Its first
-/// numbers are the embedded gain, shutter and counter when they are on; every other byte is the shutter's register % 256, in the
-/// last row the counter % 256. A new
-/// shutter or gain is in the third frame that begins after it was written. Frames that nobody takes are lost, and counted.
+/// With the registers of test::IidcRegisters, and USB's numbers of a Point Grey Firefly MV. A frame is one bulk
+/// transfer. Its first numbers are the embedded gain, shutter and counter when they are on; every other byte is the
+/// shutter's register % 256, in the last row the counter % 256. A new shutter or gain is in the third frame that begins
+/// after it was written. Frames that nobody takes are lost, and counted.
 ///
-/// When triggered, its counter is the number of pulses since it was plugged in, and it ignores those that come during an exposure
-/// and its readout. In trigger mode 1 the pulse is the exposure.
+/// When triggered, its counter is the number of pulses since it was plugged in, and it ignores those that come during
+/// an exposure and its readout. In trigger mode 1 the pulse is the exposure.
 ///
 /// It runs in a process of its own; destroying the object, or unplug(), kills it, which is what pulling its plug does.
 class IidcCamera {
  public:
   static constexpr Duration kReadout = Duration::milliseconds(2);  ///< from an exposure's end to its frame's transfer
 
-  /// Plugs the camera to controller `number` of dummy_hcd and waits until the kernel has it. Its trigger input is the line
-  /// whose level is in the file `wire`, sampled every 0.5 ms; empty: pulse().
+  /// Plugs the camera to controller `number` of dummy_hcd and waits until the kernel has it. Its trigger input is the
+  /// line whose level is in the file `wire`, sampled every 0.5 ms; empty: pulse().
   explicit IidcCamera(int number = 0, std::string wire = {});
   ~IidcCamera() { unplug(); }
   IidcCamera(const IidcCamera&) = delete;
   IidcCamera& operator=(const IidcCamera&) = delete;
 
   void unplug();
-  static constexpr const char* kPath = "iidc:00b09d0100c0ffee";  ///< of number 0
+  static constexpr const char* kPath = "iidc:00b09d0100c0ffee";  ///< address of camera 0
   std::string path() const;
   /// Grey, 48x32, 30 frames a second.
   static hal::iidc::HeadRequest request();

@@ -1,4 +1,5 @@
-// The IIDC head on libdc1394 and libusb: what reaches the camera's registers, what its pictures show, and each of its faults.
+// The IIDC head on libdc1394 and libusb: what reaches the camera's registers, what its pictures show, and each of its
+// faults.
 #include <dlfcn.h>
 #include <gtest/gtest.h>
 
@@ -65,7 +66,7 @@ class Iidc : public testing::Test {
   IidcCamera camera_;
   hal::linux_os::LinuxClock clock_;
   hal::iidc::IidcEnumerator enumerator_{clock_};
-  std::uint8_t pixel_ = 0;  ///< of the newest frame
+  std::uint8_t pixel_ = 0;  ///< a pixel of the newest frame
 };
 
 TEST_F(Iidc, Streaming_FramesArriveInOrderByTheCamerasCounterAtItsRate) {

@@ -20,8 +20,9 @@ class WriteLog {
   const std::string& mark_before(std::size_t count) const;
   /// Number of flushes among all entries.
   std::size_t flushes() const;
-  /// Writes to the image what the disk holds if the power fails after `count` entries. Everything before the newest flush is
-  /// there; each sector of what was written later is there or not, as `seed` says: by whole writes, and some writes in part.
+  /// Writes to the image what the disk holds if the power fails after `count` entries. Everything before the newest
+  /// flush is there; each sector of what was written later is there or not, as `seed` says: by whole writes, and some
+  /// writes in part.
   void replay(const std::string& image, std::size_t count, std::uint64_t seed) const;
 
  private:
@@ -29,7 +30,7 @@ class WriteLog {
     std::uint64_t sector = 0;
     std::uint64_t sectors = 0;
     std::uint64_t flags = 0;
-    std::uint64_t data_at = 0;  ///< of its first byte in the log
+    std::uint64_t data_at = 0;  ///< position of its first byte in the log
     std::string mark;
   };
   std::string file_;
@@ -52,8 +53,8 @@ class LoggedDisk {
   void mark(const std::string& text);
   /// Unmounts and returns what was written since begin_log().
   std::optional<WriteLog> end_log();
-  /// Mounts the disk as the power cut left it (WriteLog::replay()), exFAT after its check, and returns the mounted folder.
-  /// Ends with unmount().
+  /// Mounts the disk as the power cut left it (WriteLog::replay()), exFAT after its check, and returns the mounted
+  /// folder. Ends with unmount().
   std::optional<std::string> mount_after_cut(const WriteLog& log, std::size_t count, std::uint64_t seed);
   void unmount();
 

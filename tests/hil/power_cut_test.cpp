@@ -1,6 +1,6 @@
-// Takes on real file systems whose power fails. A take is recorded on a disk that logs every write. Then, for many places in
-// that log, the disk is made as a power cut there leaves it, mounted and recovered as at nodald's start. Runs in the guest;
-// NODAL_POWER_CUTS is the number of places on each file system.
+// Takes on real file systems whose power fails. A take is recorded on a disk that logs every write. Then, for many
+// places in that log, the disk is made as a power cut there leaves it, mounted and recovered as at nodald's start. Runs
+// in the guest; NODAL_POWER_CUTS is the number of places on each file system.
 #include <gtest/gtest.h>
 
 #include <algorithm>

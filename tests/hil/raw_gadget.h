@@ -28,7 +28,7 @@ Bytes string_descriptor(unsigned index, std::span<const char* const> texts);
 class RawGadget {
  public:
   static constexpr std::uint8_t kStream = 0x81;      ///< the endpoint
-  static constexpr std::uint32_t kMostBytes = 4096;  ///< of a write, and of a request's data
+  static constexpr std::uint32_t kMostBytes = 4096;  ///< limit of a write, and of a request's data
 
   /// `controller`: of dummy_hcd, from 0.
   explicit RawGadget(int controller = 0);

@@ -1,5 +1,5 @@
-// nodald --scan on the kernel's driver: what it prints is a rig.toml that nodald accepts and films with. Runs in the guest;
-// writes rig.toml, scan.json and raymap.jpg to the current folder.
+// nodald --scan on the kernel's driver: what it prints is a rig.toml that nodald accepts and films with. Runs in the
+// guest; writes rig.toml, scan.json and raymap.jpg to the current folder.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -18,11 +18,12 @@ using Json = nlohmann::json;
 using test::Finished;
 using test::Process;
 
-const std::string kScratch = "/tmp/scan";  // in the guest's memory: the current folder takes no sockets
+const std::string kScratch = "/tmp/scan";  // the guest's memory, because the current folder takes no sockets
 
 Finished run(const std::vector<std::string>& words) { return Process(words).wait(); }
 
-/// The kernel's command line gives three S-Video inputs, whose standard is PAL until somebody sets another, and a webcam.
+/// The kernel's command line gives three S-Video inputs, whose standard is PAL until somebody sets another, and a
+/// webcam.
 TEST(Scan, OfThreeAnalogueHeadsAndAWebcam_IsARigTomlThatFilms) {
   std::filesystem::create_directories(kScratch);
   const Finished scanned = run({NODAL_BIN_DIR "/nodald", "--scan"});

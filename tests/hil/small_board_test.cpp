@@ -1,5 +1,6 @@
-// A board of 512 MiB with ten NTSC heads, whose card comes from a stranger: while nodald recovers the card's takes, which need most
-// memory to read, it films a take of its own and loses nothing. Runs in the guest; writes memory.json and nodald.log to the current folder.
+// A board of 512 MiB with ten NTSC heads, whose card comes from a stranger: while nodald recovers the card's takes,
+// which need most memory to read, it films a take of its own and loses nothing. Runs in the guest; writes memory.json
+// and nodald.log to the current folder.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -25,7 +26,7 @@ using test::Process;
 
 constexpr int kBoardHeads = 10;
 constexpr double kBoardRate = 30000.0 / 1001;
-const std::string kBoard = "/tmp/small-board";  // in the guest's memory: small files and the socket
+const std::string kBoard = "/tmp/small-board";  // the guest's memory, for small files and the socket
 const std::string kCard = kBoard + "/card";
 
 /// A number of /proc/meminfo or /proc/vmstat, by the first word of its line; -1 if it has none.

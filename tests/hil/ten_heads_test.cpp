@@ -1,5 +1,6 @@
 // The whole rig on the kernel's driver: nodald captures ten NTSC heads of vivid, five of which deliver each field by
-// itself, gets a calibration, and nodal pulls raymaps. Runs in the guest; writes raymap.jpg, status.json, heads.json and nodald.log to the current folder.
+// itself, gets a calibration, and nodal pulls raymaps. Runs in the guest; writes raymap.jpg, status.json, heads.json
+// and nodald.log to the current folder.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -23,7 +24,7 @@ using test::Process;
 
 constexpr int kHeads = 10;
 constexpr double kRate = 30000.0 / 1001;
-const std::string kScratch = "/tmp/ten-heads";  // in the guest's memory: the current folder takes no sockets
+const std::string kScratch = "/tmp/ten-heads";  // the guest's memory, because the current folder takes no sockets
 
 std::string rig_toml(int heads) {
   std::ostringstream text;
@@ -167,7 +168,8 @@ TEST_F(TenHeads, ThreadsWakeForFramesAndSetsAndForNothingElse) {
   const Json filming = wakes_a_second(rig.pid(), true);
   std::ofstream("wakes.json") << idle.dump() << "\n" << filming.dump() << "\n";
 
-  // Before a calibration, capture wakes for frames (at most once for each), sets and returned buffers; then also for raymaps.
+  // Before a calibration, capture wakes for frames (at most once for each), sets and returned buffers; then also for
+  // raymaps.
   const auto rate = [](const Json& wakes, const char* thread) { return wakes.value(thread, 0.0); };
   EXPECT_GE(rate(idle, "nodal-capture"), kRate * 0.9);
   EXPECT_LE(rate(idle, "nodal-capture"), (kHeads + 2) * kRate);

@@ -25,7 +25,7 @@ namespace {
 using Device = UvcCamera::Device;
 
 constexpr std::uint32_t kFrameBytes = UvcCamera::kWidth * UvcCamera::kHeight * 2;
-constexpr std::uint32_t kPayloadBytes = 4096;  ///< of a transfer, with its header of 2 bytes
+constexpr std::uint32_t kPayloadBytes = 4096;  ///< bytes of a transfer, with its header of 2 bytes
 constexpr std::uint32_t kPeriod100Ns = static_cast<std::uint32_t>(UvcCamera::kPeriod.ns() / 100);
 constexpr const char* kTexts[] = {"Nodal", UvcCamera::kName, "UVC0001"};
 
@@ -45,7 +45,8 @@ Bytes device_descriptor() {
                      {1, 1}});
 }
 
-/// UVC 1.0, 3.1 to 3.9: a camera terminal (1), a processing unit (2), an output terminal (3); one format, one frame size.
+/// UVC 1.0, 3.1 to 3.9: a camera terminal (1), a processing unit (2), an output terminal (3); one format, one frame
+/// size.
 Bytes configuration_descriptor() {
   constexpr std::uint32_t kVideo = 0x0e;
   constexpr std::uint32_t kRate = kFrameBytes * 8 * 30;

@@ -12,8 +12,8 @@
 namespace nodal::hil {
 
 /// 160x120 YUYV, 30 frames a second. It comes, as webcams do, with its exposure set by an automatic mode, in which it
-/// refuses an exposure. Every sample of a frame's luma is exposure % 256 and of its chroma gain % 256, as they were when
-/// the frame was taken, but for the first four bytes: the frame's number, little-endian.
+/// refuses an exposure. Every sample of a frame's luma is exposure % 256 and of its chroma gain % 256, as they were
+/// when the frame was taken, but for the first four bytes: the frame's number, little-endian.
 ///
 /// It runs in a process of its own; destroying the object, or unplug(), kills it, which is what pulling its plug does.
 class UvcCamera {

@@ -1,4 +1,5 @@
-// Every format that vivid shares with heads (it has no Bayer and no JPEG) shows vivid's colour bars: the colours are those of its RGB24 pictures.
+// Every format that vivid shares with heads (it has no Bayer and no JPEG) shows vivid's colour bars: the colours are
+// those of its RGB24 pictures.
 #include <gtest/gtest.h>
 
 #include <array>

@@ -1,6 +1,7 @@
-// Two rigs in one guest, each on a USB cable of its own, film for 30 s. One has ten NTSC heads of vivid, which run free. The other
-// has four IIDC cameras, whose trigger inputs are wired to the gpio-sim line that its nodald pulses. Every raymap, set, frame and
-// pulse that is missing must have a counted reason. Runs in the guest; writes the rigs' replies and logs to the current folder.
+// Two rigs in one guest, each on a USB cable of its own, film for 30 s. One has ten NTSC heads of vivid, which run
+// free. The other has four IIDC cameras, whose trigger inputs are wired to the gpio-sim line that its nodald pulses.
+// Every raymap, set, frame and pulse that is missing must have a counted reason. Runs in the guest; writes the rigs'
+// replies and logs to the current folder.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -21,7 +22,7 @@ using Json = nlohmann::json;
 using test::Finished;
 using test::Process;
 
-const std::string kPlace = "/tmp/whole-rig";  // in the guest's memory: the current folder takes no sockets
+const std::string kPlace = "/tmp/whole-rig";  // the guest's memory, because the current folder takes no sockets
 constexpr int kVividHeads = 10;
 constexpr int kCameras = 4;
 constexpr int kFirstCamera = 2;  // the controllers before it carry the cables
@@ -181,8 +182,8 @@ std::vector<Json> received(const Finished& pulled, double rate) {
   return raymaps;
 }
 
-/// What the take says of one camera: the number of its counter less that of the pulse, as often as it changes, and the sets
-/// without a frame of it.
+/// What the take says of one camera: the number of its counter less that of the pulse, as often as it changes, and the
+/// sets without a frame of it.
 struct Evidence {
   std::vector<std::int64_t> offsets;
   std::vector<std::size_t> missing;
@@ -304,7 +305,8 @@ TEST_F(WholeRig, ThirtySeconds_EachFrameBelongsToItsPulseAndEveryGapHasAReason) 
         << fields[i];
   }
 
-  // Four heads that pulses expose: every pulse has a set, and every frame is in the set of the pulse that its camera counted.
+  // Four heads that pulses expose: every pulse has a set, and every frame is in the set of the pulse that its camera
+  // counted.
   expect_conserved(iidc_status);
   EXPECT_EQ(iidc_status["losses"], (Json{{"corrupt", 1}})) << "the torn frame's remainder";
   EXPECT_EQ(iidc_status["genlock"]["pulse_losses"], Json::object());
@@ -320,15 +322,16 @@ TEST_F(WholeRig, ThirtySeconds_EachFrameBelongsToItsPulseAndEveryGapHasAReason) 
   for (const Json& raymap : received(iidc_pulled, kPulseRate)) {
     EXPECT_EQ(raymap["heads"].get<std::vector<int>>(), heads_of[number(raymap, "trigger")]) << raymap;
   }
-  // Pulse 0 is the first that the cameras count. Camera 1's torn frame and the next one make one picture, which looks good and
-  // comes with the next pulse; cameras that are plugged in again count anew.
+  // Pulse 0 is the first that the cameras count. Camera 1's torn frame and the next one make one picture, which looks
+  // good and comes with the next pulse; cameras that are plugged in again count anew.
   using Offsets = std::vector<std::int64_t>;
   EXPECT_EQ(cameras[0].offsets, Offsets{1});
   EXPECT_EQ(cameras[1].offsets, (Offsets{1, 0, 1}));
   EXPECT_EQ(cameras[2].offsets, Offsets{1});
   ASSERT_EQ(cameras[3].offsets.size(), 2u);
   EXPECT_EQ(cameras[3].offsets[0], 1);
-  // Exactly the faults are missing: a frame; a torn one, the corrupt one and what the restart took; 1 s; unplugged for 1 s and opened.
+  // Exactly the faults are missing: a frame; a torn one, the corrupt one and what the restart took; 1 s; unplugged for
+  // 1 s and opened.
   EXPECT_EQ(cameras[0].missing.size(), 1u);
   EXPECT_NEAR(static_cast<double>(cameras[1].missing.size()), 4, 2);
   EXPECT_NEAR(static_cast<double>(cameras[2].missing.size()), kPulseRate, 1);

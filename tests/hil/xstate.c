@@ -1,7 +1,7 @@
 // Lets a User-Mode Linux of 6.1 run on processors whose registers take more room than it knows (Intel's AMX: 11 KB).
 // It keeps the first 2696 bytes of a process's XSAVE area, which is all that programs without AMX use, and the host's
-// kernel takes back nothing but whole areas. So its calls of ptrace() come by here, and areas are completed with what the
-// process has. Preloaded (LD_PRELOAD): the guest's kernel is an ordinary program.
+// kernel takes back nothing but whole areas. So its calls of ptrace() come by here, and areas are completed with what
+// the process has. Preloaded (LD_PRELOAD): the guest's kernel is an ordinary program.
 #define _GNU_SOURCE
 #include <elf.h>
 #include <stdarg.h>
