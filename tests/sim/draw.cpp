@@ -38,8 +38,8 @@ void draw_alignment(hal::sim::Random& random, Nature& nature) {
   nature.can_align = unmoved < 2;
 }
 
-/// One rig of two has heads of one grey format, as these cost the least time. In the others each head delivers one of the
-/// formats of which the raymap can be made.
+/// One rig of two has heads of one grey format, as these cost the least time. In the others each head delivers one of
+/// the formats of which the raymap can be made.
 void draw_formats(hal::sim::Random& random, Nature& nature) {
   if (random.chance(500'000)) return;
   constexpr std::array<PixelFormat, 4> kRaymaps = {PixelFormat::kI420, PixelFormat::kI420, PixelFormat::kRgb24,

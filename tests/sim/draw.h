@@ -79,10 +79,10 @@ struct Nature {
   std::uint64_t seed = 0;
   int heads = 0;
   FrameRate rate;
-  bool genlocked = false;                ///< at start; for an aligned rig: its heads are nudged into step
-  bool aligned = false;                  ///< it has no trigger; its heads run free
-  bool can_align = false;                ///< and all heads can be brought into step
-  Fields fields = Fields::kProgressive;  ///< of every head; if interlaced, each field makes a raymap
+  bool genlocked = false;  ///< the genlock runs from the start; if aligned, the heads are nudged into step
+  bool aligned = false;    ///< it has no trigger; its heads run free
+  bool can_align = false;  ///< all heads of an aligned rig can be brought into step
+  Fields fields = Fields::kProgressive;  ///< field order of every head; if interlaced, each field makes a raymap
   PixelFormat raymap = PixelFormat::kGrey8;
   bool hosts = false;    ///< whether hosts talk to it
   bool hostile = false;  ///< whether some faults are hostile clients

@@ -23,7 +23,7 @@ struct Event {
   std::uint64_t order = 0;  ///< events of the same time run in planning order
   EventKind kind = EventKind::kStep;
   std::uint8_t who = 0;
-  std::uint32_t epoch = 0;  ///< of the planner; events of an older epoch are ignored
+  std::uint32_t epoch = 0;  ///< epoch of the planner; events of an older one are ignored
 };
 
 /// Threading: thread-bound.

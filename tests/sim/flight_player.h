@@ -22,7 +22,7 @@ namespace nodal::flight {
 /// The first event that is not as recorded.
 struct Difference {
   std::uint64_t event = 0;  ///< counted from 0
-  Instant at;               ///< of its step
+  Instant at;               ///< time of its step
   std::string place;
   std::string recorded;
   std::string now;

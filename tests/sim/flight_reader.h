@@ -16,7 +16,8 @@ namespace nodal::flight {
 
 /// Threading: thread-bound.
 /// Ownership: the bytes outlive it.
-/// Errors: kTruncated if not even the first record is whole, kFutureVersion, kBadFormat; each names the file and the record.
+/// Errors: kTruncated if not even the first record is whole, kFutureVersion, kBadFormat; each names the file and the
+/// record.
 class FlightReader {
  public:
   /// Reads the first record. `name`: of the file, for errors.
@@ -29,8 +30,8 @@ class FlightReader {
   };
   const Begin& begin() const { return begin_; }
 
-  /// The events of the next step, its StepBegun first; empty at the end. A step whose end is not in the record is not returned,
-  /// because its last events may be missing.
+  /// The events of the next step, its StepBegun first; empty at the end. A step whose end is not in the record is not
+  /// returned, because its last events may be missing.
   Result<std::deque<firmware::CaptureEvent>> next_step();
 
   /// Why the record ended; empty: it was cut off.

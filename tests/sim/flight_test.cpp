@@ -234,7 +234,8 @@ TEST(FlightRecord, WithOneEventChanged_ThatIsTheFirstDifference) {
   EXPECT_NE((*other.result)->recorded.find("gets an exposure of "), std::string::npos) << (*other.result)->text();
 }
 
-/// Bytes of a few records changed, with right checksums: values at their ends, other events, other heads, times that fall.
+/// Bytes of a few records changed, with right checksums: values at their ends, other events, other heads, times that
+/// fall.
 TEST(FlightRecord, WithBytesChanged_IsPlayedOrRefusedAndNeverEndsTheProgram) {
   const Bytes good = bytes_of(filmed().path / "000001" / take::kFlightFile);
   int refused = 0, different = 0;

@@ -66,7 +66,7 @@ class GoodClient {
   std::uint64_t next_id_ = 1;
   std::size_t document_ = 0;                 ///< the one being uploaded
   std::optional<StreamId> uploading_;        ///< set while bytes of it are unsent
-  std::optional<std::uint64_t> newest_set_;  ///< of the pulled raymaps
+  std::optional<std::uint64_t> newest_set_;  ///< the newest set among the pulled raymaps
   wire::RaymapHeader raymap_;
   std::vector<std::uint8_t> pixels_;
 };

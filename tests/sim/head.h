@@ -25,12 +25,12 @@ struct HeadNature {
   ColourCoding coding;
   int buffers = 6;
   Duration latency = Duration::microseconds(20);  ///< from a pulse to the start of the exposure
-  Duration latency_jitter;                        ///< of each exposure, also in free run
+  Duration latency_jitter;                        ///< jitter of each exposure, also in free run
   Duration readout = Duration::milliseconds(8);
-  std::int32_t drift_ppm = 0;  ///< in free run; positive is slow
-  Duration clock_jitter;       ///< of the port's mid_exposure
+  std::int32_t drift_ppm = 0;  ///< drift in free run; positive is slow
+  Duration clock_jitter;       ///< error of the port's mid_exposure
   int control_latency = 2;
-  Duration delay;      ///< in wired mode: in addition to the latency, and known to rig.toml
+  Duration delay;      ///< additional latency in wired mode, which rig.toml knows
   bool wired = false;  ///< it follows the pulses without its driver's knowledge; its own clock replaces missing ones
   hal::NudgeLimits nudge;  ///< its nudge limits in free run; by default it cannot be nudged
 };
@@ -65,7 +65,7 @@ class Head {
   void set_signal(bool there) { signal_ = there; }
   void set_stuck(bool stuck) { stuck_ = stuck; }  ///< accepts settings but does not apply them
   void set_deaf(bool deaf);                       ///< ignores pulses: it continues on its own clock, and drifts slowly
-  void set_half_rate(bool half) { half_rate_ = half; }  ///< in wired mode: exposes only on every second pulse
+  void set_half_rate(bool half) { half_rate_ = half; }  ///< exposes only on every second pulse in wired mode
   void stall(Duration how_long);                        ///< delivers nothing until then, then everything
   void set_sequence(std::uint32_t next) { sequence_ = next; }
   void set_clock_error(Duration off) { clock_error_ = off; }  ///< error of the port's timestamps: a wrap, a clock step

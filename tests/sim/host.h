@@ -23,8 +23,8 @@ namespace nodal::swarm {
 struct Documents {
   std::array<std::string, kCalibrations> json;
   std::array<Sha256, kCalibrations> id;
-  std::optional<int> sure;                  ///< in force according to the rig
-  std::array<bool, kCalibrations> maybe{};  ///< requested since
+  std::optional<int> sure;                  ///< the calibration that the rig says is in force
+  std::array<bool, kCalibrations> maybe{};  ///< calibrations that were requested since
 };
 
 /// Threading: thread-bound.

@@ -30,7 +30,7 @@ struct Options {
 
 /// A worker process's result for its parent, in shared memory.
 struct Report {
-  std::uint64_t seed = 0;         ///< in progress; 0: none
+  std::uint64_t seed = 0;         ///< seed in progress; 0: none
   std::atomic<bool> stop{false};  ///< a process has found a failure
   std::uint64_t done = 0;
   std::uint64_t failed_seed = 0;

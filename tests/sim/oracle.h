@@ -27,7 +27,7 @@ struct Tally {
   std::int64_t worst_locked_spread_ns = 0;    ///< true spread of the begins, for aligned rigs of the middles
   Recovery slowest_replug, slowest_recovery;  ///< until sets are whole again
   std::int64_t slowest_full_replug = 0, slowest_full_recovery = 0;  ///< until every head is in the sets again, ns
-  std::int64_t slowest_alignment = 0;                               ///< in periods, after faults
+  std::int64_t slowest_alignment = 0;                               ///< periods until heads are aligned after faults
   std::uint64_t watched = 0,
                 not_following = 0;  ///< wired heads in steps of the rig: all, those reported to drift or skip
   std::uint64_t aligned_sets = 0;   ///< the locked sets without a trigger
@@ -107,22 +107,22 @@ class Oracle {
 
   std::vector<std::uint64_t> taken_before_;  ///< by the head's counter, at the start of this process
   std::vector<int> followed_;                ///< successive exposures of each head that successive pulses started
-  std::vector<std::uint64_t> last_pulse_;    ///< of each newest frame in a set
+  std::vector<std::uint64_t> last_pulse_;    ///< number of the pulse that exposed each head's newest frame in a set
   std::vector<std::uint64_t> last_serial_;   ///< of each head's newest frame in a set
-  std::array<std::optional<Stamp>, kMaxHeads> stamps_;  ///< of the present set
+  std::array<std::optional<Stamp>, kMaxHeads> stamps_;  ///< timestamps of the present set
   std::optional<std::uint64_t> last_set_;
   std::uint64_t not_taken_ = 0;
   std::optional<PulseId> last_trigger_;
   firmware::GenlockState genlock_ = firmware::GenlockState::kOff;
   Instant genlock_started_;
   std::map<std::uint64_t, Remembered> remembered_;
-  std::optional<hal::HeadSettings> first_exposed_;  ///< in this process
+  std::optional<hal::HeadSettings> first_exposed_;  ///< settings of the first frame of this process
   bool ever_exposed_apart_ = false;
   std::optional<Instant> first_full_, full_since_, first_whole_, whole_since_, first_in_step_;
   Instant last_set_at_;
   std::uint64_t sets_made_ = 0;
   std::uint64_t sets_ = 0, whole_sets_ = 0;
-  firmware::FrameCounts counts_;  ///< of this process
+  firmware::FrameCounts counts_;  ///< frame counts of this process
 };
 
 }  // namespace nodal::swarm

@@ -40,7 +40,8 @@ class SecondReader {
   firmware::Outlet<firmware::Raymap>& outlet_;
   std::deque<firmware::Raymap> held_;
   std::uint64_t read_ = 0;
-  std::optional<std::uint64_t> newest_;  ///< of the last raymap read: twice its set's number, plus 1 for a second field
+  /// Twice the set of the newest raymap that was read, plus 1 if from the second field.
+  std::optional<std::uint64_t> newest_;
   Pace pace_ = Pace::kKeepsUp;
   Instant pace_until_;
   Instant next_read_;

@@ -6,7 +6,7 @@ namespace nodal::swarm {
 namespace {
 
 constexpr Duration kHostsAct = Duration::milliseconds(1300);
-constexpr int kStepsALook = 16;  ///< of control, which continues at once while it has work
+constexpr int kStepsALook = 16;  ///< steps of control, which continues at once while it has work
 
 bool has_cut_picture(const firmware::FrameSet& set) {
   for (std::size_t i = 0; i < set.frames.size(); ++i) {

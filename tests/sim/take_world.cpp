@@ -160,8 +160,8 @@ void TakeWorld::act_on(Daemon& daemon) {
       tally_.ejects += daemon.stage->ask(TakeRequest::Eject{}).result ? 1 : 0;
       return follow(daemon);
     case 6: {
-      Card* const card =
-          daemon.card ? daemon.card : card_in_slot();  // what it records on, as long as it has not noticed another
+      // What it records on, as long as it has not noticed another.
+      Card* const card = daemon.card ? daemon.card : card_in_slot();
       if (!card || card->kept.empty()) return;
       event_ = "a request to delete";
       const auto kept = std::next(card->kept.begin(), static_cast<std::ptrdiff_t>(random_.below(card->kept.size())));

@@ -25,26 +25,27 @@ struct TakeTally {
   std::uint64_t power_cuts = 0;
   std::uint64_t exchanges = 0;
   std::uint64_t pulls = 0;
-  std::uint64_t brought = 0;  ///< takes, by hand
-  std::uint64_t removed = 0;  ///< by hand, or on request
+  std::uint64_t brought = 0;  ///< takes that were brought by hand
+  std::uint64_t removed = 0;  ///< takes that were removed by hand or on request
   std::uint64_t ejects = 0;
-  std::uint64_t hang_ups = 0;    ///< of nodald
+  std::uint64_t hang_ups = 0;    ///< how often a nodald ended by itself, as at SIGHUP
   std::uint64_t vanished = 0;    ///< hosts that asked and were gone
-  std::uint64_t rates = 0;       ///< changes
-  std::uint64_t clock_sets = 0;  ///< of boards
+  std::uint64_t rates = 0;       ///< changes of the rate
+  std::uint64_t clock_sets = 0;  ///< changes of boards' clocks
   std::uint64_t floods = 0;
   void add(const TakeTally& other);
 };
 
-/// Two nodalds share one slot, in which three cards are exchanged. Everything is drawn from the seed: who records and stops, who is
-/// killed, when the power fails, when a card is exchanged, pulled or put back, which takes people copy there and take away, when a
-/// terminal hangs up on nodald, which hosts ask and are gone, which flood it, and how boards' clocks are set. Sets come at 1/1000 to
-/// 240 Hz, at another rate than rig.toml's, and rates change.
+/// Two nodalds share one slot, in which three cards are exchanged. Everything is drawn from the seed: who records and
+/// stops, who is killed, when the power fails, when a card is exchanged, pulled or put back, which takes people copy
+/// there and take away, when a terminal hangs up on nodald, which hosts ask and are gone, which flood it, and how
+/// boards' clocks are set. Sets come at 1/1000 to 240 Hz, at another rate than rig.toml's, and rates change.
 ///
-/// After each event the truth is compared with the cards: a folder that once had a manifest never changes, but by a request to
-/// delete it; a number is never used for a second take of a card; what was durable is in the take after its recovery; a take says the
-/// rate at which each of its sets came; a take is finished when nodald ends by itself; at most one nodald records on a card. At the
-/// end the cards are put in one after the other, and every take on them must be finished.
+/// After each event the truth is compared with the cards: a folder that once had a manifest never changes, but by a
+/// request to delete it; a number is never used for a second take of a card; what was durable is in the take after its
+/// recovery; a take says the rate at which each of its sets came; a take is finished when nodald ends by itself; at
+/// most one nodald records on a card. At the end the cards are put in one after the other, and every take on them must
+/// be finished.
 ///
 /// Threading: thread-bound.
 /// Errors: run() returns what is wrong, in one sentence.
@@ -63,15 +64,15 @@ class TakeWorld {
   /// One card, and what must be on it.
   struct Card {
     std::shared_ptr<hal::sim::SimDisk> disk;
-    std::map<std::string, Files> kept;             ///< of takes with a manifest, by folder
-    std::map<std::string, std::uint64_t> durable;  ///< sets of takes without one
+    std::map<std::string, Files> kept;             ///< files of takes with a manifest, by folder
+    std::map<std::string, std::uint64_t> durable;  ///< number of durable sets of takes without a manifest
     std::set<std::string> used;                    ///< folders that a take ever had
-    std::map<std::string, Rates> rates;            ///< of takes without a manifest
+    std::map<std::string, Rates> rates;            ///< rates of takes without a manifest
   };
   struct Daemon {
     std::unique_ptr<hal::DiskPort> port;
     std::unique_ptr<firmware::TakeStage> stage;  ///< null: it is dead
-    Card* card = nullptr;                        ///< that its take is on; null: it records none
+    Card* card = nullptr;                        ///< the card that its take is on; null: it records none
     std::uint64_t take = 0;
   };
 
