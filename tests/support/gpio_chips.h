@@ -33,7 +33,7 @@ class GpioChips final : public hal::gpio::System {
   bool refuse_threads = false;  ///< like a system at its limit
   bool refuse_realtime = false;
   Duration write_time;                     ///< duration of a write
-  std::function<Duration()> lateness;      ///< of a runner's wake-up at a given time
+  std::function<Duration()> lateness;      ///< how late a runner wakes up at a given time
   std::map<std::string, int> claim_error;  ///< errno by the line's text()
 
   // What a test controls.
@@ -55,7 +55,7 @@ class GpioChips final : public hal::gpio::System {
   std::vector<LineEvent> history(const LineName& line) const;  ///< changes of an output's level
   int claimed() const;
   std::uint64_t discarded_edges() const;  ///< edges lost because the queue of 16 was full
-  std::uint64_t steps() const;            ///< of all runners
+  std::uint64_t steps() const;            ///< steps of all runners together
 
   // What the port uses.
   hal::gpio::Claim claim_output(const LineName& line, bool high) override;

@@ -19,9 +19,10 @@
 
 namespace nodal::test {
 
-/// One camera. In free run frame n of a stream is complete n + 1 periods after the stream's start; where pulses reach it, it follows
-/// them, as a genlocked camera does. With its trigger on, a pulse starts an exposure. A new shutter or gain is in the third frame
-/// that begins after it was written. Every byte of a picture is the frame's number, but for the embedded ones.
+/// One camera. In free run frame n of a stream is complete n + 1 periods after the stream's start; where pulses reach
+/// it, it follows them, as a genlocked camera does. With its trigger on, a pulse starts an exposure. A new shutter or
+/// gain is in the third frame that begins after it was written. Every byte of a picture is the frame's number, but for
+/// the embedded ones.
 ///
 /// Threading: thread-safe.
 class IidcBus final : public hal::iidc::Bus, public hal::sim::PulseSink {
@@ -112,14 +113,14 @@ class IidcBus final : public hal::iidc::Bus, public hal::sim::PulseSink {
   int broken_takes_ = 0, refused_buffers_ = 0;
 
   bool streams_ = false;
-  Instant next_done_;                      ///< of the next frame in free run
+  Instant next_done_;                      ///< end of the next frame in free run
   std::optional<Instant> own_clock_from_;  ///< pulses determine the frames until then
   std::uint32_t number_ = 0;
-  std::uint32_t shutter_ = 0, gain_ = 0;  ///< in effect, as the registers have them
+  std::uint32_t shutter_ = 0, gain_ = 0;  ///< settings in effect, as the registers have them
   std::deque<Change> changes_;
   std::deque<Frame> coming_;  ///< exposed, not yet transferred
 
-  std::vector<Slot>* slots_ = nullptr;  ///< of the source that is queued
+  std::vector<Slot>* slots_ = nullptr;  ///< slots of the source that is queued
   std::deque<std::size_t> queue_;
   std::deque<Done> done_;
   bool starved_ = false;

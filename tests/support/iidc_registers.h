@@ -6,17 +6,17 @@
 
 namespace nodal::test {
 
-/// A camera of version 1.31 with 640x480 (grey, YUV 4:2:2, YUV 4:1:1), format 7 up to 96x64, shutter, gain, white balance and
-/// frame rate, of which all but the white balance have absolute values, triggers 0 and 1, and Point Grey's embedded numbers. It
-/// comes like many cameras: still transmitting, everything automatic, absolute values off.
+/// A camera of version 1.31 with 640x480 (grey, YUV 4:2:2, YUV 4:1:1), format 7 up to 96x64, shutter, gain, white
+/// balance and frame rate, of which all but the white balance have absolute values, triggers 0 and 1, and Point Grey's
+/// embedded numbers. It comes like many cameras: still transmitting, everything automatic, absolute values off.
 ///
 /// It shares no code with the driver: offsets and bits are written down again, from the specification (IIDC 1.31).
 ///
 /// Threading: one thread at a time.
 class IidcRegisters {
  public:
-  static constexpr std::uint64_t kBase = 0xF0'0000;          ///< of the command registers
-  static constexpr std::uint64_t kAbsolute = kBase + 0x900;  ///< of the absolute values, 16 bytes a feature
+  static constexpr std::uint64_t kBase = 0xF0'0000;          ///< address of the command registers
+  static constexpr std::uint64_t kAbsolute = kBase + 0x900;  ///< address of the absolute values, 16 bytes a feature
   static constexpr std::uint64_t kFormat7 = kBase + 0xA00;
   static constexpr unsigned kShutter = 7, kGain = 8, kWhiteBalance = 3, kFrameRate = 15, kAutoExposure = 1;
   static constexpr float kShutterLow = 0.0001F, kShutterHigh = 0.0301F;  ///< seconds

@@ -23,9 +23,9 @@ struct Lens {
 
 /// One photograph: the scene's pose, its light, and the sensor's effects.
 struct Shot {
-  double tilt_deg = 0;                            ///< of the scene's normal against the axis
+  double tilt_deg = 0;                            ///< tilt of the scene's normal against the axis
   double tilt_about_deg = 0;                      ///< direction of the tilt
-  double spin_deg = 0;                            ///< about the axis
+  double spin_deg = 0;                            ///< rotation about the axis
   double x = 0, y = 0;                            ///< where the axis meets the scene, in scene widths from its centre
   double distance = 0.5;                          ///< along the axis, scene widths
   double blur_px = 0.7;                           ///< sigma

@@ -14,7 +14,7 @@ namespace nodal::test {
 struct RenderedRig {
   Calibration truth;
   PixelFormat format = PixelFormat::kGrey8;
-  std::vector<std::vector<std::uint8_t>> bytes;  ///< of each head, packed
+  std::vector<std::vector<std::uint8_t>> bytes;  ///< packed picture of each head
 
   /// One picture per head, stored in `bytes`.
   std::vector<ImageView> frames() const;
@@ -23,14 +23,14 @@ struct RenderedRig {
 struct RenderOptions {
   PixelFormat format = PixelFormat::kGrey8;
   double noise_levels = 0;  ///< standard deviation
-  std::uint64_t seed = 1;   ///< of the noise
+  std::uint64_t seed = 1;   ///< seed of the noise
   int supersampling = 3;
 };
 RenderedRig render_rig(const Calibration& truth, const hal::sim::ScenePtr& scene, const RenderOptions& options = {});
 
-/// A room about the rig's nodal point: a ball of this radius, or a box with this distance to its walls, m. Its walls look
-/// from the nodal point as `scene` does without its movers, and each head sees them from its own position. The picture
-/// that a rig at one point would take is therefore `scene`.
+/// A room about the rig's nodal point: a ball of this radius, or a box with this distance to its walls, m. Its walls
+/// look from the nodal point as `scene` does without its movers, and each head sees them from its own position. The
+/// picture that a rig at one point would take is therefore `scene`.
 struct Room {
   enum class Shape { kBall, kBox } shape = Shape::kBall;
   double size = 2;

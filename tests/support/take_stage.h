@@ -1,4 +1,5 @@
-// The recorder and the disk's stage on any disk, in virtual time: sets come at their times, also while the disk is busy.
+// The recorder and the disk's stage on any disk, in virtual time: sets come at their times, also while the disk is
+// busy.
 #pragma once
 
 #include <array>
@@ -21,11 +22,11 @@ class TakeStage {
   static constexpr int kStageHeads = 2;
   struct Options {
     TakesConfig takes{.folder = "takes", .buffer_mb = 16, .raymap = false};
-    FrameRate rate{5, 1};                   ///< at which sets come
+    FrameRate rate{5, 1};                   ///< rate of the sets
     std::optional<FrameRate> configured{};  ///< rig.toml's; empty: the same
-    int width = 32;                         ///< of the pictures, px
+    int width = 32;                         ///< width of the pictures, px
     int height = 16;
-    std::array<TakeMode, kStageHeads> modes{};  ///< of the heads
+    std::array<TakeMode, kStageHeads> modes{};  ///< mode of each head
     hal::ConfinedPort* confined = nullptr;      ///< where takes are recovered
   };
 
@@ -152,7 +153,8 @@ class TakeStage {
       recorder_.step();
     }
   }
-  /// A step of the disk's stage may take long; what comes meanwhile is offered after it. A disk that is too slow is never idle.
+  /// A step of the disk's stage may take long; what comes meanwhile is offered after it. A disk that is too slow is
+  /// never idle.
   void settle(Instant end) {
     bool busy = true;
     while (busy) {

@@ -15,8 +15,8 @@ struct Shown {
   std::string text;
 };
 
-/// Runs a command in a new terminal of `columns` x 24 characters, which is its input, output and error, and waits for its
-/// end; kills it (code 137) after `at_most`. `environment` is added to ours.
+/// Runs a command in a new terminal of `columns` x 24 characters, which is its input, output and error, and waits for
+/// its end; kills it (code 137) after `at_most`. `environment` is added to ours.
 Shown run_in_terminal(const std::vector<std::string>& command, const std::map<std::string, std::string>& environment,
                       unsigned short columns = 80, std::chrono::seconds at_most = std::chrono::seconds(120));
 
