@@ -72,7 +72,7 @@ TEST_F(PortBellTest, RungOnce_EndsOneSleepOnly) {
 }
 
 TEST_F(PortBellTest, TimeOfAPort_EndsTheSleepThenAndNotBefore) {
-  bool before_its_limit = false;  // of 0.1 s; on a busy machine one sleep may be longer
+  bool before_its_limit = false;  // its limit is 0.1 s; on a busy machine one sleep may be longer
   for (int i = 0; i < 20 && !before_its_limit; ++i) {
     const Instant when = clock_.now() + Duration::milliseconds(10);
     const auto heard = bell_.count();

@@ -81,8 +81,8 @@ TEST_F(V4l2HeadTest, ExposureAndGain_ReachTheDeviceInItsUnitsAndComeBackAsItHasT
     frame = *taken;
     head->release(frame.slot);
   }
-  EXPECT_EQ(driver_.control(V4L2_CID_EXPOSURE_ABSOLUTE), 83);  // in units of 100 us
-  EXPECT_EQ(driver_.control(V4L2_CID_GAIN), 24);               // in units of 250 mdB, in steps of 2
+  EXPECT_EQ(driver_.control(V4L2_CID_EXPOSURE_ABSOLUTE), 83);  // the unit is 100 us
+  EXPECT_EQ(driver_.control(V4L2_CID_GAIN), 24);               // the unit is 250 mdB, in steps of 2
   EXPECT_EQ(frame.in_effect.exposure, Exposure::microseconds(8'300));
   EXPECT_EQ(frame.in_effect.gain, Gain::millidecibels(6'000));
 }

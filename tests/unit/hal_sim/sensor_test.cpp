@@ -291,8 +291,8 @@ TEST(Sensor, InterlacedI420_ChromaRowsBelongToTheFieldsInTurns) {
   const PlaneView v = field_of(packed_image(PixelFormat::kI420, 320, 240, woven.data()), FieldParity::kTop).planes[2];
   for (int y = 0; y < 60; ++y) {
     for (int x = 0; x < 160; ++x) {
-      double red_difference =
-          0;  // BT.601's V of the four pixels: field rows 2 y and 2 y + 1 are frame rows 4 y, 4 y + 2
+      // BT.601's V of the four pixels: field rows 2 y and 2 y + 1 are frame rows 4 y, 4 y + 2.
+      double red_difference = 0;
       for (int k = 0; k < 4; ++k) {
         const std::uint8_t* p = &first[static_cast<std::size_t>(3 * (320 * (4 * y + 2 * (k / 2)) + 2 * x + k % 2))];
         red_difference += (0.5 * p[0] - 0.418688 * p[1] - 0.081312 * p[2]) / 4;

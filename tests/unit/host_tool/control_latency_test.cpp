@@ -11,7 +11,8 @@ namespace {
 constexpr std::int64_t kPeriodNs = 4'000'000;
 constexpr int kSide = 16;
 
-/// Answers as a rig with one grey head of 16x16, whose brightness is its exposure. One frame passes with each frame set.
+/// Answers as a rig with one grey head of 16x16, whose brightness is its exposure. One frame passes with each frame
+/// set.
 class SlowHead {
  public:
   SlowHead(std::vector<int> seen_after, int stated_after)

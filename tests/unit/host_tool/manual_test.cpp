@@ -96,7 +96,7 @@ TEST(Manual, EveryExitCode_IsExplained) {
     const std::string entry = ".B " + std::to_string(static_cast<int>(help.code)) + "\n";
     const std::size_t at = status.find(entry);
     ASSERT_NE(at, std::string::npos) << entry;
-    const std::string meaning(help.meaning.substr(1));  // in the manual its first letter is a capital
+    const std::string meaning(help.meaning.substr(1));  // the manual begins it with a capital letter
     EXPECT_EQ(status.compare(at + entry.size() + 1, meaning.size(), meaning), 0) << help.meaning;
   }
 }

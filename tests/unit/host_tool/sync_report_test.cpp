@@ -74,7 +74,7 @@ TEST(SyncReport, ASkewOfFiveMicroseconds_IsDrawnOnTheLineThatSaysSo) {
   const std::size_t word = svg.find(">+5 µs<");
   ASSERT_NE(word, std::string::npos) << svg;
   const std::string y = "y2=\"";
-  const std::size_t line = svg.rfind(y, word) + y.size();  // of the line before its word
+  const std::size_t line = svg.rfind(y, word) + y.size();  // coordinate of the line before its word
   const std::string height = svg.substr(line, svg.find('"', line) - line);
   EXPECT_NE(svg.find("points=\"80.0," + height + " 840.0," + height), std::string::npos) << svg;
 }

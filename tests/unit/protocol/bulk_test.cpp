@@ -89,7 +89,7 @@ struct BulkWorld {
     RC_ASSERT(counts.offered == counts.delivered + counts.dropped + counts.pending);
     RC_ASSERT(counts.pending <= (policy == StreamPolicy::kLatest ? 2 : kLosslessQueueItems));
     if (policy == StreamPolicy::kLossless) RC_ASSERT(counts.dropped == 0u);
-    RC_ASSERT(counts.bytes == talk.host->bulk_received(stream));  // of pieces that have arrived in part, too
+    RC_ASSERT(counts.bytes == talk.host->bulk_received(stream));  // pieces that have arrived in part count, too
     RC_ASSERT(counts.bytes == talk.rig->bulk_taken());
     RC_ASSERT(collector.whole <= counts.delivered);
   }

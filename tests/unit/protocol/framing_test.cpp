@@ -98,7 +98,7 @@ TEST(FrameDecoder, SomebodyWhoSpeaksSomethingElse_ProtocolSaysSo) {
 
 TEST(FrameDecoder, NewerFraming_VersionMismatchNamesBoth) {
   Bytes bytes = frame({FrameType::kRequest, 0, 0, 0}, kHi);
-  bytes[4] = 9;  // that version may compute its CRC in another way, so the CRC is unchanged
+  bytes[4] = 9;  // another version may compute its CRC in another way, so the CRC is unchanged
   const Error error = first_error(bytes);
   EXPECT_EQ(error.code, Errc::kVersionMismatch);
   EXPECT_NE(error.message.find("version 9"), std::string::npos);

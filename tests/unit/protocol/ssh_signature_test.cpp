@@ -34,7 +34,7 @@ class SshSignature : public testing::Test {
   test::SshKeys keys_;
   const std::string ann_ = keys_.make("ann");
   const std::string bob_ = keys_.make("bob");
-  std::string name_space_;  ///< of the signature that was accepted last
+  std::string name_space_;  ///< name space of the signature that was accepted last
   std::string allowed_ = "# who may\n\nann@example namespaces=\"git,nodal-calibration\" " + ann_;
 };
 

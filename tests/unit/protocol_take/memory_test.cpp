@@ -1,4 +1,5 @@
-// Documents and evidence that are as large as they may be, and hostile ones: their readers stay within the memory of LIMITS.md.
+// Documents and evidence that are as large as they may be, and hostile ones: their readers stay within the memory of
+// LIMITS.md.
 #include <gtest/gtest.h>
 
 #include <fmt/format.h>
@@ -17,7 +18,8 @@ namespace {
 
 using test::within_memory;
 
-/// `head`, then `part(k)` while it is not empty and the text has room, then `tail`: as pieces, of which one is in memory.
+/// `head`, then `part(k)` while it is not empty and the text has room, then `tail`: as pieces, of which one is in
+/// memory.
 class Pieces {
  public:
   Pieces(std::string head, std::function<std::string(std::size_t)> part, std::string tail,

@@ -93,7 +93,7 @@ TEST(Autocalibration, PicturesThatOverlapAndShowDifferentThings_AreNamed) {
 
 TEST(Autocalibration, AFalseFocalLengthInExif_DoesNoHarm) {
   const test::RenderedRig rig = test::render_rig(test::six_fisheyes(400), hal::sim::town_square_scene(3), {});
-  Options wrong;  // of a picture that was cut out of a larger one, for instance
+  Options wrong;  // such as from a picture that was cut out of a larger one
   wrong.focal_px.assign(6, 3 * std::get<EquidistantLens>(rig.truth.heads[0].lens).coefficients[0]);
   const auto found = autocalibrate(pictures_of(rig), names_of(rig.truth), wrong);
   ASSERT_TRUE(found) << found.error().text();

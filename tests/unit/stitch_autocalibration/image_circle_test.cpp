@@ -16,7 +16,7 @@ struct Drawn {
   Region::Circle circle{400, 300, 260};
   double blur = 6;        ///< px, from light to dark
   double outside = 6;     ///< level
-  double dark_share = 0;  ///< of the directions from the middle: the scene is dark there
+  double dark_share = 0;  ///< share of the directions from the middle in which the scene is dark there
   double level = 150;
 };
 

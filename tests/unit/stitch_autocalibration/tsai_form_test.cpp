@@ -24,7 +24,7 @@ Calibration rig_of(const KannalaBrandtLens& lens) {
 }
 
 TEST(TsaiForm, NearlyRectilinearLens_IsTheSameWithinHalfAPixel) {
-  const KannalaBrandtLens lens{495, {-0.3111, 0.1459, -0.0002, 0}};  // of ten rendered heads
+  const KannalaBrandtLens lens{495, {-0.3111, 0.1459, -0.0002, 0}};  // the lens of ten rendered heads
   const auto tsai = with_tsai_lenses(rig_of(lens));
   ASSERT_TRUE(tsai);
   const auto from = geometry::Lens::make(lens).value(), to = geometry::Lens::make(tsai->heads[1].lens).value();

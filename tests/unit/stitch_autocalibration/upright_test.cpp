@@ -23,8 +23,8 @@ struct World {
   enum class Ground { kPlain, kStripes, kTiles } ground = Ground::kPlain;
 };
 
-/// Black and white stripes or tiles of a metre on the ground, 1.5 m below, up to where the haze hides them: -1 or 1, and
-/// 0 elsewhere.
+/// Black and white stripes or tiles of a metre on the ground, 1.5 m below, up to where the haze hides them: -1 or 1,
+/// and 0 elsewhere.
 double pattern(const Eigen::Vector3d& ray, World::Ground ground) {
   if (ground == World::Ground::kPlain || ray.y() < 0.03) return 0;
   const double x = 1.5 * ray.x() / ray.y(), z = 1.5 * ray.z() / ray.y();
@@ -142,8 +142,8 @@ TEST(Upright, PostsAndAHorizonAbovePatternedGround_AreAReasonToBeSure) {
   }
 }
 
-/// A room of 4 x 2.5 x 6 m with tiles of half a metre on all walls, by the light of a window in the right one: straight edges in three
-/// directions, each of which could be up.
+/// A room of 4 x 2.5 x 6 m with tiles of half a metre on all walls, by the light of a window in the right one: straight
+/// edges in three directions, each of which could be up.
 float room(const Eigen::Vector3d& ray) {
   const Eigen::Vector3d half(2, 1.25, 3);
   int wall = 0;

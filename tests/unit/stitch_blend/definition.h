@@ -162,7 +162,7 @@ class Definition {
 
   struct Share {
     const PatchRecord* record = nullptr;
-    int x = 0, y = 0;  ///< in 1/4096 samples of the patch
+    int x = 0, y = 0;  ///< position in the patch, in 1/4096 samples
     std::int64_t weight = 0;
     std::int64_t vignetting = 0;  ///< 0: the table has none
   };

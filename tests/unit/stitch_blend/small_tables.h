@@ -43,7 +43,7 @@ inline constexpr std::uint16_t kOnePixel = 1 << kFractionBits;
 /// One head's contribution to one pixel of a hand-made table.
 struct Look {
   HeadIndex head = 0;
-  int x = 0;  ///< in 1/4096 samples of the picture, which is at most 16 x 16
+  int x = 0;  ///< position in the picture, at most 16 x 16 samples, in 1/4096 samples
   int y = 0;
   int weight = kOneWeight;
 };
@@ -251,7 +251,8 @@ class RandomTables {
     grid.records.push_back(record);
   }
 
-  /// Makes the newest record the first of a pair, the patch of whose second is anywhere that holds the lower half's samples.
+  /// Makes the newest record the first of a pair, the patch of whose second is anywhere that holds the lower half's
+  /// samples.
   void make_pair(GridTable& grid, const PlaneView& plane) {
     PatchRecord& upper = grid.records.back();
     PatchRecord lower = upper;

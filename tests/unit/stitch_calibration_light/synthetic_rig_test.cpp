@@ -38,7 +38,7 @@ TEST(SyntheticRig, GainsAndFallOffOfOneSet_ComeBackToAHundredthOfAStop) {
 
   const auto found = calibrate_light(prior, {set}, {});
   ASSERT_TRUE(found) << found.error().text();
-  double mean = 0;  // of the true gains; the pictures do not determine it
+  double mean = 0;  // mean of the true gains; the pictures do not determine it
   for (const HeadCalibration& head : truth->calibration.heads) mean += std::log2(head.gain[1]) / 10;
   for (std::size_t h = 0; h < 10; ++h) {
     const HeadCalibration& ours = found->calibration.heads[h];

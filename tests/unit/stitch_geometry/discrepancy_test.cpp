@@ -58,7 +58,8 @@ double part_in_cap(double u, double axis, double cosine) {
 }
 
 TEST(Discrepancy, OfStratifiedRandom_IsThatOfRowsWithIndependentLongitudes) {
-  // Rows are even, and a row's rays are in a cap with the part p of its circle: the variance is the mean of p (1 - p) / n.
+  // Rows are even, and a row's rays are in a cap with the part p of its circle: the variance is the mean of p (1 - p) /
+  // n.
   constexpr int kSteps = 100;
   double integral = 0;
   for (int a = 0; a < kSteps; ++a) {

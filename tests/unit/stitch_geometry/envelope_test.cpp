@@ -148,8 +148,9 @@ std::vector<Vector3d> corners_of(const std::string& name) {
   return corners;
 }
 
-/// Whether a point is in the convex hull of corners: on the inner side of every plane through three of them that has all
-/// others on one side. How far it is outside, as a part of the distance of such a plane from the origin; at most 0 inside.
+/// Whether a point is in the convex hull of corners: on the inner side of every plane through three of them that has
+/// all others on one side. How far it is outside, as a part of the distance of such a plane from the origin; at most 0
+/// inside.
 double outside_hull(const std::vector<Vector3d>& corners, const Vector3d& point) {
   double most = -1;
   for (std::size_t a = 0; a < corners.size(); ++a) {
@@ -166,7 +167,8 @@ double outside_hull(const std::vector<Vector3d>& corners, const Vector3d& point)
   return most;
 }
 
-/// Twelve corners of an icosahedron: a pole, and a ring at the latitude atan(1/2). The dodecahedron's are its faces' centres.
+/// Twelve corners of an icosahedron: a pole, and a ring at the latitude atan(1/2). The dodecahedron's are its faces'
+/// centres.
 std::vector<Vector3d> icosahedron() {
   std::vector<Vector3d> corners{{0, 1, 0}, {0, -1, 0}};
   for (int k = 0; k < 10; ++k) {

@@ -184,7 +184,7 @@ TEST(ScatteredRays, PixelsOfHaltonAPeriodApart_FillACompactCell) {
     ASSERT_EQ(cells.of(period + 3), 3U);
     EXPECT_GE(pixels / period, rays);
     EXPECT_LT(pixels / period / 3, rays);
-    const double area = 4 * kPi / period;  // of sin phi and theta: solid angle
+    const double area = 4 * kPi / period;  // area in sin phi and theta, which is a solid angle
     for (std::uint32_t first = 0; first < period; ++first) {
       double least[2] = {10, 10}, most[2] = {-10, -10};
       for (std::uint32_t k = first; k < pixels; k += period) {

@@ -56,7 +56,8 @@ TEST(FlatFaces, LargestToSmallestSolidAngle_TendsToTheCubeOfCornerOverMiddle) {
   EXPECT_NEAR(ratio_at("octahedron", 800, 800), 3 * std::sqrt(3.0), 0.04);
   EXPECT_NEAR(ratio_at("tetrahedron", 1000, 434), 27, 0.7);
   const double golden = (1 + std::sqrt(5.0)) / 2, corner = std::sqrt(golden * std::sqrt(5.0)) / 2;
-  const double middle = golden * golden / (2 * std::sqrt(3.0));  // of an icosahedron with edges of length 1
+  // Distance of the middle of a face of an icosahedron with edges of length 1.
+  const double middle = golden * golden / (2 * std::sqrt(3.0));
   EXPECT_NEAR(ratio_at("icosahedron", 800, 278), std::pow(corner / middle, 3), 0.03);
 }
 

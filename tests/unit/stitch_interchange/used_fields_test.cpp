@@ -1,4 +1,5 @@
-// A field that a format's table calls used changes the result: for each one, a file in which it stands, and what to change.
+// A field that a format's table calls used changes the result: for each one, a file in which it stands, and what to
+// change.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -146,8 +147,9 @@ const std::string kVideoStitch = R"({"pano": {"global_orientation": [1, 0, 0, 0]
  "center_x": 6, "center_y": 7, "distort_a": 0.01, "distort_b": 0.011, "distort_c": 0.012, "distort_p1": 0.0013,
  "distort_p2": 0.0014, "distort_s1": 0.0015, "distort_s2": 0.0016, "distort_s3": 0.0017, "distort_s4": 0.0018,
  "horizontalFocal": 167, "verticalFocal": 168, "translation_x": 0.1, "translation_y": 0.11, "translation_z": 0.12}},
-{"width": 401, "height": 301, "filename": "b.jpg", "proj": "ff_fisheye", "hfov": 102, "yaw": 31, "pitch": 32, "roll": 33,
- "lens_dist_a": 0.021, "lens_dist_b": 0.022, "lens_dist_c": 0.023, "dist_center_x": 34, "dist_center_y": 35},
+{"width": 401, "height": 301, "filename": "b.jpg", "proj": "ff_fisheye", "hfov": 102, "yaw": 31, "pitch": 32,
+ "roll": 33, "lens_dist_a": 0.021, "lens_dist_b": 0.022, "lens_dist_c": 0.023,
+ "dist_center_x": 34, "dist_center_y": 35},
 {"width": 402, "height": 302, "proj": "ff_fisheye", "geometries": {"horizontalFov": 103}},
 {"width": 403, "height": 303, "proj": "ff_fisheye", "geometries": {"hfov": 104}}],
 "calibration_control_points": {"matched_control_points": [

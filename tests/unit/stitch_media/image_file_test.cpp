@@ -294,7 +294,7 @@ TEST(ConvertImage, ChromaPlacement_FollowsThePlaneGrid) {
     const PlaneView u = image.view().planes[1];
     const PlaneGrid grid = component_grid(format, 1);
     for (int i = 4; i < 28; ++i) {
-      const double x = (i + 0.5 - grid.offset_x) * grid.step_x - 0.5;  // in pixel indices
+      const double x = (i + 0.5 - grid.offset_x) * grid.step_x - 0.5;  // pixel index
       const double blue = 2 * x + 64;
       const double expected = 128 - 0.168736 * 128 - 0.331264 * 128 + 0.5 * blue;
       EXPECT_NEAR(u.data[i * u.pixel_stride], expected, 0.51) << pixel_format_name(format) << " " << i;

@@ -104,7 +104,7 @@ TEST(ExifBlock, BrokenOffsetsAndLargeValues_AreLeftOut) {
   tiff.directory({{271, 2, 0xffffffffU, 8},    // longer than anything
                   {272, 2, 2000, 8},           // over the limit
                   {306, 2, 20, 0xfffffff0U},   // beyond the end
-                  {306, 99, 1, 0},             // of no type
+                  {306, 99, 1, 0},             // no known type
                   {34665, 4, 1, 0xfffffffeU},  // beyond the end
                   {34853, 4, 1, 8}});          // this directory itself
   const Bytes block = exif_block(tiff.bytes());

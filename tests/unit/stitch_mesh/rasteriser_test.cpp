@@ -30,7 +30,8 @@ view::CameraSpec camera_of(double yaw, double pitch, double fov) {
   return {{view::Projection::kPerspective}, {yaw, pitch, 10}, fov, 120, 90};
 }
 
-/// The largest angle, rad, between what the two ways say that a pixel shows; and how many pixels only one of them fills.
+/// The largest angle, rad, between what the two ways say that a pixel shows; and how many pixels only one of them
+/// fills.
 struct Apart {
   double angle = 0;
   int alone = 0, both = 0;
@@ -97,8 +98,8 @@ TEST(MeshView, FlatEnvelopes_AreShownExactly_FromInsideAndOutside) {
 TEST(MeshView, CurvedEnvelopes_FromBesideAndOutside_AgreeUpToTheMeshsFlatness) {
   const Envelope sphere = Envelope::named("sphere:2").value();
   const auto layout = layout_of("equirectangular", 192);
-  // The flat triangles of a mesh with the error 0.05 degrees are up to a few centimetres below the sphere; from elsewhere than the
-  // nodal point, this is an angle too. Halving edges divides it by four.
+  // The flat triangles of a mesh with the error 0.05 degrees are up to a few centimetres below the sphere; from
+  // elsewhere than the nodal point, this is an angle too. Halving edges divides it by four.
   const Apart coarse = apart(*layout, sphere, camera_of(0, 0, 90), {0.5, 0.3, -0.4}, 0.2 * kOneDegree);
   const Apart fine = apart(*layout, sphere, camera_of(0, 0, 90), {0.5, 0.3, -0.4}, 0.05 * kOneDegree);
   EXPECT_EQ(fine.alone, 0);

@@ -165,7 +165,8 @@ TEST_P(NearObject, SeenByOneHeadAlone_IsShownWholeOrNotAtAll) {
     }
   }
   ASSERT_GT(all, 50);
-  // Beside it, and where it is not shown, the background may be moved: the flow of an object that one head alone sees is unknown.
+  // Beside it, and where it is not shown, the background may be moved: the flow of an object that one head alone sees
+  // is unknown.
   EXPECT_GT(std::abs(shown / all - 0.5), 0.375) << "shown: " << shown << " of " << all << " pixels";
 }
 

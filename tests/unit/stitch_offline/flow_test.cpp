@@ -23,8 +23,8 @@ float texture(double x, double y) {
 }
 
 constexpr int kAcross = 160, kDown = 96;
-constexpr int kBorder =
-    24;  ///< px that are not compared: one of the pictures may end there, and the flow is limited beside it
+/// px that are not compared: one of the pictures may end there, and the flow is limited beside it.
+constexpr int kBorder = 24;
 
 SeenPicture picture(const std::function<float(double, double)>& level) {
   SeenPicture made{kAcross, kDown, {}, std::vector<float>(kAcross * kDown, 1.0F)};
@@ -109,7 +109,8 @@ TEST(Flow, BeyondWhatBothShow_GoesOn) {
   }
 }
 
-/// The least determinant of what the flow does to either picture, over cells of 8 px: 0 or less where one of them folds.
+/// The least determinant of what the flow does to either picture, over cells of 8 px: 0 or less where one of them
+/// folds.
 double least_area(const Flow& flow, float share) {
   constexpr int kCell = 8;
   double least = 1;
@@ -129,8 +130,8 @@ double least_area(const Flow& flow, float share) {
   return least;
 }
 
-/// A near object with detail of its own in front of the scene, `move` px apart in the two pictures: what is behind it in one
-/// picture is seen in the other.
+/// A near object with detail of its own in front of the scene, `move` px apart in the two pictures: what is behind it
+/// in one picture is seen in the other.
 Flow flow_of_near_object(float move, float share) {
   const auto level = [&](double x, double y, double moved) {
     const double u = x - moved - kAcross / 2.0, v = y - kDown / 2.0;

@@ -9,7 +9,7 @@
 namespace nodal::registration {
 namespace {
 
-constexpr double kPixelDeg = 130.0 / 160;  // of six_fisheyes(160)
+constexpr double kPixelDeg = 130.0 / 160;  // size of a pixel of six_fisheyes(160)
 
 const Calibration& spread() {
   static const Calibration rig = test::spread_out(test::six_fisheyes(160), 0.1);

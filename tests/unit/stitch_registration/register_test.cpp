@@ -12,7 +12,7 @@
 namespace nodal::registration {
 namespace {
 
-constexpr double kRegisterPixelDeg = 130.0 / 160;  // of six_fisheyes(160)
+constexpr double kRegisterPixelDeg = 130.0 / 160;  // size of a pixel of six_fisheyes(160)
 
 const test::RenderedRig& town() {
   static const test::RenderedRig rig = [] {

@@ -32,7 +32,8 @@ double detail_at(const ImageView& frame, int x, int y) {
   return std::pow(level(x + 1, y) - level(x - 1, y), 2) + std::pow(level(x, y + 1) - level(x, y - 1), 2);
 }
 
-/// Rms over the detail that two heads see: how far apart a calibration says that the heads show one point of the scene, px.
+/// Rms over the detail that two heads see: how far apart a calibration says that the heads show one point of the scene,
+/// px.
 double displacement(const test::RenderedRig& rig, const Calibration& found) {
   const Calibration& truth = rig.truth;
   const std::vector<ImageView> frames = rig.frames();

@@ -35,7 +35,8 @@ TEST(PlacedSeams, APersonOnASeam_CostsLessThanWithFixedSeams) {
   const Bytes placed = film.blend(set_of(seen));
   EXPECT_NE(placed, fixed) << "from the second period on";
   EXPECT_EQ(film.moved, 1);
-  // Columns are 0.5 m wide: at 1.5 m 19 degrees, 14 px. On the horizon, each px of the truth is looked for in its neighbourhood.
+  // Columns are 0.5 m wide: at 1.5 m 19 degrees, 14 px. On the horizon, each px of the truth is looked for in its
+  // neighbourhood.
   const auto truth = test::what_a_rig_sees(room, {}, town);
   const auto layout = geometry::make_layout("equirectangular", kWidth, kWidth / 2).value();
   Bytes best(fixed.size());
@@ -46,8 +47,8 @@ TEST(PlacedSeams, APersonOnASeam_CostsLessThanWithFixedSeams) {
     best[p] = static_cast<std::uint8_t>(
         std::lround(255 * std::clamp(0.299 * light.r + 0.587 * light.g + 0.114 * light.b, 0.0, 1.0)));
   }
-  // How well windows of the truth around the four columns are found in a raymap, anywhere near: parallax moves things, a cut
-  // breaks them.
+  // How well windows of the truth around the four columns are found in a raymap, anywhere near: parallax moves things,
+  // a cut breaks them.
   const auto found = [&](const Bytes& raymap) {
     double sum = 0, count = 0;
     for (int y = 40; y < 88; y += 4) {

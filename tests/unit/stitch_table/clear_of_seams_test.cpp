@@ -1,5 +1,5 @@
-// Rays far from every seam get their weights by a bound of the scores' slopes, others by the slopes themselves. Both must
-// give the same.
+// Rays far from every seam get their weights by a bound of the scores' slopes, others by the slopes themselves. Both
+// must give the same.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -22,8 +22,8 @@ Calibration inset(Calibration rig) {
   return rig;
 }
 
-/// Heads with masks have no bound, so every ray goes the exact way. This mask hides nothing of an inset region, and is too
-/// far from it to reduce a weight.
+/// Heads with masks have no bound, so every ray goes the exact way. This mask hides nothing of an inset region, and is
+/// too far from it to reduce a weight.
 Calibration exact(Calibration rig) {
   for (HeadCalibration& head : rig.heads) head.region.masks.push_back({{0, 0}, {0.5, 0}, {0, 0.5}});
   return rig;

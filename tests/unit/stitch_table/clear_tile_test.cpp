@@ -19,8 +19,8 @@ constexpr int kTileSide = blend::kTile;
 
 struct Tally {
   int tiles = 0;
-  int clear = 0;  ///< that clear_tile() finds
-  int alone = 0;  ///< of which has_one_head_at_most() is sure
+  int clear = 0;  ///< tiles that clear_tile() finds
+  int alone = 0;  ///< tiles of which has_one_head_at_most() is sure
 };
 
 /// Compares every `every`-th tile of an RGB24 raymap, and those beside it and below it.

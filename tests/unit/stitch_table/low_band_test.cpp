@@ -28,8 +28,8 @@ TableOptions two_bands() {
   return options;
 }
 
-/// Two fisheyes of 220 degrees, back to back: by symmetry the seam is the great circle z = 0, and 20 degrees on both sides
-/// of it are seen by both.
+/// Two fisheyes of 220 degrees, back to back: by symmetry the seam is the great circle z = 0, and 20 degrees on both
+/// sides of it are seen by both.
 Calibration back_to_back() {
   Calibration rig;
   rig.name = "two";

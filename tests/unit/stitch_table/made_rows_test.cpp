@@ -47,7 +47,7 @@ std::ptrdiff_t count(const std::vector<bool>& made) { return std::count(made.beg
 
 struct Minified {
   const char* layout;
-  int width, height, side;  ///< of the raymap, and of the heads
+  int width, height, side;  ///< size of the raymap, and side of the heads' pictures
 };
 
 blend::BlendTable table_of(const Minified& what, PixelFormat raymap, PixelFormat head) {

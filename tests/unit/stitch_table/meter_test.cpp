@@ -50,8 +50,8 @@ TEST(MeterTable, ABrightPole_CountsByTheSphereItCoversAndNotByPixels) {
   }
   const ImageView picture = packed_image(PixelFormat::kGrey8, 200, 200, std::as_const(pixels).data());
   const blend::SphereLight seen = blend::meter(table, {&picture, 1}, std::array<blend::ExposedHead, 1>{});
-  const double cap =
-      (1 - std::cos(20 * std::numbers::pi / 180)) / 2 * 6;  // of what it sees; counted by pixels it would be 0.104
+  // Share of what the head sees; counted by pixels it would be 0.104.
+  const double cap = (1 - std::cos(20 * std::numbers::pi / 180)) / 2 * 6;
   EXPECT_NEAR(seen.light, 1024 * (cap * std::log2(128 / 255.0) + (1 - cap) * std::log2(32 / 255.0)), 60);
 }
 

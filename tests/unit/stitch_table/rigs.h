@@ -39,9 +39,9 @@ inline Calibration cube_rig(int side) {
   return rig;
 }
 
-/// Heads with fisheyes of 200 px per radian and a field of 1.1 rad around the axis, turned by 45 degrees around it. In an
-/// equirectangular raymap 768 px wide, near the axis, a tile of 8x8 pixels that are s = 1.64 samples apart is 7 s sqrt(2) = 16.2
-/// samples wide and high, and half of it 10 s / sqrt(2) = 11.6. A patch holds 14 and a part.
+/// Heads with fisheyes of 200 px per radian and a field of 1.1 rad around the axis, turned by 45 degrees around it. In
+/// an equirectangular raymap 768 px wide, near the axis, a tile of 8x8 pixels that are s = 1.64 samples apart is 7 s
+/// sqrt(2) = 16.2 samples wide and high, and half of it 10 s / sqrt(2) = 11.6. A patch holds 14 and a part.
 inline Calibration turned_fisheyes(const std::vector<double>& yaws) {
   Calibration rig;
   rig.name = "turned";

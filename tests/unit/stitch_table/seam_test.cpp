@@ -130,8 +130,8 @@ TEST(Seam, OfTwoFisheyesBackToBack_IsTheGreatCircleBetweenThemAndAsWideAsItSays)
         rays.emplace_back(std::cos(a) * std::cos(turn), std::cos(a) * std::sin(turn), std::sin(a));
       }
       const auto weights = weights_of(rig, rays, seam_of(width));
-      double first = 0, last = 0;  // of both heads
-      double off = 0;              // from a linear ramp
+      double first = 0, last = 0;  // first and last place that both heads show
+      double off = 0;              // largest difference from a linear ramp
       for (std::size_t k = 0; k < rays.size(); ++k) {
         EXPECT_NEAR(weights[k][0] + weights[k][1], 1, 1e-12);
         off = std::max(off, std::abs(weights[k][0] - std::clamp(0.5 + at[k] / width, 0.0, 1.0)));

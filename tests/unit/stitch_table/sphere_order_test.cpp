@@ -154,7 +154,8 @@ TEST(ScatteredRaymap, HeadThatIsMissing_LeavesAsMuchOfEveryRayAsInAPicture) {
   }
 }
 
-/// Tiles whose rays are farther apart than in a square of so many evenly spread rays, with a margin for their positions.
+/// Tiles whose rays are farther apart than in a square of so many evenly spread rays, with a margin for their
+/// positions.
 int wide_tiles(const geometry::RaymapLayout& layout, const std::vector<std::uint32_t>& places) {
   const double side = 8 * std::sqrt(4 * std::numbers::pi / (layout.width() * layout.height()));
   int wide = 0;
@@ -239,7 +240,7 @@ TEST(SphereOrder, LayoutWithARegularOrder_CompletesLinesSoonAndKeepsItsTilesSmal
 TEST(SphereOrder, SmallRaymapWithARegularOrder_IsInStrips) {
   const auto layout = geometry::make_layout("halton", 512, 256).value();
   EXPECT_GT(layout->cells(1024, 8).count, 0U);
-  EXPECT_LE(wide_tiles(*layout, order_of(*layout)), 35);  // of 2048: fewer than in cells
+  EXPECT_LE(wide_tiles(*layout, order_of(*layout)), 35);  // 2048 tiles; cells would have more wide ones
 }
 
 }  // namespace

@@ -38,7 +38,7 @@ TEST(TableCompiler, AnyPartitionOnAnyThreads_GivesTheSameTable) {
 
   Result<TableCompiler> compiler = TableCompiler::make(rig, spec, formats);
   ASSERT_TRUE(compiler);
-  ASSERT_EQ(compiler->row_count(), 2 * (17 + 9));  // of tiles: with two bands there is a cover
+  ASSERT_EQ(compiler->row_count(), 2 * (17 + 9));  // rows of tiles; with two bands there is a cover
   {
     std::vector<std::jthread> threads;
     for (const auto& [begin, end] :
@@ -68,7 +68,7 @@ TEST(TableCompiler, MixtureOfYuvHeads_IsCompiledEachInItsOwnGrid) {
   for (const blend::PatchRecord& record : table->grids[1].records) {
     lowest = std::max(lowest, record.top + record.last_row() + 1);
   }
-  EXPECT_EQ(lowest, 23);  // of 24 rows: YUYV and UYVY have 48, and every second one is read
+  EXPECT_EQ(lowest, 23);  // the last of 24 rows: YUYV and UYVY have 48, and every second one is read
 }
 
 TEST(TableCompiler, MasksThatHideEverything_AreNamedWithTheirSolidAngle) {

@@ -17,7 +17,7 @@ namespace {
 struct Given {
   double weight = 0;
   double gain = 0;
-  std::vector<std::array<double, 2>> places;  ///< in samples of level 0
+  std::vector<std::array<double, 2>> places;  ///< positions in samples of level 0
 };
 
 /// The samples that the table gives to a pixel of grid g, by head, decoded as in blend_table.h.
@@ -163,8 +163,8 @@ TEST(TileBuilder, TilesTurnedBy45Degrees_TakeAPairWhereAPatchIsTooSmall) {
 }
 
 TEST(TileBuilder, TilesThatAnEdgeOfAFaceCrosses_TakeThePictureItself) {
-  // Pixels of sqrt(4 pi / (908 681)) rad = 0.90 samples. Faces are 227 pixels wide, so that edges cross tiles, and the step over an
-  // edge may be any number of samples.
+  // Pixels of sqrt(4 pi / (908 681)) rad = 0.90 samples. Faces are 227 pixels wide, so that edges cross tiles, and the
+  // step over an edge may be any number of samples.
   const std::vector<PixelFormat> formats{PixelFormat::kGrey8};
   const auto layout = geometry::make_layout("healpix", 908, 681).value();
   const auto table = compile_blend_table(fisheye_upwards(), *layout, PixelFormat::kGrey8, formats);
@@ -173,8 +173,8 @@ TEST(TileBuilder, TilesThatAnEdgeOfAFaceCrosses_TakeThePictureItself) {
   EXPECT_EQ(table->sources[0].levels, 1);
 }
 
-/// The number of parts of a tile whose neighbouring pixels have rays closer than `most`, rad. Only rays up to `reach` rad
-/// from the front count.
+/// The number of parts of a tile whose neighbouring pixels have rays closer than `most`, rad. Only rays up to `reach`
+/// rad from the front count.
 int connected_parts(const geometry::RaymapLayout& layout, int left, int top, double most, double reach) {
   std::array<std::optional<geometry::Ray>, 64> rays;
   for (int p = 0; p < 64; ++p) {
@@ -203,7 +203,8 @@ int connected_parts(const geometry::RaymapLayout& layout, int left, int top, dou
 }
 
 TEST(TileBuilder, TilesWithPixelsOfSeveralFaces_HaveOnePatchForEach) {
-  // One head that sees up to 1.9 rad from the front. Pixels are 0.4 to 1.1 samples, so that 8x8 of them fit into a patch.
+  // One head that sees up to 1.9 rad from the front. Pixels are 0.4 to 1.1 samples, so that 8x8 of them fit into a
+  // patch.
   Calibration rig;
   rig.name = "all";
   rig.heads.push_back(test::head_at("all", 1200, 1200, EquidistantLens{{100}}, {0, 0, 0}));

@@ -361,7 +361,7 @@ std::vector<Fault> low_faults() {
       {"BelowTheLowPicture", "outside its head's low picture", [](BlendTable& t) { shared_sight(t).y = 65535; }},
       {"JustBelowTheLowPicture", "outside its head's low picture",
        [](BlendTable& t) {
-         shared_sight(t).y = 14 * 256;  // in the last of 15 rows
+         shared_sight(t).y = 14 * 256;  // the last of 15 rows
          ASSERT_TRUE(validate_blend_table(t).has_value());
          shared_sight(t).y = 14 * 256 + 1;
        }},

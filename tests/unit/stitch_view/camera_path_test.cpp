@@ -27,7 +27,8 @@ TEST(CameraPath, PassesItsKeysAndRestsBesideThem) {
 TEST(CameraPath, OfEquallySpacedKeysOnALine_IsThatLineBetweenTheInnerOnes) {
   const CameraPath of = path("0,0,0,0,90\n10,20,0,0,90\n20,40,0,0,90\n30,60,0,0,90\n");
   for (int k = 10; k <= 20; ++k) EXPECT_NEAR(of.at(k).pose.yaw, 2 * k, 1e-12);
-  // At the ends it starts and stops gently: from rest to slope 2, Hermite's cubic has 20 t t (3 - 2 t) - 20 t t (1 - t).
+  // At the ends it starts and stops gently: from rest to slope 2, Hermite's cubic has 20 t t (3 - 2 t) - 20 t t (1 -
+  // t).
   for (int k = 0; k <= 10; ++k) EXPECT_NEAR(of.at(k).pose.yaw, 20 * (2 * k * k / 100.0 - k * k * k / 1000.0), 1e-12);
 }
 

@@ -17,8 +17,8 @@ Camera made(CameraName name, double fov, geometry::YawPitchRoll pose = {}) {
 }
 Camera made(const char* name, double fov) { return made(parse_camera(name).value(), fov); }
 
-/// Every projection, Pannini's with several d and the fisheye's with several coefficients, and the widest field of view that the
-/// formula allows; less if `open`, because there the picture is infinitely wide.
+/// Every projection, Pannini's with several d and the fisheye's with several coefficients, and the widest field of view
+/// that the formula allows; less if `open`, because there the picture is infinitely wide.
 struct Example {
   const char* name;
   double widest;
@@ -71,8 +71,8 @@ Eigen::Vector2d shown(const std::string& name, const geometry::Ray& ray) {
   if (name == "cylinder_equal_area") return {theta, y};
   if (name == "mercator") return {theta, std::log((1 + y) / level)};  // ln(sec + tan)
   if (name == "equirectangular") return {theta, std::atan2(y, level)};
-  // Pannini: the point of the cylinder of radius 1 about the vertical, seen from d behind its axis on the plane that touches it
-  // in front.
+  // Pannini: the point of the cylinder of radius 1 about the vertical, seen from d behind its axis on the plane that
+  // touches it in front.
   const double d = given(name, "d", 1);
   const Eigen::Vector3d point = ray.direction() / level;
   return (1 + d) / (point.z() + d) * point.head<2>();
@@ -181,7 +181,8 @@ TEST(Camera, FisheyesWithTheSameRatios_AreTheSame) {
 }
 
 TEST(Camera, FisheyeOfOpenCv_ShowsPointsWhereOpenCvDoes) {
-  // cv2.fisheye.projectPoints (4.6.0) with K = diag(300, 300, 1), D = (0.08, -0.02, 0.005, -0.001), of rays at these angles.
+  // cv2.fisheye.projectPoints (4.6.0) with K = diag(300, 300, 1), D = (0.08, -0.02, 0.005, -0.001), of rays at these
+  // angles.
   struct Point {
     double angle_deg, px;
   };

@@ -40,7 +40,8 @@ TEST(NaturalNeighbours, OfAPixelsOwnRay_IsThePixel) {
 }
 
 TEST(NaturalNeighbours, AnyRay_AreThoseOfTheConvexHullWithTheirEdges) {
-  // On the sphere, the Delaunay triangles are the faces of the convex hull, and the corners of Voronoi cells their normals.
+  // On the sphere, the Delaunay triangles are the faces of the convex hull, and the corners of Voronoi cells their
+  // normals.
   std::mt19937 random(3);
   for (const char* name : {"hammersley", "halton", "stratified_random:seed=4"}) {
     const Layout layout(name, 10, 6);

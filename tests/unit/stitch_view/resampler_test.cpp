@@ -35,8 +35,8 @@ TEST_P(Resampling, EveryLayout_ToEquirectangular_ShowsTheSceneWhereItWas) {
     const Resampler resampler(*from, GetParam(), workers_);
     const DecodedImage picture = picture_of(Target::of(*from));
     const Off off = off_scene(resampler.resample(picture.view(), Target::of(*sphere), workers_), Target::of(*sphere));
-    // A pixel of the raymap is 1/51 radian, at most about 15 levels; regular layouts are within a twentieth of it. Next to
-    // the poles the equal-area cylinder has one row for 8 degrees.
+    // A pixel of the raymap is 1/51 radian, at most about 15 levels; regular layouts are within a twentieth of it. Next
+    // to the poles the equal-area cylinder has one row for 8 degrees.
     const bool rough = from->scattered() || GetParam() == Filter::kNearest || text == "cylinder_equal_area";
     EXPECT_LT(off.rms, rough ? 6 : 0.75) << text;
     EXPECT_LT(off.worst, text.starts_with("stratified") ? 80 : rough ? 45 : 6) << text;
