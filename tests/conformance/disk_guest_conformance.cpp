@@ -1,5 +1,5 @@
-// What exists is never written over, links are never followed, one program at a time owns a folder, and its disk may be exchanged: the
-// tests that every DiskPort must pass.
+// What exists is never written over, links are never followed, one program at a time owns a folder, and its disk may be
+// exchanged: the tests that every DiskPort must pass.
 #include <gtest/gtest.h>
 
 #include <string>

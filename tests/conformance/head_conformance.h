@@ -25,8 +25,8 @@ class HeadWorld {
   virtual ClockPort& clock() = 0;
   /// Lets time pass: virtual worlds advance their clock, real ones wait.
   virtual void pass(Duration time) = 0;
-  /// Lets time pass until `wake_ups` ends the sleep, at most `at_most`. Returns whether it did. The default is for worlds
-  /// whose ports report times.
+  /// Lets time pass until `wake_ups` ends the sleep, at most `at_most`. Returns whether it did. The default is for
+  /// worlds whose ports report times.
   virtual bool sleep(const WakeUps& wake_ups, Duration at_most) {
     const Instant now = clock().now();
     const Instant until = std::min(wake_ups.at().value_or(now + at_most), now + at_most);

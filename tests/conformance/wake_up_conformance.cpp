@@ -12,7 +12,7 @@ struct Watched {
   int frames = 0;
   int sleeps = 0;
   int overslept = 0;  ///< sleeps that nothing ended
-  Duration latest;    ///< of a frame, from its arrival until it was taken
+  Duration latest;    ///< longest time from a frame's arrival until it was taken
   std::set<std::uint32_t> numbers;
 };
 

@@ -26,7 +26,7 @@ using swarm::Hostile;
 using swarm::HostileKind;
 using swarm::Line;
 
-constexpr int kTurnMs = 10;  ///< of every attacker: a flood is 600 requests per second, a storm 150 connections
+constexpr int kTurnMs = 10;  ///< every attacker's turn: a flood is 600 requests per second, a storm 150 connections
 constexpr int kOfAKind = 2;
 constexpr Duration kChangesEvery = Duration::milliseconds(50);
 constexpr Duration kUploadsEvery = Duration::seconds(2);

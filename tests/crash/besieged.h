@@ -22,7 +22,7 @@ struct PhaseReport {
   std::uint64_t raymaps = 0;         ///< received by the good puller
   std::uint64_t sets = 0;            ///< made by the rig
   std::string lost;                  ///< lost sets by reason; "none"
-  std::vector<double> latencies_ms;  ///< of the good clients' requests, sorted
+  std::vector<double> latencies_ms;  ///< latencies of the good clients' requests, sorted
   std::uint64_t resident_bytes = 0;  ///< maximum
   std::uint64_t descriptors = 0;     ///< maximum
   std::uint64_t log_bytes = 0, settings_bytes = 0;

@@ -1,4 +1,5 @@
-// A card from a stranger in the real nodald, with the memory of a small board: the rig starts, films, and names what it cannot read.
+// A card from a stranger in the real nodald, with the memory of a small board: the rig starts, films, and names what it
+// cannot read.
 #include <gtest/gtest.h>
 #include <unistd.h>
 

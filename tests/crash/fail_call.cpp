@@ -1,5 +1,6 @@
-// Replaces calls of the C library by preloading: the n-th that concerns files beneath a folder fails with EIO, as from a disk with
-// an error. FAIL_CALL_FOLDER: the folder. FAIL_CALL: n, from 0. FAIL_CALL_COUNT: a file that gets a byte for each such call.
+// Replaces calls of the C library by preloading: the n-th that concerns files beneath a folder fails with EIO, as from
+// a disk with an error. FAIL_CALL_FOLDER: the folder. FAIL_CALL: n, from 0. FAIL_CALL_COUNT: a file that gets a byte
+// for each such call.
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <sys/stat.h>

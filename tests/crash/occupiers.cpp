@@ -154,7 +154,7 @@ class Occupier {
   const Occupiers::Target& target_;
   const std::uint64_t number_;
   std::unique_ptr<Line> line_;
-  bool waits_ = false;  ///< for an answer, or for the end of a stream
+  bool waits_ = false;  ///< it waits for an answer, or for the end of a stream
   bool stuck_ = false;  ///< it reads nothing any more
   std::uint64_t asked_ = 0, documents_ = 0;
   std::optional<UploadSender> sender_;

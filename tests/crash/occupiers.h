@@ -21,25 +21,25 @@ enum class Occupation : std::uint8_t {
   kCalibrationList,
   kTakeList,
   kAuditLog,
-  kPulls,  ///< of raymaps, without an end
+  kPulls,  ///< endless pulls of raymaps
   kPullsUnread,
-  kFrameSets,  ///< and read them
+  kFrameSets,  ///< pulls of frame sets, which are read
   kFrameSetsUnread,
-  kFrameSetsViewOnly,  ///< at the view-only socket, unread
+  kFrameSetsViewOnly,  ///< unread pulls at the view-only socket
   kTakeReads,
   kTakeReadsUnread,
-  kUploads,  ///< of calibrations that take long to compile
+  kUploads,  ///< uploads of calibrations that take long to compile
   kCalibrationUse,
-  kDiskTests,  ///< of a minute
+  kDiskTests,  ///< tests of one minute
   kSettings,
-  kTakeMarks,  ///< while none is recorded
+  kTakeMarks,  ///< marks while no take is recorded
   kTakeProtects,
 };
 inline constexpr int kOccupations = 23;
 std::string_view name_of(Occupation kind);
 
-/// Forked from a single-threaded program; killed by the destructor and at the program's end. Of the lowest priority, because
-/// the subject is the rig's order and not the machine's processors.
+/// Forked from a single-threaded program; killed by the destructor and at the program's end. Of the lowest priority,
+/// because the subject is the rig's order and not the machine's processors.
 ///
 /// Threading: thread-bound.
 /// Ownership: owns the process.

@@ -1,5 +1,5 @@
-// `nodal offload` on a host's disk of which one call fails: the copy is complete, or the error names the file and the same command
-// goes on.
+// `nodal offload` on a host's disk of which one call fails: the copy is complete, or the error names the file and the
+// same command goes on.
 #include <gtest/gtest.h>
 
 #include <algorithm>

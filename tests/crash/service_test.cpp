@@ -1,8 +1,8 @@
 // nodald.service: systemd's own rating of its sandbox, and that nodald works in it.
 //
 // systemd is not process 1 where tests run, so the second test builds the sandbox by hand, and says which lines it
-// covers: User=, Group=, UMask=, NoNewPrivileges=, CapabilityBoundingSet=, ProtectSystem=strict with StateDirectory= and
-// RuntimeDirectory= as the only places to write, ProtectHome=, PrivateDevices= (an empty /dev), PrivateNetwork=,
+// covers: User=, Group=, UMask=, NoNewPrivileges=, CapabilityBoundingSet=, ProtectSystem=strict with StateDirectory=
+// and RuntimeDirectory= as the only places to write, ProtectHome=, PrivateDevices= (an empty /dev), PrivateNetwork=,
 // PrivateMounts=, ProtectHostname=, and by seccomp SystemCallFilter= as in the unit, MemoryDenyWriteExecute=,
 // RestrictNamespaces= and RestrictAddressFamilies=. Not covered are lines that only take away what nodald never uses:
 // ProtectClock=, ProtectControlGroups=, ProtectKernel*=, ProtectProc=, ProcSubset=, RestrictRealtime=,

@@ -28,7 +28,7 @@ struct Options {
   std::int64_t quiet_s = 120, attack_s = 3600;
   bool timed = true;  ///< whether speeds are tested too
   bool turns = false, quick = false;
-  std::string kind;  ///< of --turns
+  std::string kind;  ///< the only occupation, with --turns; empty: all
 };
 
 void print_header() {

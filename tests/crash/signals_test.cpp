@@ -1,4 +1,5 @@
-// Every signal from 1 to SIGRTMAX, sent to the real nodald and the real nodal: the outcome is what the manual pages say.
+// Every signal from 1 to SIGRTMAX, sent to the real nodald and the real nodal: the outcome is what the manual pages
+// say.
 #include <gtest/gtest.h>
 
 #include <csignal>

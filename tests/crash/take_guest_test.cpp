@@ -1,4 +1,5 @@
-// The takes' folder of the real nodald is that of a guest: a second nodald, cards that are exchanged, people who bring takes.
+// The takes' folder of the real nodald is that of a guest: a second nodald, cards that are exchanged, people who bring
+// takes.
 #include <gtest/gtest.h>
 #include <sys/mount.h>
 

@@ -1,5 +1,5 @@
-// Raymaps from frames as cameras deliver them, beside raymaps from the same frames converted by ffmpeg, which also makes
-// most of the frames, of pictures of the rendered town. Skipped where ffmpeg is not installed.
+// Raymaps from frames as cameras deliver them, beside raymaps from the same frames converted by ffmpeg, which also
+// makes most of the frames, of pictures of the rendered town. Skipped where ffmpeg is not installed.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -28,7 +28,7 @@ constexpr int kSide = 240, kHeads = 6, kWidth = 512, kHeight = 256;
 struct Pixels {
   std::string format;  ///< its name
   ColourCoding coding{};
-  int chroma_x = 0;  ///< of the first chroma sample, 1/256 px right of the first luma sample
+  int chroma_x = 0;  ///< place of the first chroma sample, 1/256 px right of the first luma sample
 };
 const Pixels kRgb{"rgb24"}, kI420{"yuv420p", {}, 128};
 

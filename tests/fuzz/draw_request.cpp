@@ -42,7 +42,7 @@ std::string unknown_fields(std::size_t bytes, unsigned kind) {
 }
 
 void add_unknown(ByteReader& in, MessageLite& request, MessageLite& inner) {
-  constexpr std::size_t kRoom = 400;  // for the known fields, and for the last unknown one
+  constexpr std::size_t kRoom = 400;  // bytes left for the known fields, and for the last unknown one
   constexpr std::array<std::size_t, 8> kSizes = {0, 1, 100, 1000, 2000, 4000, 6000, kMaxMessageBytes - kRoom};
   const unsigned how = in.u8();
   if (how % 2 == 0) return;

@@ -1,5 +1,5 @@
-// Envelopes: an OBJ if the input begins with O, a .glb if with G, else a shape's name. An accepted one is met once in every
-// direction from the nodal point, at a positive distance, and its inside and outside are told apart.
+// Envelopes: an OBJ if the input begins with O, a .glb if with G, else a shape's name. An accepted one is met once in
+// every direction from the nodal point, at a positive distance, and its inside and outside are told apart.
 #include <cmath>
 #include <random>
 #include <string_view>

@@ -1,5 +1,5 @@
-// What a file's first bytes say, where nodal and nodald look before a reader does: its kind, and what Exif and a profile say of
-// its colours.
+// What a file's first bytes say, where nodal and nodald look before a reader does: its kind, and what Exif and a
+// profile say of its colours.
 #include <cstddef>
 #include <cstdint>
 #include <span>

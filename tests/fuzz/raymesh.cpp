@@ -1,5 +1,5 @@
-// Mesh files: the first letter says the format (O, G or M). An accepted mesh has finite numbers and indices that exist, can
-// be seen by a camera from anywhere, and a .glb that is written and read again is the same mesh.
+// Mesh files: the first letter says the format (O, G or M). An accepted mesh has finite numbers and indices that exist,
+// can be seen by a camera from anywhere, and a .glb that is written and read again is the same mesh.
 #include <vector>
 
 #include "memory_limit.h"

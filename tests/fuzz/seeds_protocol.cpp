@@ -1,5 +1,5 @@
-// Writes the seeds of the framing, session and take targets into corpus/: real conversations, and short revealing ones. Run
-// it again after the protocol changed: fuzz_seeds_protocol tests/fuzz/corpus
+// Writes the seeds of the framing, session and take targets into corpus/: real conversations, and short revealing ones.
+// Run it again after the protocol changed: fuzz_seeds_protocol tests/fuzz/corpus
 #include <cstdio>
 #include <filesystem>
 #include <fstream>

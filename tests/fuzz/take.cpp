@@ -1,7 +1,7 @@
-// The folder of a take, as it may come from anywhere. The input's first byte selects: take.json, the manifest, the records of a
-// flight record, a lossless picture, or the records of an evidence, which get the framing, the file and the hashes that their own
-// numbers ask for, so that what is wrong is only what they say. Either an error says what is wrong, or every picture that is given
-// lies in memory of its own.
+// The folder of a take, as it may come from anywhere. The input's first byte selects: take.json, the manifest, the
+// records of a flight record, a lossless picture, or the records of an evidence, which get the framing, the file and
+// the hashes that their own numbers ask for, so that what is wrong is only what they say. Either an error says what is
+// wrong, or every picture that is given lies in memory of its own.
 #include <algorithm>
 #include <array>
 #include <map>
@@ -58,7 +58,8 @@ take::Manifest::File listed(const std::string& name, const Bytes& bytes) {
   return {name, bytes.size(), take::digest_of(hashes.all())};
 }
 
-/// Records one after the other: two bytes of length, then a Record. An End gets the hashes of the files that it describes.
+/// Records one after the other: two bytes of length, then a Record. An End gets the hashes of the files that it
+/// describes.
 void add_evidence(ByteReader in, InMemory& folder, take::Manifest& manifest) {
   constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 18;
   take::EvidenceWriter writer;

@@ -9,7 +9,7 @@
 namespace nodal::limits {
 namespace {
 
-constexpr std::size_t kBlockHeader = 8;  // of glibc's malloc()
+constexpr std::size_t kBlockHeader = 8;  // bytes that glibc's malloc() puts before a block
 
 std::atomic<std::size_t> heap_now{0}, heap_most{0};
 

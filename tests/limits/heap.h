@@ -12,8 +12,8 @@ inline constexpr bool kCountsHeap = false;  // a sanitizer has a malloc() of its
 inline constexpr bool kCountsHeap = true;
 #endif
 
-/// The most bytes that were on the heap at once while `work` ran, beside those that were there when it began: blocks with their
-/// headers, also those of libraries in C.
+/// The most bytes that were on the heap at once while `work` ran, beside those that were there when it began: blocks
+/// with their headers, also those of libraries in C.
 ///
 /// Threading: no other thread may allocate meanwhile.
 std::size_t peak_of(const std::function<void()>& work);

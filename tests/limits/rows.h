@@ -21,9 +21,9 @@ struct Row {
   std::function<std::uint64_t()> needs;  ///< bytes
 };
 
-/// Fails for a row whose figure is less than it needs, or more than twice that (or a KiB, if that is more), and for one that names
-/// other means. A limit of addresses and a number of pictures are exactly what the page says. Rows of the heap are left out where a
-/// sanitizer is in the way.
+/// Fails for a row whose figure is less than it needs, or more than twice that (or a KiB, if that is more), and for one
+/// that names other means. A limit of addresses and a number of pictures are exactly what the page says. Rows of the
+/// heap are left out where a sanitizer is in the way.
 void check(const std::vector<Row>& rows);
 
 }  // namespace nodal::limits

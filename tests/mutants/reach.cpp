@@ -1,5 +1,5 @@
-// Linked into a GoogleTest program: appends a line for each test to the file NODAL_REACH, "TEST seconds NUMBER ...": the
-// changes that the test reached, while it ran and while its suite was set up.
+// Linked into a GoogleTest program: appends a line for each test to the file NODAL_REACH, "TEST seconds NUMBER ...":
+// the changes that the test reached, while it ran and while its suite was set up.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -39,7 +39,7 @@ class Reach final : public testing::EmptyTestEventListener {
       if (reached[number] || of_suite_[number]) out_ << ' ' << number;
     }
     out_ << std::endl;
-    std::copy(std::begin(of_suite_), std::end(of_suite_), reached);  // for the suite's next test
+    std::copy(std::begin(of_suite_), std::end(of_suite_), reached);  // the suite's next test begins with these
     start_ = processor_seconds();
   }
 

@@ -2,8 +2,8 @@
 
 #include <type_traits>
 
-/// Included into every changed source: `on(17) ? changed : original`. NODAL_MUTANT=17 selects change 17; without it, none
-/// is on. Constant expressions keep the original.
+/// Included into every changed source: `on(17) ? changed : original`. NODAL_MUTANT=17 selects change 17; without it,
+/// none is on. Constant expressions keep the original.
 ///
 /// Threading: thread-safe; a reached change is only ever marked.
 namespace nodal::mutants {

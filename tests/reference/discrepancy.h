@@ -6,8 +6,8 @@
 
 namespace nodal::test {
 
-/// The squared discrepancy of unit vectors: the squared difference between the part of them in a cap and the cap's part of
-/// the sphere, its mean over all axes, integrated over the cosine of the cap's radius from -1 to 1. By Stolarsky's
+/// The squared discrepancy of unit vectors: the squared difference between the part of them in a cap and the cap's part
+/// of the sphere, its mean over all axes, integrated over the cosine of the cap's radius from -1 to 1. By Stolarsky's
 /// invariance principle (1973) it is (4/3 - the mean distance of two points, each with itself included) / 4. For n
 /// independent points it is 1 / (3 n) on average.
 inline double squared_discrepancy(const std::vector<Eigen::Vector3d>& points) {

@@ -1,5 +1,5 @@
-// Rigs whose heads deliver what the blend cannot read as it is: their raymaps beside those of the same rig with heads that
-// deliver I420.
+// Rigs whose heads deliver what the blend cannot read as it is: their raymaps beside those of the same rig with heads
+// that deliver I420.
 #include <gtest/gtest.h>
 
 #include "tests/scenario/stand.h"

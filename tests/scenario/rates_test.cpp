@@ -1,4 +1,5 @@
-// The life of a rig at every frame rate that is allowed: what means "some frames" takes some frames, also when these take hours.
+// The life of a rig at every frame rate that is allowed: what means "some frames" takes some frames, also when these
+// take hours.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,4 +1,5 @@
-// Uploads that a process of its own parses and compiles first: what it finds, and what ends it, is the answer; the rig goes on.
+// Uploads that a process of its own parses and compiles first: what it finds, and what ends it, is the answer; the rig
+// goes on.
 #include <gtest/gtest.h>
 
 #include "firmware/calibration/rehearsal.h"

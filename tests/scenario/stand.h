@@ -78,7 +78,7 @@ struct StandOptions {
   Calibration truth = small_calibration();
   hal::sim::SimRigOptions world;
   firmware::DeviceScan* scan = nullptr;
-  hal::ConfinedPort* rehearsal = nullptr;  ///< of uploaded calibrations
+  hal::ConfinedPort* rehearsal = nullptr;  ///< where uploaded calibrations are tried first; null: nowhere
 };
 
 class Stand {
@@ -111,7 +111,7 @@ class Stand {
   StandOptions options;
   hal::sim::SimRig world;
   std::unique_ptr<hal::sim::SimDisk> disk;
-  std::unique_ptr<hal::sim::SimDisk> takes;  ///< in a rig that records
+  std::unique_ptr<hal::sim::SimDisk> takes;  ///< the disk that takes are recorded on; null in a rig that records none
   hal::sim::SimLinkListener listener;
   hal::sim::SimLinkListener view_listener;  ///< view-only
   hal::sim::SimWatchdog watchdog;

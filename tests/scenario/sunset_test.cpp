@@ -30,7 +30,7 @@ namespace {
 
 constexpr int kWidth = 1024;
 constexpr int kHeight = 512;
-constexpr int kSide = 256;            ///< of a head's picture
+constexpr int kSide = 256;            ///< px; side of a head's picture
 constexpr std::uint32_t kFrames = 4;  ///< number of raymaps that are averaged, because noise is not a seam
 constexpr auto kPixels = static_cast<std::size_t>(kWidth) * kHeight;
 

@@ -1,5 +1,6 @@
-// A whole rig that records in a loop: six heads, genlock, blend, hosts, for as many virtual minutes as NODAL_LOOP_MINUTES says. The
-// stand checks after every millisecond that all frames are accounted for. 1440 minutes, a day, take some minutes.
+// A whole rig that records in a loop: six heads, genlock, blend, hosts, for as many virtual minutes as
+// NODAL_LOOP_MINUTES says. The stand checks after every millisecond that all frames are accounted for. 1440 minutes, a
+// day, take some minutes.
 #include <gtest/gtest.h>
 #include <malloc.h>
 

@@ -1,5 +1,5 @@
-// What exists is never written over: a rig's code and copies of takes create files exclusively (hal/disk.h, DiskPort::create;
-// host_tool/offload/local_file.h), and delete no tree.
+// What exists is never written over: a rig's code and copies of takes create files exclusively (hal/disk.h,
+// DiskPort::create; host_tool/offload/local_file.h), and delete no tree.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -50,8 +50,9 @@ TEST(House, ACommandsFiles_AreWrittenInTwoPlacesThatAskForTheName) {
   }
 }
 
-/// A name that exists is replaced in few places, each with a reason: settings and counters that have one newest value, the manifest
-/// that a loop shortens, the calibration in force, the audit log after its entries have gone into the file before.
+/// A name that exists is replaced in few places, each with a reason: settings and counters that have one newest value,
+/// the manifest that a loop shortens, the calibration in force, the audit log after its entries have gone into the file
+/// before.
 TEST(House, WhatReplacesAFile_IsListedHere) {
   constexpr std::array<std::string_view, 7> kMayReplace{"firmware/calibration/calibration_store.cpp",
                                                         "firmware/record/take_manifest.cpp",

@@ -1,4 +1,5 @@
-// What the host's code leaves to one place: messages of a rig, waits for it, programs that are started, colours of pictures.
+// What the host's code leaves to one place: messages of a rig, waits for it, programs that are started, colours of
+// pictures.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -11,7 +12,7 @@ namespace nodal::tidy {
 namespace {
 
 struct Rule {
-  std::string call;                 ///< of a function
+  std::string call;                 ///< name of a function
   std::vector<std::string> places;  ///< beginnings of the paths that may call it
   std::string why;
 };

@@ -16,7 +16,7 @@ namespace {
 constexpr const char* kPage = "protocol/LIMITS.md";
 
 // Counts that no peer can affect, or parts of a listed limit.
-const std::set<std::string> kNoLimits{"kMaxPieceBytes",     // of kMaxBulkBytes, without its header
+const std::set<std::string> kNoLimits{"kMaxPieceBytes",     // a part of kMaxBulkBytes, without its header
                                       "kMaxPinholeAngle"};  // an angle
 
 struct Row {
