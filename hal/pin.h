@@ -26,7 +26,7 @@ class OutputPinPort {
   virtual Status set(bool high, Instant now, Duration lease) = 0;
   /// Lets the port apply expired leases; call it at least every few milliseconds.
   virtual Status step(Instant now) = 0;
-  /// For ending the program while the thread of this port hangs: sets the line to its safe level for good; set() and
+  /// Sets the line to its safe level permanently, to end the program while the thread of this port hangs; set() and
   /// step() then return kDeviceGone. May be called on any thread, also during another call; returns at once and takes
   /// no lock.
   virtual void make_safe() noexcept = 0;

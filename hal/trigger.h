@@ -57,7 +57,7 @@ class TriggerPort {
   virtual void add_wake_ups(WakeUps& to) const = 0;
   /// The default is for ports without such losses.
   virtual TriggerCounts counts() const { return {}; }
-  /// For ending the program while the thread of this port hangs: sets the line to its inactive level for good; start()
+  /// Sets the line to its inactive level permanently, to end the program while the thread of this port hangs; start()
   /// and take_edge() then return kDeviceGone. May be called on any thread, also during another call; returns at once
   /// and takes no lock.
   virtual void make_safe() noexcept = 0;

@@ -38,8 +38,8 @@ inline constexpr std::uint32_t kProtocolMax = 2;
 /// Since this version an end answers pings.
 inline constexpr std::uint32_t kProtocolPing = 2;
 
-/// Of a peer's hello, which names what its end can do; more are dropped. An empty name needs 20 times its bytes in
-/// memory.
+/// Features of a peer's hello, which name what its end can do; more are dropped. An empty name needs 20 times its bytes
+/// in memory.
 inline constexpr int kMaxFeatures = 64;
 
 /// A Hello with this program's versions; the caller adds other fields.
@@ -121,9 +121,9 @@ class Session {
   Status offer(StreamId stream, BulkItem item);
   /// Closes after all pending items are sent. With an error: at once, and pending items are dropped.
   void close_stream(StreamId stream, std::optional<Error> error = std::nullopt);
-  /// For a stream that the peer opened: requests that it sends no more. Pieces already sent are discarded.
+  /// Asks the peer to send no more of a stream that it opened. Pieces already sent are discarded.
   void stop_stream(StreamId stream, const Error& why);
-  /// For a stream that this end opened, while it is open.
+  /// Counts of a stream that this end opened, while it is open.
   std::optional<StreamCounts> counts(StreamId stream) const;
   /// Bytes of items on all streams that this end opened, that the link has taken.
   std::uint64_t bulk_taken() const { return sender_.taken_bytes(); }
@@ -137,7 +137,7 @@ class Session {
   const wire::Hello* peer_hello() const { return peer_hello_ ? &*peer_hello_ : nullptr; }
   /// The protocol version in use: the highest that both ends support. 0 until the peer's Hello has arrived.
   std::uint32_t version() const { return version_; }
-  /// Of the received bytes: complete frames, and bytes of an incomplete frame.
+  /// Complete frames received, and received bytes of an incomplete one.
   std::uint32_t frames_received() const { return decoder_.frames(); }
   std::size_t bytes_under_way() const { return decoder_.under_way(); }
   /// The final error, or null.

@@ -47,7 +47,7 @@ class Characters {
 
   bool ended() const { return ended_; }
   const std::optional<Error>& error() const { return error_; }
-  /// Of the byte that was taken last.
+  /// Line and column of the byte that was taken last.
   std::string place() const {
     return "line " + std::to_string(line_) + ", column " + std::to_string(std::max<std::size_t>(column_, 1));
   }
@@ -207,7 +207,7 @@ class JsonBuilder final : public nlohmann::json_sax<json> {
     bool has_unknown = false;  ///< a field that is not in the shape
   };
 
-  /// Of the value that comes next; null: it is not kept, or it is a field that is not in the shape.
+  /// Shape of the next value; null: the value is not kept, or it is a field that is not in the shape.
   const JsonShape* next_shape() const {
     if (open_.empty()) return &shape_;
     const Open& in = open_.back();
@@ -241,7 +241,7 @@ class JsonBuilder final : public nlohmann::json_sax<json> {
     return &((*in.node)[key_] = std::move(value));
   }
 
-  /// For what the lexer begins a new token with: texts and numbers.
+  /// Adds a value for which the lexer begins a new token: a text or a number.
   bool add_token(json value) {
     text_.token_taken();
     return add(std::move(value));

@@ -60,7 +60,7 @@ struct DeviceConfig {
   std::int32_t gain_step_mdb = 0;   ///< 0: its gain is left as it is
   std::optional<Duration> readout;  ///< nothing: one frame period
   bool separate_fields = false;     ///< each field in a buffer of its own
-  // Of IIDC cameras.
+  // The following fields are only for IIDC cameras.
   std::optional<int> left = {}, top = {};  ///< both or none: a rectangle of the sensor
   std::uint32_t packet_bytes = 0;          ///< 0: the smallest that carries the rate
   bool pulse_is_exposure = false;          ///< the width of the trigger's pulse; otherwise the camera's shutter
@@ -147,7 +147,7 @@ struct PanelConfig {
   std::string button;
   std::string status;
   std::string tally;
-  /// Of those that are "gpio:" ports.
+  /// Only for buttons and lamps that are "gpio:" ports.
   std::optional<GpioLine> button_line, status_line, tally_line;
 };
 

@@ -108,8 +108,8 @@ void EndDeadline::end_by_force() {
   ::_exit(kExitStageHung);
 }
 
-/// For a signal handler, which must not wait without an end: the thread of the deadline holds the lock for
-/// microseconds, and a thread whose make_safe_ hangs or has crashed holds it for ever.
+/// Tries to lock for a limited time, because a signal handler must not wait without an end: the deadline's thread holds
+/// the lock for microseconds, but a thread whose make_safe_ hangs or has crashed holds it for ever.
 bool EndDeadline::lock_soon() {
   constexpr int kTries = 100;
   for (int i = 0; i < kTries; ++i) {

@@ -10,7 +10,8 @@
 
 namespace nodal::daemon {
 
-/// For all heads of rig.toml on replay: and take: ports. `base`: of relative paths; `buffers`: of each head.
+/// Makes the deck of all heads of rig.toml on replay: and take: ports. `base`: the folder that relative paths begin at;
+/// `buffers`: how many each head has.
 std::unique_ptr<hal::replay::Deck> make_deck(const firmware::RigConfig& config, const std::filesystem::path& base,
                                              hal::ClockPort& clock, int buffers);
 

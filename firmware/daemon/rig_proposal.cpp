@@ -66,7 +66,7 @@ std::vector<Mode> modes_of(const FoundDevice& device, PixelFormat family, FrameR
   std::stable_sort(modes.begin(), modes.end(), [](const Mode& a, const Mode& b) {
     const auto rank = [](const Mode& mode) {
       const bool large = mode.area() > kLargeArea;
-      // Of equal sizes, the one that takes no decoding.
+      // If sizes are equal, prefers the one that needs no decoding.
       const bool decoded = mode.format == PixelFormat::kMjpeg || is_bayer(mode.format);
       return std::tuple(large, large ? mode.area() : -mode.area(), decoded, mode.bytes_per_second);
     };

@@ -131,7 +131,7 @@ void RigThreads::add_encode() {
   });
 }
 
-/// Of low priority: seams that are late stay where they are.
+/// Adds the thread that places seams. Its priority is low: if it is late, the seams stay where they are.
 void RigThreads::add_seams() {
   add("nodal-seams", seams_bell_, [this, first = true]() mutable {
     if (std::exchange(first, false)) setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kSeamsNice);

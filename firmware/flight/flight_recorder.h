@@ -78,7 +78,7 @@ class FlightLog {
 
   /// With ten heads at 29.97 Hz about an hour: firmware/flight/README.md.
   static constexpr std::size_t kMost = std::size_t{64} << 20;
-  /// Of a take. Its record ends there.
+  /// Size limit of a take's flight record, bytes. The record ends there.
   static constexpr std::uint64_t kMostInTake = std::uint64_t{1} << 30;
   static constexpr Duration kRecordEvery = Duration::milliseconds(100);
   static constexpr std::size_t kRecordBytes = 16U << 10;

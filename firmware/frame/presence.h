@@ -15,7 +15,7 @@ namespace nodal::firmware {
 /// Errors: none.
 class Presence {
  public:
-  /// Of a request that the rig itself makes; it never ends.
+  /// The presence of the rig itself, for requests that it makes; it never ends.
   Presence() = default;
   static Presence of_host() {
     Presence presence;

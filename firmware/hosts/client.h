@@ -83,7 +83,7 @@ class Client {
   Access access() const { return access_; }
   /// "user 1000, process 4711, host 3 at unix:...", for the audit log.
   std::string who() const;
-  /// For the stages that carry out its requests.
+  /// The presence of the host, for the stages that carry out its requests.
   const Presence& presence() const { return presence_; }
   /// "user 1000 at the control socket".
   std::string party() const;
@@ -113,7 +113,7 @@ class Client {
   /// host whose streams move is not silent: its pong comes after it has read all that its link holds.
   static constexpr Duration kPingEvery = Duration::seconds(30);
   static constexpr Duration kSilentFor = Duration::seconds(300);
-  /// Of a host with temporary settings: the longest silence, before which it is pinged.
+  /// Longest silence of a host with temporary settings; it is pinged before.
   static constexpr Duration kLeaseSilent = Duration::seconds(10);
   static constexpr Duration kLeasePingEvery = kLeaseSilent / 4;
 

@@ -34,7 +34,7 @@ std::string absent_heads(const RigConfig& config, const CaptureReport& capture) 
   return (count == 1 ? "head " : "heads ") + names + (count == 1 ? " is" : " are") + " missing: " + reason;
 }
 
-/// For a head that no new set has a frame of.
+/// Says why no new set has a frame of this head.
 std::string without_frames(const RigConfig& config, const CaptureReport& capture, std::size_t head) {
   const std::optional<LossReason>& loss = capture.heads[head].newest_loss;
   return "head '" + config.heads[head].name +

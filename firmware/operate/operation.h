@@ -106,7 +106,7 @@ class Operation {
   News& news() { return news_; }
   std::uint32_t rate_millihertz() const { return rate_.millihertz(); }  ///< measured rate of raymaps
   std::uint32_t rate_wanted_millihertz() const;
-  /// Of the frame rate in force.
+  /// Period of the frame rate in force.
   Duration period() const { return capture_->genlock.rate.period(); }
   /// Frame sets that the blend missed because its queue was full.
   std::uint64_t sets_missed_by_blend() const;
@@ -167,7 +167,7 @@ class Operation {
   const CaptureReport* capture_;  ///< the newest report
   const KeeperReport* keeper_;
   const TakeReport* takes_ = nullptr;
-  /// Of [takes] start = "boot".
+  /// State of [takes] start = "boot".
   struct TakeAtStart {
     bool begun = false;       ///< a take has been recorded since nodald started
     std::uint64_t disks = 0;  ///< TakeReport::disks at the newest try

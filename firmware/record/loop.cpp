@@ -27,7 +27,7 @@ std::optional<std::uint32_t> segment_of(std::string_view name) {
   return static_cast<std::uint32_t>(std::stoul(std::string(name.substr(dash + 1))));
 }
 
-/// Of the segments in the manifest, rising.
+/// Numbers of the segments in the manifest, rising.
 std::vector<std::uint32_t> segments_of(const take::Manifest& manifest) {
   std::vector<std::uint32_t> segments;
   for (const take::Manifest::File& file : manifest.files) {
@@ -68,7 +68,7 @@ Status remove_unlisted(hal::DiskPort& disk, const std::string& folder, const tak
   return {};
 }
 
-/// Of a finished take.
+/// The documents of a finished take.
 struct FinishedTake {
   FrameRate rate;
   take::Manifest manifest;

@@ -52,7 +52,7 @@ class Recorder {
   /// No set waits, and every closed row was written or is being written. Any thread.
   bool idle() const { return sets_in_.empty() && raymaps_in_.empty() && rows_.empty(); }
 
-  /// Of JPEGs that are encoded now: lower while the ring fills. Any thread.
+  /// Quality of JPEGs that are encoded now: lower while the ring fills. Any thread.
   int quality_now() const;
   bool leaves_out_raymaps() const { return 100 * ring_.used() > kRaymapsUpTo * ring_.size(); }
 
@@ -73,7 +73,8 @@ class Recorder {
   /// [takes] quality, less this for each full quarter of the ring; not below kLeastQuality.
   static constexpr int kQualityStep = 15;
   static constexpr int kLeastQuality = 30;
-  /// For so long after a head's first picture, a picture of another format is a placeholder; later it starts a segment.
+  /// Until this time after a head's first picture, a picture of another format is replaced by a placeholder; later it
+  /// starts a segment.
   static constexpr Duration kFormatStays = Duration::seconds(1);
   /// A still waits so long for a set with all heads, and then for its raymaps; it ends without them.
   static constexpr FrameTime kStillWaits{Duration::seconds(2), 3};

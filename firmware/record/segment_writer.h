@@ -31,7 +31,7 @@ struct TakePlace {
   std::optional<std::int64_t> utc_offset_ns{};  ///< UTC minus the rig's monotonic clock
   /// The sets that are missing before the next segment were written, and an error of the disk lost them.
   bool after_error = false;
-  /// Of the raymaps; empty: they are not recorded.
+  /// Layout of the raymaps; empty: they are not recorded.
   std::string layout;
   int raymap_width = 0;
   int raymap_height = 0;

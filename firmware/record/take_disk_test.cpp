@@ -9,8 +9,8 @@
 
 namespace nodal::firmware {
 
-/// Of a set as the mode stores it, or, without one, as each head's own mode does. Lossless as raw: noise may leave
-/// nothing for Ut Video to save.
+/// Bytes of a set in this mode, or, without a mode, in each head's own one. Lossless counts as raw, because noise may
+/// leave nothing for Ut Video to save.
 std::uint64_t TakeKeeper::set_bytes(const HeadShapes& heads, std::optional<TakeMode> mode) const {
   std::uint64_t sum = 0;
   for (std::size_t k = 0; k < heads.size(); ++k) {

@@ -35,8 +35,8 @@ struct TakeEntry {
   std::uint64_t deleted_sets = 0;  ///< to make room for newer ones
   take::Gaps gaps{};
   std::vector<take::HeadGaps> heads{};  ///< by index
-  /// Of its first sets; nothing: unknown. And how many rates there were: a manifest may list kMaxRates, so the list
-  /// keeps one.
+  /// Rate of its first sets (nothing: unknown), and how many rates there were: a manifest may list kMaxRates, but an
+  /// entry keeps only one.
   std::optional<FrameRate> rate{};
   std::size_t rates = 0;
   std::uint64_t bytes = 0;

@@ -166,7 +166,7 @@ class TakeKeeper {
   /// kSetsAhead percent of the recorder's memory is used.
   static constexpr Duration kBlendWithin = Duration::seconds(1);
   static constexpr std::size_t kSetsAhead = 20;
-  /// Of a flight record: nodald's first hour is written in less than 2 s.
+  /// Records of a flight record that a step writes: nodald's first hour is written in less than 2 s.
   static constexpr int kFlightRecordsAStep = 32;
   static constexpr Duration kReportEvery = Duration::milliseconds(200);
   /// Between two looks for a disk that came or went.

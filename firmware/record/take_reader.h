@@ -53,7 +53,7 @@ class TakeReader {
 
   SpscRing<ReadOrder>& orders() { return orders_; }
   SpscRing<ReadAnswer>& answers() { return answers_; }
-  /// For control, which notes there what is read.
+  /// Control notes there which takes are being read.
   TakesInUse& in_use() { return in_use_; }
 
   static constexpr std::size_t kPiece = std::size_t{1} << 20;
@@ -61,7 +61,7 @@ class TakeReader {
   static constexpr std::size_t kOrders = 4;
   /// Pieces in memory. While all are held, nothing is read.
   static constexpr std::size_t kBuffers = 40;
-  /// Of the recorder's memory, in percent.
+  /// Takes are read while at most this percentage of the recorder's memory is used.
   static constexpr std::size_t kReadsUpTo = 25;
 
  private:

@@ -110,7 +110,7 @@ class TakeShelf {
   static constexpr std::size_t kMaxTakes = 1000;
   /// Size limit of TakeEntry::problem, which may quote a text from the disk.
   static constexpr std::size_t kMaxProblemBytes = 512;
-  /// Of documents that one refresh() reads; further takes wait for the next one. At least one take is read.
+  /// Bytes of documents that one refresh() reads; further takes wait for the next one. At least one take is read.
   static constexpr std::uint64_t kMaxBytesAStep = std::uint64_t{32} << 20;
   static constexpr std::uint64_t kMaxTakeNumber = std::uint64_t{1} << 40;
   static constexpr Duration kTryAgainAfter = Duration::seconds(1);

@@ -70,7 +70,7 @@ class TakeWriter {
   Result<std::optional<std::uint64_t>> delete_oldest();
 
   std::uint64_t number() const { return place_.number; }
-  /// Of the segments that delete_oldest() would delete one after the other.
+  /// Bytes of the segments that delete_oldest() would delete one after the other.
   std::uint64_t deletable_bytes() const;
   /// Recorded, those that were deleted included.
   std::uint64_t sets() const { return finished_sets_ + (segment_ ? segment_->sets() : 0); }

@@ -37,7 +37,7 @@ class FilePieces {
   Result<std::span<const std::uint8_t>> next();
   /// The same as text.
   Result<std::string_view> next_text();
-  /// Of the next piece, in the file.
+  /// Position of the next piece in the file, bytes.
   std::uint64_t at() const { return at_; }
 
  private:

@@ -41,8 +41,8 @@ class Aligner {
   using Nudges = std::array<Duration, kMaxHeads>;
   /// The nudges to request now, by head; they count as requested.
   Nudges plan(const std::array<FreeHead, kMaxHeads>& heads, bool in_step, Instant now);
-  /// Of a set's frames: middles after a beat at the heads' rate, and what nudges and exposures moved them by since the
-  /// head's last.
+  /// The skews of a set's frames: each middle relative to a beat at the heads' rate, and how far nudges and exposures
+  /// have moved it since the head's last frame.
   Skews skews(const FrameSet& set);
 
   HeadMask fixed() const { return fixed_; }      ///< heads that cannot be moved

@@ -34,7 +34,7 @@ class PulseWatch {
   /// A frame whose exposure began `skew` after the nearest pulse, with the device's own frame counter.
   void add(std::uint64_t pulse, Duration skew, std::uint32_t sequence);
   Following state() const;
-  /// Of the head's exposures relative to the pulses; positive: they become later. 0 before it is known.
+  /// Drift of the head's exposures relative to the pulses; positive: they become later. 0 before it is known.
   std::int32_t drift_ppb() const { return drift_.ppb().value_or(0); }
 
  private:

@@ -19,9 +19,9 @@ class LinuxDisk final : public DiskPort {
  public:
   /// Stays open. Creates the folder and its parents if they do not exist. Errors: kIo, naming the folder.
   static Result<std::unique_ptr<LinuxDisk>> open(const std::string& root);
-  /// Of a disk that may be exchanged: without a claim, the folder is opened for each call, so that it can be unmounted.
-  /// `mounted`: it must be the root of a mounted file system, else every call fails with kNotReady; otherwise it is
-  /// made when it is not there.
+  /// For a disk that may be exchanged: without a claim, the folder is opened for each call, so that it can be
+  /// unmounted. `mounted`: it must be the root of a mounted file system, else every call fails with kNotReady;
+  /// otherwise it is made when it is not there.
   static std::unique_ptr<LinuxDisk> guest(const std::string& root, bool mounted);
   ~LinuxDisk() override;
   LinuxDisk(const LinuxDisk&) = delete;
@@ -65,7 +65,8 @@ class LinuxDisk final : public DiskPort {
     std::uint64_t end = 0;     ///< where the next byte is appended
     std::uint64_t let_go = 0;  ///< bytes before it are not kept in memory
   };
-  /// Of what was appended to a file last: more than is written out at any time, as TakeKeeper syncs twice a second.
+  /// Bytes appended last to a file that stay cached: more than is unwritten at any time, as TakeKeeper syncs twice a
+  /// second.
   static constexpr std::uint64_t kKeptInMemory = std::uint64_t{8} << 20;
   /// The root for one call: that of the claim, or one that is closed after the call.
   struct Root {

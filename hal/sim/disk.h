@@ -70,7 +70,7 @@ class SimDisk final : public DiskPort {
   /// later operations fail with kIo.
   void die_at(std::uint64_t operation) { die_at_ = operation; }
   bool dead() const { return dead_; }
-  /// Of this process's memory, for the files' bytes.
+  /// Bytes of this process's memory that hold the files.
   std::size_t memory() const;
   /// The disk after the power loss; `seed` selects one of the possible states.
   std::unique_ptr<SimDisk> after_power_loss(std::uint64_t seed) const;

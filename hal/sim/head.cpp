@@ -155,7 +155,7 @@ void SimHead::change(const HeadSettings& wanted) {
     return;
   }
   const int latency = options_.limits.control_latency_frames;
-  // Of several changes between two exposures the newest replaces the others, so an untriggered head keeps only one.
+  // The newest of several changes between two exposures replaces the others, so an untriggered head keeps only one.
   if (!changes_.empty() && changes_.back().frames_left == latency) changes_.pop_back();
   changes_.push_back({wanted, latency});
 }

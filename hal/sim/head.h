@@ -122,7 +122,7 @@ class SimHead final : public PulseSink {
   bool present() const { return present_; }
   bool is_open() const { return port_ != nullptr; }
   bool streaming() const { return streaming_; }
-  /// For one of the newest 64 frames.
+  /// The truth of one of the newest 64 frames.
   std::optional<FrameTruth> truth_of(std::uint32_t sequence) const;
 
   // What the enumerator uses.

@@ -31,7 +31,7 @@ enum class ExitCode : int {
 bool answered(ExitCode code);
 /// By the hundreds of the error number.
 ExitCode exit_code_of(Errc code);
-/// For a command that this signal stopped: 128 + signal, also without a name above.
+/// Exit code of a command that this signal stopped: 128 + signal, also without a name above.
 ExitCode exit_code_of_signal(int signal);
 
 struct ExitCodeHelp {

@@ -39,7 +39,7 @@ class TakeCopy {
   const std::filesystem::path& folder() const { return folder_; }
   /// All of it is there, by an earlier copy.
   bool complete() const;
-  /// Of the files to copy: all, or those that are not a head's pictures.
+  /// Bytes of the files to copy: all, or those that are not a head's pictures.
   std::uint64_t bytes(bool without_heads) const;
 
   /// Copies what is missing. When it returns, everything is on the host's disk. Without heads the copy stays
@@ -68,7 +68,7 @@ class TakeCopy {
   take::Manifest manifest_;
   Sha256 id_{};
   bool without_heads_ = false;
-  /// Of the pieces of the video files that are copied, from the evidence. check_room() bounds their number.
+  /// Hashes of the pieces of the video files that are copied, from the evidence. check_room() bounds their number.
   std::map<std::string, std::vector<take::Xxh128>> hashes_;
   std::uint64_t done_ = 0;
   std::uint64_t fetched_ = 0;

@@ -49,7 +49,8 @@ struct Axis {
   double low = 0, high = 1, step = 0.2;
 };
 
-/// Of a logarithmic axis: the numbers 1, 2 and 5 times a power of ten, `steps` from 1 on; 3 steps are a factor of ten.
+/// A label of a logarithmic axis: the numbers 1, 2 and 5 times a power of ten, `steps` from 1 on; 3 steps are a factor
+/// of ten.
 double round_number(int steps) {
   constexpr std::array kRound{1.0, 2.0, 5.0};
   const int power = static_cast<int>(std::floor(steps / 3.0));

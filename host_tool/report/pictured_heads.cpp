@@ -36,7 +36,7 @@ double value(const ImageView& image, int x, int y) {
   return 0.299 * component(0) + 0.587 * component(1) + 0.114 * component(2);
 }
 
-/// Of the sample that covers the point; YUV by full-range BT.601.
+/// Colour of the sample that covers the point; YUV by full-range BT.601.
 std::array<double, 3> colour(const ImageView& image, double x, double y) {
   const auto component = [&](std::size_t c) {
     const PlaneView& plane = image.planes[c];

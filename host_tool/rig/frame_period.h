@@ -6,7 +6,7 @@
 
 namespace nodal::host {
 
-/// Of the frame rate in force. Errors: kBadFormat for a rate that no rig can have; those of the connection.
+/// Period of the frame rate in force. Errors: kBadFormat for a rate that no rig can have; those of the connection.
 Result<Duration> frame_period(RigConnection& rig);
 
 /// The longest wait for something that the rig makes from the next frame sets: its own deadlines are shorter.

@@ -29,12 +29,12 @@ class Check {
     list(entries, kMaxCounts, what);
     for (wire::Count& count : entries) name(count.mutable_reason());
   }
-  /// For lists with one entry per head, or none.
+  /// Checks a list with one entry per head, or none.
   template <class List>
   void by_head(const List& entries) {
     list(entries, kMaxHeads, "heads");
   }
-  /// For a SHA-256, or empty for none.
+  /// Checks a SHA-256, or an empty text for none.
   void id(const std::string& bytes) {
     if (bytes.empty() || bytes.size() == Sha256{}.size() || !result_) return;
     result_ = fail(Errc::kBadFormat, fmt::format("the rig sent a calibration's id of {} bytes", bytes.size()));

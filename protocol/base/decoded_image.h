@@ -21,7 +21,7 @@ struct SampleMeaning {
   std::vector<std::uint8_t> icc{};  ///< an ICC profile, which alone counts; empty: none
   std::string unread{};             ///< what the file says of its colours and no program here applies: "PQ (HDR)"
   bool alpha = false;               ///< the file has an alpha channel, which is left out
-  /// Of linear raymaps: at 0 dB, the shutter by which the light of 65535 fills a sample. Nothing: not said.
+  /// Only for linear raymaps: the shutter, at 0 dB, with which the light of 65535 fills a sample. Empty: not known.
   std::optional<std::uint64_t> full_exposure_ns{};
 
   static SampleMeaning srgb() { return {.curve = Curve::kSrgb}; }
@@ -60,7 +60,7 @@ struct ImageHeader {
   PixelFormat natural = PixelFormat::kRgb24;  ///< the format that decoding gives if none is requested
   /// RGB48 or GREY16 if the file has 16 bits a sample: the format in which decoding gives them all on request.
   std::optional<PixelFormat> deep = std::nullopt;
-  /// Of JPEGs and PNGs; of PNGs what stands before the picture, where everything about colour is.
+  /// What samples mean, for JPEGs and PNGs; in PNGs from what precedes the picture, where everything about colour is.
   SampleMeaning meaning{};
   FileMetadata metadata{};
 };

@@ -26,7 +26,7 @@ constexpr std::string_view field_parity_name(FieldParity parity) {
 constexpr FieldParity first_field(Fields fields) {
   return fields == Fields::kBottomFirst ? FieldParity::kBottom : FieldParity::kTop;
 }
-/// For a frame with both fields; `first` was exposed first.
+/// The fields of a frame with both; `first` was exposed first.
 constexpr Fields fields_from(FieldParity first) {
   return first == FieldParity::kTop ? Fields::kTopFirst : Fields::kBottomFirst;
 }

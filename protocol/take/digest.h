@@ -37,9 +37,9 @@ class PieceHashes {
   explicit PieceHashes(std::vector<Xxh128> whole);
   void update(std::span<const std::uint8_t> bytes);
   std::uint64_t bytes() const { return bytes_; }
-  /// Of the complete pieces.
+  /// Hashes of the complete pieces.
   const std::vector<Xxh128>& complete() const { return complete_; }
-  /// Of all pieces, the incomplete one at the end included.
+  /// Hashes of all pieces, the incomplete one at the end included.
   std::vector<Xxh128> all() const;
 
  private:

@@ -89,7 +89,7 @@ struct Manifest {
     friend bool operator==(const Calibration&, const Calibration&) = default;
   };
   std::vector<Calibration> calibrations;  ///< sorted by `set`
-  // Of what was recorded; a manifest of an older nodald has none of them.
+  // The following fields describe what was recorded; a manifest of an older nodald has none of them.
   Gaps gaps;
   std::vector<HeadGaps> heads;    ///< by index
   std::vector<RateChange> rates;  ///< the first is that of the first set; at most kMaxRates

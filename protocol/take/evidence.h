@@ -54,7 +54,8 @@ struct Segment {
     std::uint32_t records = 0;
   };
   std::vector<Row> rows;
-  /// Of each file, of its complete pieces before the end. A row has the first file_end / PieceHashes::kPiece of them.
+  /// For each file, hashes of its complete pieces before the end. A row has the first file_end / PieceHashes::kPiece of
+  /// them.
   std::vector<std::vector<Xxh128>> hashes;
   std::size_t durable_rows = 0;          ///< a Durable record came after these
   std::optional<wire::Durable> durable;  ///< the newest
@@ -81,7 +82,7 @@ class EvidenceReader {
 
   /// Bytes after the newest whole record are torn: they are counted, and nothing else.
   Status add(std::span<const std::uint8_t> bytes);
-  /// Of all pieces.
+  /// Bytes in all pieces.
   std::uint64_t bytes() const;
   Result<Segment> finish() &&;
 

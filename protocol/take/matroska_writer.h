@@ -116,7 +116,7 @@ class MatroskaWriter {
   };
   std::vector<Cue> cues_;
   std::uint64_t cues_at_ = 0;
-  // Of the newest cluster.
+  // Memory of the newest cluster.
   std::vector<std::uint8_t> headers_;
   std::vector<std::span<const std::uint8_t>> pieces_;
   std::vector<std::uint64_t> frames_at_;

@@ -62,7 +62,7 @@ class SegmentTally {
   bool after_error_ = false;  ///< an error of the disk lost what is missing before it
 };
 
-/// Of the segment's evidence. `found` is called with every gap in it.
+/// Tally of the segment's evidence. `found` is called with every gap in it.
 SegmentTally tally_of(const Segment& segment, FrameRate otherwise, const std::function<void(const Gap&)>& found = {});
 
 /// A take: its segments in their order. Sets that were deleted to make room are not missing.

@@ -22,9 +22,9 @@
 namespace nodal::autocalibration {
 
 struct Options {
-  /// Of each picture, or empty: the focal length that the camera states, px. Only a first guess.
+  /// By picture, or empty: the focal length that the camera states, px. Only a first guess.
   std::vector<std::optional<double>> focal_px = {};
-  /// Of each picture, or empty: the direction in it, x right and y down, that is up for people who look at it. (0, -1)
+  /// By picture, or empty: the direction in it, x right and y down, that is up for people who look at it. (0, -1)
   /// unless its Exif orientation says otherwise.
   std::vector<Eigen::Vector2d> up = {};
   int threads = 0;                            ///< 0: one per core. The result does not depend on it.

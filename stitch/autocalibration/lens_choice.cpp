@@ -27,7 +27,7 @@ constexpr double kOwnSigma = 0.01;
 constexpr double kClearlyBetter = 0.96;
 constexpr int kFewestOfHead = 40;  // matches of a head, on average, for a lens of its own
 
-/// Of the matches that `counted` names.
+/// Chi squared of the matches that `counted` names; an outlier counts as kOutlierChi.
 double chi_squared(const std::vector<double>& errors, const std::vector<bool>& counted, double noise) {
   double sum = 0;
   for (std::size_t m = 0; m < errors.size(); ++m) {
@@ -50,7 +50,7 @@ std::vector<double> radii_used(const BundleFit& fit, const std::vector<UnitMatch
   return radii;
 }
 
-/// Of sorted radii, which are at least one: from where to where they are, without the outermost ones.
+/// The range of sorted radii, at least one, without the share kSeenTail at each end.
 std::pair<double, double> seen_range(const std::vector<double>& radii) {
   const auto tail = static_cast<std::size_t>(kSeenTail * static_cast<double>(radii.size()));
   return {radii[tail], radii[radii.size() - 1 - tail]};
@@ -91,7 +91,7 @@ void find_known(const BundleFit& fit, const std::vector<const BundleFit*>& other
       for (const BundleFit* other : others) {
         const Result<LensRays> its = LensRays::make(other->state.lens);
         const std::optional<double> there = its ? its->radius(*angle) : std::nullopt;
-        // Of the one that is true, whichever it is.
+        // Any of the families that remain may be the true one.
         unsure = std::max(unsure, there ? std::max(std::abs(*there / radius - 1), std::abs(radius / *there - 1)) : 1.0);
       }
     }

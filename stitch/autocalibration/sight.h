@@ -18,11 +18,11 @@ struct Sight {
   Repetition repetition;                       ///< repetition in all pairs of pictures
 };
 
-/// Of whole pictures, which are reduced to a size that suits the work.
+/// Features and matches of whole pictures, which are reduced to a size that suits the work.
 Sight see(const std::vector<DecodedImage>& pictures, const std::vector<Shape>& shapes,
           const parallel::Workers& workers);
 
-/// Of the rims of fisheyes, in more detail: what is left if their overlaps are so thin that few of the features of
+/// The same of the rims of fisheyes, in more detail: used if their overlaps are so thin that few of the features of
 /// whole pictures are in them. All shapes must have a circle.
 Sight see_rims(const std::vector<DecodedImage>& pictures, const std::vector<Shape>& shapes,
                const parallel::Workers& workers);

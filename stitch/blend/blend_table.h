@@ -81,7 +81,7 @@ struct PatchRecord {
   bool paired() const { return !has(1); }
   int last_row() const { return rows & 15; }
   int span() const { return rows >> 4; }
-  /// For quarter `side` (0: left, 1: right) of half 0 (upper) or 1 (lower).
+  /// First row of the quarter `side` (0: left, 1: right) of half 0 (upper) or 1 (lower).
   int first_row(std::size_t half, std::size_t side) const { return first[half] >> (4 * side) & 15; }
   int first_row(std::size_t half) const { return std::min(first_row(half, 0), first_row(half, 1)); }
   std::size_t list() const {
@@ -137,7 +137,7 @@ struct LowGrid {
   std::vector<std::uint32_t> first_point;  ///< number of each block's first point, and the end
   std::vector<std::uint32_t> first_sight;  ///< index of each point's first sight, and the end
   std::vector<LowSight> sights;
-  /// Of every block's cells, row by row: upper left, upper right, lower left and lower right corner, as numbers of
+  /// Corners of every block's cells, row by row: upper left, upper right, lower left and lower right, as numbers of
   /// points of the block.
   std::vector<std::array<std::uint8_t, 4>> cells;
 };
@@ -178,7 +178,7 @@ struct GridTable {
   };
   std::vector<Batch> batches;  ///< and one more, which ends the last; empty: no batches
   std::vector<Run> runs;       ///< and one more, which ends the last
-  /// Of the runs' pixels, from left to right: where the buffer holds them, see slot().
+  /// Where the buffer holds the runs' pixels, from left to right; see slot().
   std::vector<std::uint16_t> slots;
   static constexpr std::size_t kBufferSlots = 1 << 16;
   /// Where the buffer holds the first component of pixel p of tile k of the batch's strip s.

@@ -28,7 +28,7 @@ class LowBand {
  public:
   /// Light is in 1/128 of a level; so four times any correction fits 16 bits, even after rounding.
   static constexpr int kMaxCorrection = 8160;
-  /// Of coefficients(), relative to the unit of light: what mulr() makes of it.
+  /// mulr(coefficient, kUnit) of a coefficient of coefficients() is in the unit of light.
   static constexpr int kUnit = 1 << 13;
 
   static constexpr std::int64_t kSure = 255;  ///< confidence without doubt
@@ -69,8 +69,8 @@ class LowBand {
   std::size_t tile_ = 0;                                ///< the tile's place in a head's coefficients
   std::uint32_t corrected_ = 0;                         ///< one bit for each head with a correction that is not 0
   std::array<std::array<Corrections, kMaxPlanes>, kMaxHeads> at_;
-  /// Of the upper left tiles of all cells, cell by cell; with cells of several tiles then of the upper right, the lower
-  /// left and the lower right ones.
+  /// Coefficients of the upper left tiles of all cells, cell by cell; with cells of several tiles then those of the
+  /// upper right, the lower left and the lower right ones.
   using Coefficients = std::array<std::array<std::int16_t, 4>, GridTable::kBlockTiles * GridTable::kBlockTiles>;
   std::array<std::array<Coefficients, kMaxPlanes>, kMaxHeads> coefficients_;
 };

@@ -31,7 +31,7 @@ struct LowRow {
   alignas(64) std::array<std::uint8_t, kSize> most;
 };
 
-/// Of two rows of a picture, by eight columns, afterwards by square.
+/// Sum, darkest and brightest sample of two rows of a picture, by eight columns, afterwards by square.
 struct Columns {
   alignas(64) std::array<std::uint64_t, kColumns / kEight> sum;
   alignas(64) std::array<std::uint8_t, kColumns / kEight> least;
@@ -42,7 +42,7 @@ struct Columns {
 using Samples [[gnu::vector_size(32)]] = std::uint8_t;
 using Eights [[gnu::vector_size(32)]] = std::uint64_t;
 
-/// Of each eight samples, in the lowest byte: the least, or (kMost) the greatest.
+/// The least or (kMost) the greatest of each eight samples, in the lowest byte.
 template <bool kMost>
 [[gnu::always_inline]] inline void reduce(const Samples& of, Eights& to) {
   Samples all = of;

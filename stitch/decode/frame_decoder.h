@@ -19,7 +19,7 @@ namespace nodal::decode {
 ///   no memory, so a decoder for a head whose frames need no decoding costs nothing.
 class FrameDecoder {
  public:
-  /// For frames of `delivered` and of width x height px that are blended as `blended`.
+  /// Decodes frames of `delivered`, width x height px, that are blended as `blended`.
   FrameDecoder(PixelFormat delivered, PixelFormat blended, int width, int height);
 
   /// Whether the decoder is for such a frame.

@@ -24,7 +24,7 @@ enum class DecodeFault : std::uint8_t {
 /// The fault as the end of a sentence about a head: "its JPEGs ...".
 std::string_view decode_fault_text(DecodeFault fault);
 
-/// Of a frame that is two JPEGs, one for each field: the field of the first JPEG. Top for anything else.
+/// The field that the first JPEG holds, if a frame is two JPEGs, one for each field. Top for anything else.
 FieldParity first_field_of(std::span<const std::uint8_t> jpegs);
 
 /// Decodes the frames of one camera.

@@ -19,7 +19,7 @@ using geometry::PatchPoint;
 using geometry::Ray;
 
 constexpr double kSame = 1e-8;  // between directions
-/// Of the error that is allowed, at the points where it is measured; between them it is a little larger.
+/// Share of the allowed error that is used at the points where it is measured; between them it is a little larger.
 constexpr double kMeasured = 0.9;
 
 /// A corner before it is welded.

@@ -30,7 +30,7 @@ Result<Detail> measure_detail(const LevelPlan& plan, const std::vector<HeadPyram
                               const std::vector<HeadState>& heads, const std::vector<bool>& used,
                               const Options& options, const parallel::Workers& workers);
 
-/// Of the heads in `used`, those with less than a third of the median head's detail: out of focus, in fog, or in the
+/// Which heads in `used` have less than a third of the median head's detail: they are out of focus, in fog, or in the
 /// dark.
 std::vector<bool> with_little_detail(const Detail& detail, const std::vector<bool>& used);
 

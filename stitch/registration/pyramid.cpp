@@ -30,7 +30,7 @@ class RowReader {
     return plane.data[y * plane.row_stride + x * plane.pixel_stride];
   }
   bool is_rgb() const { return image_.format == PixelFormat::kRgb24; }
-  // Of every pixel of row j.
+  // Writes the luminance of every pixel of row j.
   void luminances(int j, float* into) const {
     const PlaneView& plane = image_.planes[0];  // the first component has a sample for every pixel
     const std::uint8_t* from = plane.data + j * plane.row_stride;

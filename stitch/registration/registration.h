@@ -116,7 +116,7 @@ struct LitFrames {
   Colour colour = Colour::kLuminance;
   std::shared_ptr<const std::vector<HeadPyramid>> pyramids;
 
-  /// Of `calibration` the responses and the regions are used; runs must have the same.
+  /// Uses the responses and the regions of `calibration`; runs must have the same.
   /// Errors: kBadValue, kNotDetermined and kHeadMismatch of register_heads().
   static Result<LitFrames> of(const Calibration& calibration, const std::vector<FrameSet>& frame_sets, Colour colour,
                               int threads);

@@ -18,7 +18,8 @@
 namespace nodal::registration {
 namespace {
 
-// Of the loosest head: what is looser than this part of it is not made so by it alone.
+// Share of the loosest head's uncertainty in pixels. Heads above it are removed together with that head, because it
+// alone does not explain their looseness.
 constexpr double kMuchLooser = 0.25;
 // Pixels of the picture, or of the raymap if that is coarser: more is visible at seams.
 constexpr double kLooseSigmaPx = 0.5;

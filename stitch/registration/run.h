@@ -37,7 +37,7 @@ class Run {
   bool little_detail(std::size_t head) const { return little_detail_[head]; }
   /// The correlation of one's detail with what the others show there.
   double agreement(std::size_t head) const { return agreement_[head]; }
-  /// Of a run() that got as far as its report; also if that failed because of wrong lenses.
+  /// The cause that run() found, if it got as far as its report; also if that failed because of wrong lenses.
   Cause cause() const { return cause_; }
   /// Certainty::parts_px of the result.
   double displaced_px() const { return displaced_px_; }

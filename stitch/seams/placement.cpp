@@ -42,7 +42,7 @@ class Costs {
   bool seen(std::size_t head, int x, int y) const { return score(head, x, y) > 0; }
   bool seen_by_any(int x, int y) const { return best_[index(x, y)] > 0; }
 
-  /// Of a pixel.
+  /// Cost of showing a head at a pixel.
   double of(std::size_t head, int x, int y) const {
     const double area = std::sin((y + 0.5) / grid_.height * std::numbers::pi);
     double cost = options_.score * (1 - static_cast<double>(score(head, x, y) / best_[index(x, y)]));
@@ -51,7 +51,8 @@ class Costs {
     return cost * area;
   }
 
-  /// Of two neighbours with two heads. The second pixel is right of the first one or below it.
+  /// Cost of two neighbours of which one shows head a, the other head b. The second pixel is right of the first one or
+  /// below it.
   double between(std::size_t a, std::size_t b, int x, int y, int x2, int y2) const {
     if (a == b) return 0;
     double sum = 0, count = 0;

@@ -98,7 +98,7 @@ bool places_are_every_pixel(const GridTable& grid) {
   return true;  // the right number, and none twice
 }
 
-/// Of a grid whose places are proven.
+/// What is wrong with the batches of a grid whose places are proven; null: nothing.
 const char* fault_of_batches(const GridTable& grid, std::size_t components) {
   const std::size_t strips = grid.tile_count() / GridTable::kBlockTiles;
   if (grid.batches.size() < 2 || grid.batches.front().strip != 0 || grid.batches.front().run != 0 ||

@@ -15,7 +15,7 @@ namespace nodal::table {
 /// Threading: immutable.
 class EncodedGain {
  public:
-  /// For a linear response.
+  /// The gain of a linear response.
   EncodedGain() = default;
   explicit EncodedGain(const Response& response);
 

@@ -21,7 +21,7 @@ constexpr int kPlaceBits = 7;
 /// The sum of a position's shares: 2^15 along rows times 2^15 along columns.
 constexpr std::int64_t kWholeShare = std::int64_t{1} << 30;
 constexpr std::int32_t kWholeWeight = 1 << blend::kWeightBits;
-/// Of a pixel of the raymap that has no ray.
+/// Place of a pixel of the raymap that has no ray.
 constexpr std::uint32_t kNoRay = GridTable::kNowhere - 1;
 /// Smaller weights are left out, as by TableOptions::least_weight.
 constexpr std::int32_t kLeast = kWholeWeight / 1024;
@@ -64,7 +64,7 @@ void for_around(int column, int row, int map_width, const Visit& visit) {
 
 constexpr std::uint8_t kSeveral = 254;
 
-/// Of each cell: the label of all cells around it, or kSeveral.
+/// For each cell, the label of all cells around it, or kSeveral.
 std::vector<std::uint8_t> labels_around(SeamedTable::Labels labels, int map_width) {
   std::vector<std::uint8_t> around(labels.begin(), labels.end());
   for (int row = 0; row < map_width / 2; ++row) {
@@ -78,7 +78,7 @@ std::vector<std::uint8_t> labels_around(SeamedTable::Labels labels, int map_widt
   return around;
 }
 
-/// Of each cell: whether a label around it differs. All, without labels before.
+/// For each cell, whether a label around it has changed; true for all cells if there were no labels before.
 std::vector<bool> changed_around(SeamedTable::Labels before, SeamedTable::Labels labels, int map_width) {
   std::vector<bool> changed(labels.size(), before.empty());
   for (std::size_t cell = 0; cell < before.size(); ++cell) {

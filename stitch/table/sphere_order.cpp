@@ -24,7 +24,7 @@ struct Placed {
 
 constexpr double kAngleSteps = 1 << 28;  // steps of the integer angles in pi
 constexpr std::int32_t kNoPart = INT32_MAX;
-/// Of a cell, at least. Fewer rays: more tiles are in two cells. More: a batch has fewer cells, and its runs are
+/// Fewest rays of a cell. With fewer, more tiles are in two cells; with more, a batch has fewer cells, and its runs are
 /// shorter.
 constexpr std::int64_t kCellRays = 1024;
 /// With fewer compact cells, the raymap is so small (below half a megapixel) that strips of the whole sphere are

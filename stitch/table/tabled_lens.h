@@ -28,7 +28,7 @@ class TabledLens {
     double radius = 0;  ///< px, before the aspect is applied
     double slope = 0;   ///< px per radian
   };
-  /// For the sine (>= 0) and the cosine of the angle from the axis; nothing beyond the reach.
+  /// The radius at an angle from the axis with this sine (>= 0) and cosine; nothing beyond the reach.
   std::optional<Radius> radius(double sine, double cosine) const {
     const double half = sine / (1 + cosine);
     if (!(half <= max_half_)) return exact_radius(std::atan2(sine, cosine));

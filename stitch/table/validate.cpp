@@ -309,7 +309,7 @@ const char* fault_of_point(const BlendTable& table, const GridTable& grid, std::
   return heads == 0 || sum == 1U << blend::kWeightBits ? nullptr : "has weights that do not sum to one";
 }
 
-/// Of all grids or of none.
+/// Checks that all grids have a LowGrid, or none, and that each is sound.
 Status check_low(const BlendTable& table) {
   for (std::size_t g = 0; g < table.grids.size(); ++g) {
     const GridTable& grid = table.grids[g];

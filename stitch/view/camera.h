@@ -38,11 +38,11 @@ enum class Projection {
 /// A projection with its parameters.
 struct CameraName {
   Projection projection = Projection::kPerspective;
-  /// Of kFisheye: f1 to f9, as those of an EquidistantLens. Only their ratios matter, because the field of view gives
-  /// the focal length.
+  /// Coefficients of kFisheye: f1 to f9, as those of an EquidistantLens. Only their ratios matter, because the field of
+  /// view gives the focal length.
   std::array<double, 9> f{1};
-  /// Of kPannini: how far behind the axis of a cylinder of radius 1 the point is from which the cylinder is seen. 0 is
-  /// perspective, 1 stereographic along the horizon.
+  /// Parameter of kPannini: how far behind the axis of a cylinder of radius 1 the point is from which the cylinder is
+  /// seen. 0 is perspective, 1 stereographic along the horizon.
   double d = 1;
 
   /// The least and the largest field of view, whole degrees. A fisheye's r must rise up to the largest.

@@ -21,7 +21,7 @@ struct Position {
   double y = std::numeric_limits<double>::quiet_NaN();
 };
 
-/// Of 8-bit samples in single precision, of 16-bit ones in double.
+/// Weighted sums of 8-bit samples are computed in single precision, those of 16-bit ones in double.
 template <class Sample>
 struct Sum {
   using Real = typename Samples<Sample>::Real;

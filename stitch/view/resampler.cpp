@@ -154,7 +154,7 @@ class Resampler::Square {
     std::fill(to, to + plane_.pixel_stride, std::uint8_t{0});
     if (std::isnan(middle.x) || write_inside(x, y, to)) return;
     const auto middle_ray = [&] { return *target_.ray(x + 0.5, y + 0.5); };
-    // Of scattered raymaps, whose pixels lie anywhere, one sample takes all that is near.
+    // In scattered raymaps, whose pixels lie anywhere, one sample takes all that is near.
     const int n = resampler_.filter_ == Filter::kNearest || resampler_.layout_.scattered() ? 1 : samples(x, y);
     Sum<Sample> sum;
     int count = 0;

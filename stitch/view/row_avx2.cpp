@@ -57,7 +57,7 @@ namespace {
     const __m256i across = _mm256_broadcastq_epi64(
         _mm_loadl_epi64(reinterpret_cast<const __m128i*>(taps.phases[(at.x >> (Curve::kBits - 8)) & 255].data())));
     const std::int16_t* vertical = taps.phases[(at.y >> (Curve::kBits - 8)) & 255].data();
-    // Of two rows: r g of the first, r g of the second | b 0, b 0.
+    // Sums of two rows: r g of the first, r g of the second | b 0, b 0.
     const __m256i rows01 = _mm256_hadd_epi32(row_sums(first, across), row_sums(first + row_stride, across));
     first += 2 * row_stride;
     const __m256i rows23 = _mm256_hadd_epi32(row_sums(first, across), row_sums(first + row_stride, across));

@@ -14,7 +14,7 @@ struct Target {
   int height = 0;
   /// The ray at continuous coordinates; nothing where the picture is black.
   std::function<std::optional<geometry::Ray>(double x, double y)> ray;
-  /// Of a scattered layout: the solid angle of every pixel, sr. Else 0: the pixel's own outline is its footprint.
+  /// Solid angle of every pixel of a scattered layout, sr. Otherwise 0: the pixel's own outline is its footprint.
   double pixel_sr = 0;
   /// As RaymapLayout::smooth() says of layouts.
   bool smooth = false;

@@ -73,7 +73,7 @@ Status allow(int ruleset, const std::string& path, std::uint64_t rights) {
   return {};
 }
 
-/// Of the kernel's interface; 0: it has none.
+/// Version of the kernel's Landlock interface; 0: the kernel has none.
 int landlock_version() { return static_cast<int>(std::max(0L, ::syscall(kCreateRuleset, nullptr, 0, kAskVersion))); }
 
 bool has_seccomp() { return ::prctl(PR_GET_SECCOMP, 0, 0, 0, 0) >= 0 || errno != EINVAL; }

@@ -35,7 +35,7 @@ int number(const std::optional<std::string>& text) {
   return value;
 }
 
-/// Of the USB device with this folder of sysfs.
+/// Place of the USB device that has this folder in sysfs.
 UsbPlace place_in(const fs::path& sysfs, const fs::path& device) {
   UsbPlace place;
   place.bus = number(attribute(device / "busnum"));

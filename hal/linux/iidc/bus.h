@@ -18,7 +18,7 @@ namespace nodal::hal::iidc {
 struct CameraInfo {
   std::uint64_t guid = 0;
   std::string vendor, model;
-  /// Of the command registers, from FFFF F000 0000h. 0: not known, because the camera was only listed.
+  /// Address of the command registers, from FFFF F000 0000h. 0: not known, because the camera was only listed.
   std::uint64_t command_base = 0;
   std::optional<device::UsbPlace> usb = std::nullopt;  ///< nothing: it is on IEEE 1394, or was only listed
 };

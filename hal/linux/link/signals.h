@@ -13,8 +13,8 @@ enum class SignalOutcome {
   kKernels,  ///< no program can change it (SIGKILL, SIGSTOP), or it stops, continues or does nothing by default
 };
 
-/// For every signal from 1 to SIGRTMAX. The manual pages have this table, and a test sends each signal to both
-/// programs.
+/// The outcome of every signal from 1 to SIGRTMAX. The manual pages have this table, and a test sends each signal to
+/// both programs.
 SignalOutcome outcome_of(int signal);
 /// "SIGHUP", "SIGRTMIN+3"; the number for a signal without a name.
 std::string signal_name(int signal);

@@ -32,7 +32,7 @@ class FieldWeaver {
     ImageView image;
   };
 
-  /// For frames of this format in `buffers` buffers.
+  /// Weaves frames of this format in `buffers` buffers.
   FieldWeaver(const HeadFormat& format, int buffers);
 
   /// Copies the field. Returns the frame that is finished by it: its own, or the one before, of which one field is

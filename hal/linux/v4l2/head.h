@@ -83,8 +83,8 @@ class V4l2Head final : public device::DeviceHead {
   std::optional<FieldWeaver> weaver_;         ///< where fields arrive by themselves; it owns the lent frames
   std::optional<Stream::Frame> first_field_;  ///< first field of the frame that the weaver has not finished
   Instant next_signal_;
-  /// Of a thread that sleeps by poll(): false if the driver has no frame, because poll() reported none or the newest
-  /// frame has just been taken. Unset, the driver is asked.
+  /// Used if the thread sleeps by poll(): false if the driver has no frame, because poll() reported none or the newest
+  /// frame has just been taken. Empty: the driver is asked.
   mutable std::optional<bool> ready_;
   mutable int skipped_ = 0;  ///< calls of take_frame() since the sleep that did not ask
 };

@@ -16,9 +16,9 @@ class RisingPolynomial {
   double max_x() const { return max_x_; }
   double max_value() const { return max_value_; }
 
-  /// For x in the domain. At most max_value(), even where rounding near a turning point would exceed it.
+  /// The value at x in the domain. At most max_value(), even where rounding near a turning point would exceed it.
   double value(double x) const;
-  /// For x in the domain.
+  /// The derivative at x in the domain.
   double slope(double x) const;
 
   /// The x in [0, max_x] with p(x) = y; nothing for y outside [0, max_value]. Newton's method from a table's estimate;

@@ -157,7 +157,7 @@ std::vector<LayoutPatch> Polyhedron::patches() const {
   // Faces of which the picture holds a half at each end are cut in the middle of a side.
   const int across = std::ranges::any_of(faces_, [](const Face& face) { return face.left < 0; }) ? 2 : 1;
   for (std::size_t k = 0; k < faces_.size(); ++k) {
-    // Of two copies of a face, of which the picture holds a half each, the first.
+    // The first of two copies of a face; the picture holds a half of the face in each.
     const auto copy = [&](const Face& face) { return (face.normal - faces_[k].normal).norm() < 1e-9; };
     if (std::any_of(faces_.begin(), faces_.begin() + static_cast<std::ptrdiff_t>(k), copy)) continue;
     patches.push_back(
