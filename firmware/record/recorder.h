@@ -21,13 +21,13 @@
 
 namespace nodal::firmware {
 
-/// Between TakeKeeper and the recorder: what to record.
+/// What the TakeKeeper orders the recorder to do.
 struct RecordOrder {
   enum class Kind : std::uint8_t { kBegin, kEnd };
   Kind kind = Kind::kEnd;
   std::uint64_t take = 0;
-  bool raymaps = false;  ///< kBegin: record them, too
-  bool still = false;    ///< kBegin: one set; the take then ends by itself
+  bool raymaps = false;  ///< kBegin: raymaps are recorded, too
+  bool still = false;    ///< kBegin: the take ends after one set
 };
 
 /// Groups sets to rows, which the disk's stage writes as clusters. All heads' clusters have the same sets. If the disk
@@ -57,10 +57,10 @@ class Recorder {
   bool leaves_out_raymaps() const { return 100 * ring_.used() > kRaymapsUpTo * ring_.size(); }
 
   struct Counts {
-    std::atomic<std::uint64_t> sets{0};          ///< since nodald started, all takes
-    std::atomic<std::uint64_t> lost_sets{0};     ///< no room in the ring
-    std::atomic<std::uint64_t> lost_raymaps{0};  ///< no room in the ring
-    std::atomic<std::uint64_t> placeholders{0};  ///< frames
+    std::atomic<std::uint64_t> sets{0};          ///< recorded sets of all takes since nodald started
+    std::atomic<std::uint64_t> lost_sets{0};     ///< sets for which the ring had no room
+    std::atomic<std::uint64_t> lost_raymaps{0};  ///< raymaps for which the ring had no room
+    std::atomic<std::uint64_t> placeholders{0};  ///< frames that were replaced by a placeholder
     std::atomic<std::uint64_t> set_bytes{0};     ///< size of the newest recorded set
   };
   const Counts& counts() const { return counts_; }
@@ -68,15 +68,15 @@ class Recorder {
   static constexpr OutletSpec kSets{"record", OutletPolicy::kLossless, 3, 1};
   static constexpr OutletSpec kRaymaps{"record", OutletPolicy::kLossless, 4, 1};
   static constexpr std::size_t kRows = 64;
-  /// Part of the ring, in percent, above which raymaps are left out.
+  /// Percentage of the ring in use above which raymaps are left out.
   static constexpr std::size_t kRaymapsUpTo = 50;
-  /// [takes] quality, less this for each full quarter of the ring; not below kLeastQuality.
+  /// The quality is that of [takes], lower by this for each full quarter of the ring, but at least kLeastQuality.
   static constexpr int kQualityStep = 15;
   static constexpr int kLeastQuality = 30;
   /// Until this time after a head's first picture, a picture of another format is replaced by a placeholder; later it
   /// starts a segment.
   static constexpr Duration kFormatStays = Duration::seconds(1);
-  /// A still waits so long for a set with all heads, and then for its raymaps; it ends without them.
+  /// A still waits this long for a set with all heads, and again for its raymaps; then it ends without them.
   static constexpr FrameTime kStillWaits{Duration::seconds(2), 3};
 
  private:
@@ -110,7 +110,7 @@ class Recorder {
   Counts counts_;
 
   std::optional<std::uint64_t> take_;
-  bool ending_ = false;  ///< the last row waits for a place
+  bool ending_ = false;  ///< the last row waits for a place in rows()
   bool raymaps_ = false;
   bool still_ = false;
   /// The set of a still, while its raymaps are awaited.
@@ -124,16 +124,16 @@ class Recorder {
   std::array<std::optional<HeadStream>, kMaxHeads> streams_;
   std::array<Instant, kMaxHeads> stream_since_;
   FrameRate rate_;
-  /// Made for what the head delivers, when the first such picture comes.
+  /// A head's coder. It is made when the first picture of the delivered format comes.
   struct Coder {
     HeadStream delivered;
     HeadCoder coder;
   };
   std::array<std::optional<Coder>, kMaxHeads> coders_;
   std::vector<std::unique_ptr<TakeRow>> spare_;
-  std::unique_ptr<TakeRow> row_;  ///< open
+  std::unique_ptr<TakeRow> row_;  ///< the row that sets are added to
   std::array<std::size_t, kMaxHeads> row_bytes_{};
-  std::uint64_t missed_ = 0;  ///< sets since the newest recorded one
+  std::uint64_t missed_ = 0;  ///< sets that were lost since the newest recorded one
 };
 
 }  // namespace nodal::firmware

@@ -60,11 +60,12 @@ struct TakeRequest {
     Duration length = Duration::seconds(10);
     HeadShapes heads{};  ///< shapes of the heads' pictures, to estimate what each mode needs
     std::optional<FrameRate> rate{};
-    /// A test that runs answers later requests, too; it then lasts as long as they ask, but may always last so long.
+    /// A running test also answers later requests, and is extended to the length that they ask for. A test may always
+    /// last this long.
     static constexpr Duration kShared = Duration::seconds(10);
   };
-  /// Ends the take, syncs, and leaves the disk alone, so that it can be removed. Done names the take; 0: none was
-  /// recorded.
+  /// Ends the take, syncs the disk and stops using it, so that it can be removed. Done names the take; 0: none was
+  /// being recorded.
   struct Eject {};
   using What = std::variant<List, Start, Stop, Mark, Delete, Protect, TestDisk, Eject>;
 
@@ -91,13 +92,13 @@ struct TakeAnswer {
 
 /// Status of the stage.
 struct TakeReport {
-  /// The takes on the disk have been read, and those that were not ended are finished, or are being finished beside the
-  /// stage.
+  /// The takes on the disk have been read, and interrupted ones have been recovered, or another process is recovering
+  /// them.
   bool ready = false;
   std::string no_disk;      ///< why nothing can be recorded on the disk now; empty: the disk is usable
-  bool ejected = false;     ///< a host ejected the disk, which is left alone until it or another one comes
+  bool ejected = false;     ///< a host ejected the disk; it is not used until it is inserted again, or another one is
   std::uint64_t disks = 0;  ///< number of disks that have come since nodald started
-  /// The newest take ended, or the newest start was refused, for a reason that may pass: a fault of the disk, no room,
+  /// The newest take ended, or the newest start was refused, for a temporary reason: a fault of the disk, no room, or
   /// an eject.
   bool interrupted = false;
   bool has_room = true;  ///< as far as is known without deleting anything, there is room to start a take
@@ -120,8 +121,8 @@ struct TakeReport {
   std::string refused;  ///< why the last requested take was not started; the audit log has it, too
 };
 
-/// Rows that the recorder closed are written as they come. Twice a second everything is synced. Requests wait for the
-/// disk, nothing else in the rig does.
+/// Writes each row that the recorder has closed, and syncs everything twice a second. Only requests for takes wait for
+/// the disk; no other stage does.
 ///
 /// Threading: step() is thread-bound to the takes' thread, which blocks on the disk. requests(), calibrations() and
 ///   answers() are SPSC rings with control, snapshot() is read by control.
@@ -132,8 +133,9 @@ class TakeKeeper {
   /// The board's clock in nanoseconds since 1970; 0: unknown.
   using UtcClock = std::function<std::int64_t()>;
 
-  /// `flight`: of [takes] flight_recorder; null without it. `places_seams`: the blend stage, which then logs its seams;
-  /// null if seams are fixed. `confined`: where takes are recovered; null: in step().
+  /// `flight`: the log that [takes] flight_recorder records; null without it. `places_seams`: the blend stage, if it
+  /// places seams and logs them; null if seams are fixed. `confined`: the process in which takes are recovered; null:
+  /// in step().
   TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& recorder, std::string software, UtcClock utc,
              FlightLog* flight = nullptr, Blender* places_seams = nullptr, hal::ConfinedPort* confined = nullptr);
   ~TakeKeeper();
@@ -150,15 +152,16 @@ class TakeKeeper {
   TakesInUse& in_use() { return shelf_.in_use(); }
 
   static constexpr Duration kSyncEvery = Duration::milliseconds(500);
-  /// A take starts only if the disk has room for so long, and for kReserveBytes.
+  /// A take starts only if the disk has room for this long a take and kReserveBytes.
   static constexpr Duration kLeastRoom = Duration::seconds(60);
-  /// The same in a loop: only a finished segment, of a minute, can be deleted for the one that is being written.
+  /// The same in a loop. It is longer because only finished segments, of up to a minute each, can be deleted to make
+  /// room for the segment that is being written.
   static constexpr Duration kLeastLoopRoom = Duration::seconds(150);
-  /// Left free for finishing the files.
+  /// Room that is kept free to finish the files of a take.
   static constexpr std::uint64_t kReserveBytes = std::uint64_t{64} << 20;
-  /// A still ends after this time, whatever it has; the recorder ends it earlier when sets come. The host waits longer.
+  /// A still ends after this time even if it has no set; normally the recorder ends it earlier. The host waits longer.
   static constexpr FrameTime kStillWithin{Duration::seconds(6), 9};
-  /// [takes] when_full = "loop": room is made when the disk has less than for so long, beside what finishing needs.
+  /// [takes] when_full = "loop": segments are deleted when the disk has less room than for this time and kReserveBytes.
   static constexpr Duration kLoopAhead = Duration::seconds(5);
   static constexpr int kRowsAStep = 4;
   /// With placed seams, a row is written after the blend has begun its sets, because then the blend has logged their
@@ -169,7 +172,7 @@ class TakeKeeper {
   /// Records of a flight record that a step writes: nodald's first hour is written in less than 2 s.
   static constexpr int kFlightRecordsAStep = 32;
   static constexpr Duration kReportEvery = Duration::milliseconds(200);
-  /// Between two looks for a disk that came or went.
+  /// Interval of the checks whether a disk was inserted or removed.
   static constexpr Duration kLookEvery = Duration::seconds(1);
 
  private:
@@ -232,18 +235,18 @@ class TakeKeeper {
     std::unique_ptr<DiskTest> test;
   };
   std::optional<Test> test_;
-  std::optional<TakeShelf::Hold> held_;  ///< while a take is recorded
+  std::optional<TakeShelf::Hold> held_;  ///< claims the disk while a take is recorded
   std::unique_ptr<TakeWriter> writing_;
-  std::unique_ptr<TakeRow> row_;     ///< waits for the blend
-  std::optional<SeamChange> seams_;  ///< the newest
-  std::uint64_t begun_ = 0;          ///< sets, by the blend
+  std::unique_ptr<TakeRow> row_;     ///< the next row, which waits for the blend to log its seams
+  std::optional<SeamChange> seams_;  ///< newest seams
+  std::uint64_t begun_ = 0;          ///< Blender::sets_begun() when it was last read
   Instant begun_at_;
-  bool closing_ = false;  ///< the blend does not go on
-  std::vector<std::uint64_t>
-      stopping_;           ///< tickets that are answered when the take has ended: of Stop, and of a still's Start
-  bool ejecting_ = false;  ///< waits for the end of the take, and of a read
-  WaitingTickets ejects_;  ///< tickets of Eject; their hosts may go, and the disk is ejected all the same
-  std::uint64_t ejected_take_ = 0;  ///< the take that ended for them
+  bool closing_ = false;  ///< nodald ends: the blend begins no more sets
+  /// Tickets that are answered when the take has ended: those of Stop, and that of a still's Start.
+  std::vector<std::uint64_t> stopping_;
+  bool ejecting_ = false;           ///< an eject waits for the end of the take and of a read
+  WaitingTickets ejects_;           ///< tickets of Eject; the disk is ejected even if their hosts disconnect
+  std::uint64_t ejected_take_ = 0;  ///< the take that Eject ended
   bool still_ = false;              ///< the take is a still
   Duration period_;                 ///< period of the frame rate when the take began
   bool ending_ = false;             ///< the recorder was asked to end the take

@@ -1,5 +1,4 @@
-// The takes on the disk: which there are, their numbers, recovery, protection, deletion, and the room that a loop
-// makes.
+// The takes on the disk: their list, numbers, recovery, protection and deletion, and the room that a loop makes.
 #pragma once
 
 #include <cstdint>
@@ -21,10 +20,9 @@ namespace nodal::firmware {
 
 class TakeWriter;
 
-/// The disk is a guest: it is claimed only for as long as something of it changes, and may be another one each time.
-/// The list is that of the disk: it is read again before each change and each answer. What this program did not make it
-/// never writes over: a take's number is free in memory, in kNextTakeFile and on the disk, and its folder is made by
-/// this program or not used.
+/// The disk is claimed only while it is changed, and may be exchanged in between. So the list is read from the disk
+/// again before each change and each answer. Files that this program did not make are never written over: a new take's
+/// number must be free in memory, in kNextTakeFile and on the disk, and a folder that exists is never used for it.
 ///
 /// Threading: thread-bound to the takes' stage, which blocks on the disk. in_use() is for control and the reader of
 /// takes.
@@ -56,41 +54,40 @@ class TakeShelf {
 
   // --- The disk.
   Result<Hold> hold();
-  /// Notices a disk that came or went. True if one did, or if it is the first call.
+  /// Checks whether the disk was inserted, removed or exchanged. True if it was, and at the first call.
   bool watch();
-  /// Why nothing can be recorded on the disk now; empty: it is there. Of the newest look at it.
+  /// Why nothing could be recorded on the disk when it was last checked; empty: it is usable.
   const std::string& problem() const { return problem_.empty() ? contested_ : problem_; }
-  /// How many disks have been noticed.
+  /// Number of disks that have come since nodald started.
   std::uint64_t disks() const { return disks_; }
   bool here() const { return identity_.has_value(); }
-  /// Syncs the disk, and leaves it alone until there is another one, or use_again(). No hold may exist. kBusy while a
-  /// file is being read: no other one is read from then on, so a later call succeeds.
+  /// Syncs the disk and stops using it, until another one comes or use_again() is called. No hold may exist. Errors:
+  /// kBusy while a file is being read; no further file is read from then on, so a later call succeeds.
   Status eject();
   void use_again();
   bool ejected() const { return ejected_; }
   TakesInUse& in_use() { return in_use_; }
 
   // --- The list.
-  /// Reads what has changed on the disk.
+  /// Reads the takes that have changed on the disk.
   Status refresh();
   const std::map<std::uint64_t, TakeEntry>& takes() const { return takes_; }
   bool is_full() const { return takes_.size() >= kMaxTakes; }
-  /// A take may begin by itself: those that ended without being finished are finished, or are being finished beside the
-  /// stage.
+  /// Whether a take may begin by itself: interrupted takes have been recovered, or another process is recovering them.
   bool ready() const { return here() && half_deleted_.empty() && (recovers_beside() || recovery_.idle()); }
   bool recovers_beside() const { return recovery_.is_beside(); }
-  /// Recovers takes one after the other, and removes what an interrupted deletion or test of the disk left. `begin`:
-  /// there is nothing else to do. True when it did something.
+  /// Recovers takes one after the other, and removes files that an interrupted deletion or test of the disk left.
+  /// `begin`: the stage is idle, so another recovery may begin. True when it did something.
   bool recover_some(Instant now, bool begin);
-  /// What people must know of a take that was not recovered, once; empty: nothing.
+  /// Returns, once, a sentence about a take that could not be recovered; empty: there is none.
   std::string take_problem() { return std::exchange(set_aside_, {}); }
-  /// nodald ends: a running recovery is broken off.
+  /// Cancels a running recovery, because nodald ends.
   void close();
   /// `manifest`: if set, only a take with this manifest is deleted.
   Status remove(std::uint64_t take, const std::optional<Sha256>& manifest = std::nullopt);
   Status protect(std::uint64_t take, bool on);
 
-  // --- The take that is being recorded. The caller has a hold from the first to the last of these.
+  // --- The take that is being recorded. The caller has a hold from the first to the last of these calls.
   /// A number that no take has had. It is stored before it is used, so that it is never used again.
   Result<std::uint64_t> new_number();
   void begin(TakeEntry entry);
@@ -99,11 +96,12 @@ class TakeShelf {
   void finish(std::uint64_t take, const Result<take::Manifest>& manifest);
 
   // --- Room.
-  /// Returns the free bytes. In a loop, the oldest segments are deleted until `wanted` bytes are free. If all that may
-  /// be deleted does not make at least `least` free, nothing is deleted. `writing`: the take that is being recorded, or
-  /// null.
+  /// Returns the free bytes. In a loop, first deletes the oldest segments until `wanted` bytes are free. Deletes
+  /// nothing if less than `least` would be free even after everything deletable is gone. `writing`: the take that is
+  /// being recorded, or null.
   Result<std::uint64_t> make_room(std::uint64_t wanted, std::uint64_t least, TakeWriter* writing);
-  /// Whether a place in the full list can be made: in a loop, by deleting the oldest take of which all may be deleted.
+  /// The take to delete so that the full list has a place for another one, in a loop: the oldest one of which all may
+  /// be deleted.
   Result<std::uint64_t> oldest_to_go();
   std::uint64_t deleted_segments() const { return deleted_segments_; }
 
@@ -146,14 +144,14 @@ class TakeShelf {
   std::optional<std::uint64_t> ejected_disk_;  ///< its identity, until it is removed
   std::uint64_t disks_ = 0;
   std::string problem_;
-  std::string contested_;  ///< takes wait for their recovery, and another nodald has claimed the disk
-  Status counter_read_;    ///< kNextTakeFile
+  std::string contested_;  ///< why recovery waits: another nodald has claimed the disk; empty: it does not
+  Status counter_read_;    ///< result of reading kNextTakeFile
   std::map<std::uint64_t, TakeEntry> takes_;
-  std::map<std::uint64_t, bool> unread_;  ///< takes that later steps read; true: they were there with the disk
-  std::uint64_t highest_ = 0;             ///< number on the disk, also of takes that are not listed
+  std::map<std::uint64_t, bool> unread_;  ///< takes that later steps read; true: they were on the disk when it came
+  std::uint64_t highest_ = 0;             ///< highest number on the disk, also of takes that are not listed
   std::uint64_t next_take_ = 1;
   TakeRecovery recovery_;
-  std::optional<Hold> recovering_;  ///< while takes are recovered
+  std::optional<Hold> recovering_;  ///< claims the disk while takes are recovered
   std::vector<std::uint64_t> half_deleted_;
   std::string set_aside_;
   bool leftover_ = false;  ///< a file of an interrupted test of the disk must be deleted
@@ -161,7 +159,7 @@ class TakeShelf {
   std::uint64_t deleted_segments_ = 0;
 };
 
-/// In the root of the takes' disk: the number of the next take, so that numbers are never used again.
+/// A file in the root of the takes' disk with the number of the next take, so that no number is used twice.
 inline const std::string kNextTakeFile = "next-take";
 
 }  // namespace nodal::firmware

@@ -227,7 +227,7 @@ Status TakeWriter::sync(Instant now, std::int64_t utc_ns) {
     failed_ = failed_ || !noted;
     return noted;
   }
-  if (!synced) close_flight();  // nobody knows which of its bytes are on the disk
+  if (!synced) close_flight();  // after a failed sync its durable length is unknown
   if (!synced && segment_) {
     segment_.reset();
     place_.after_error = true;

@@ -53,18 +53,17 @@ class TakeWriter {
   /// Makes everything written durable. Errors: that of the sync; the take goes on, if the segment can be cut.
   Status sync(Instant now, std::int64_t utc_ns);
   Status mark(const std::string& text, Instant now);
-  /// Stores a calibration, durably, and notes from which set on it is in force. One that is in force already is left
-  /// out. After take::kMostCalibrations it is noted that this one is not stored; the take goes on without those that
-  /// follow.
+  /// Stores a calibration durably, with the set from which on it is in force. Does nothing if it already is. After
+  /// take::kMostCalibrations notes that this one is not stored; the take continues without this and later ones.
   Status use_calibration(const TakeCalibration& calibration);
-  /// Notes placed seams before the first set that is blended with them. At most kMostSeamsAhead may be for sets that
-  /// are not written yet.
+  /// Takes seams that were placed, before the first set that is blended with them is written. At most kMostSeamsAhead
+  /// may wait for their sets.
   void use_seams(SeamChange seams) { seams_ahead_.push_back(std::move(seams)); }
   bool takes_seams() const { return seams_ahead_.size() < kMostSeamsAhead; }
-  /// Appends to the flight record, and makes its file first. After an error the take goes on without it.
+  /// Appends to the flight record, and makes its file first. After an error the take continues without a flight record.
   void write_flight(std::span<const std::uint8_t> record);
-  /// Finishes all files and writes the manifest. After an error of the disk this may work or not; if not, there is no
-  /// manifest, and the take is recovered at the next start.
+  /// Finishes all files and writes the manifest. If the disk has errors this may fail; then there is no manifest, and
+  /// the take is recovered at the next start.
   Result<take::Manifest> end(const std::string& reason, SetCounts counts = {});
   /// Deletes the oldest finished segment that is not near a mark, and returns its bytes; nothing if there is none.
   Result<std::optional<std::uint64_t>> delete_oldest();
@@ -72,16 +71,16 @@ class TakeWriter {
   std::uint64_t number() const { return place_.number; }
   /// Bytes of the segments that delete_oldest() would delete one after the other.
   std::uint64_t deletable_bytes() const;
-  /// Recorded, those that were deleted included.
+  /// Number of recorded sets, including deleted ones.
   std::uint64_t sets() const { return finished_sets_ + (segment_ ? segment_->sets() : 0); }
   bool synced() const { return !unsynced_; }
-  /// A calibration was left out: sets cannot be rendered from here on as they were blended.
+  /// A calibration was not stored, so later sets cannot be rendered as they were blended.
   bool left_out_calibrations() const { return !place_.calibrations.empty() && !place_.calibrations.back().stored(); }
 
   static constexpr Duration kLongestSegment = Duration::seconds(60);
   static constexpr std::size_t kMostSeamsAhead = 64;
   static constexpr std::uint64_t kLargestFile = std::uint64_t{2} << 30;
-  /// Half of what a reader takes.
+  /// Half of the size that a reader accepts.
   static constexpr std::uint64_t kLargestEvidence = take::kMaxEvidenceBytes / 2;
 
  private:
@@ -102,9 +101,9 @@ class TakeWriter {
   std::unique_ptr<SegmentWriter> segment_;
   std::optional<Trust> to_cut_;  ///< the newest segment is closed, and must be cut to what is on the disk for certain
   std::uint32_t next_segment_ = 0;
-  std::deque<FinishedSegment> finished_;  ///< those that are not deleted
+  std::deque<FinishedSegment> finished_;  ///< finished segments that are not deleted
   std::uint64_t finished_sets_ = 0;       ///< number of sets in all finished segments
-  /// Made while no segment was open: they belong to the first set of the next one.
+  /// A mark that was made while no segment was open: it belongs to the first set of the next one.
   struct EarlyMark {
     std::string text;
     Instant at;
