@@ -101,7 +101,7 @@ class TakeShelf {
   /// being recorded, or null.
   Result<std::uint64_t> make_room(std::uint64_t wanted, std::uint64_t least, TakeWriter* writing);
   /// The take to delete so that the full list has a place for another one, in a loop: the oldest one of which all may
-  /// be deleted.
+  /// be deleted. Errors: kTooLarge if there is none.
   Result<std::uint64_t> oldest_to_go();
   std::uint64_t deleted_segments() const { return deleted_segments_; }
 
