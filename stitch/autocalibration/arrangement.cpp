@@ -65,7 +65,8 @@ bool may_be_anamorphic(const Shape& shape) {
   return width && (shape.height == 480 || shape.height == 576 || shape.height == 240 || shape.height == 288);
 }
 
-// The focal length that the cameras state, units, if most do and agree. Not of fisheyes with circles: these tell more.
+// The focal length that the cameras state, units, if most do and agree. Not used for fisheyes with circles, which say
+// more.
 std::optional<double> stated_focal(const std::vector<Shape>& shapes) {
   std::vector<double> stated;
   for (const Shape& shape : shapes) {
@@ -104,7 +105,7 @@ Start start_with(const SharedLens& lens, const std::vector<UnitMatch>& matches, 
   return start;
 }
 
-/// Whether anybody builds a fisheye with this angle at its circle.
+/// Whether fisheyes with this angle at the circle are built.
 bool is_built(const SharedLens& lens) {
   const Result<LensRays> rays = LensRays::make(lens);
   const std::optional<double> edge = rays ? rays->angle(kCircle) : std::nullopt;
@@ -130,7 +131,7 @@ Error not_built() {
   return {Errc::kNoCoverage, "the points that the pictures seem to have in common fit no lens that is built"};
 }
 
-/// How many matches agree with each fit, near misses in part, by the tolerance of the most accurate one.
+/// How many matches agree with each fit, within the tolerance of the most accurate one; near misses count in part.
 std::vector<double> scores_of(const std::vector<BundleFit>& fits) {
   double noise = fits.front().noise;
   for (const BundleFit& fit : fits) noise = std::min(noise, fit.noise);

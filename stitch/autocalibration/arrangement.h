@@ -38,19 +38,19 @@ struct Arrangement {
   SharedLens lens;
   std::vector<LensDifference> own;  ///< by head; empty: all lenses are equal
   LensEvidence evidence;
-  std::vector<std::optional<Eigen::Matrix3d>> R_head_rig;  ///< nothing for a head that matches do not connect
+  std::vector<std::optional<Eigen::Matrix3d>> R_head_rig;  ///< empty for a head that no matches connect
 
   SharedLens lens_of(std::size_t head) const;
   std::vector<Match> used;  ///< matches that agree
   double error = 0;  ///< median distance of the used matches' points from where the other head says they are, units
 };
 
-/// How much a rotation between two pictures is to be trusted with a lens, 0: not at all. Empty: the number of matches
+/// How far a rotation between two pictures can be trusted with a lens; 0: not at all. Empty: the number of matches
 /// decides.
 using Trust = std::function<double(std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a, const SharedLens& lens)>;
 struct Checks {
-  Trust quick;     ///< asked for every lens that is tried: how many matches agree
-  Trust thorough;  ///< asked with the best lens: how far the pictures show the same where they overlap
+  Trust quick;     ///< called for every lens that is tried: how many matches agree
+  Trust thorough;  ///< called with the best lens: how well the pictures agree where they overlap
 };
 
 /// How much fisheyes overlap. Where only their rims do, a lens must be almost right for matches to agree.

@@ -65,7 +65,7 @@ std::vector<Shape> shapes_of(const std::vector<DecodedImage>& pictures, const st
   return shapes;
 }
 
-/// Leaves out what is beyond the rising part of the lens.
+/// Removes from the region what is beyond the rising part of the lens.
 void limit_to_lens(HeadCalibration& head) {
   const Result<geometry::Lens> lens = geometry::Lens::make(head.lens);
   if (!lens) return;
@@ -81,7 +81,7 @@ void limit_to_lens(HeadCalibration& head) {
     head.region.circle = Region::Circle{head.center_x, head.center_y, most * std::min(1.0, head.aspect)};
 }
 
-/// Two pictures that show the same at the same places do not determine a lens.
+/// Refuses two pictures that show the same things at the same places, because they do not determine a lens.
 Status check_different(const std::vector<Match>& used, std::size_t pictures, const std::vector<std::string>& names) {
   for (std::size_t a = 0; a < pictures; ++a) {
     for (std::size_t b = a + 1; b < pictures; ++b) {
@@ -120,7 +120,7 @@ HeadCalibration head_of(const Shape& shape, const SharedLens& lens, const Eigen:
   return head;
 }
 
-/// Turns the whole rig so that up is up.
+/// Turns the whole rig upright.
 Status turn_upright(const std::vector<Picture>& small, const std::vector<Eigen::Vector2d>& up, Found& found) {
   NODAL_TRY_ASSIGN(std::vector<geometry::Head> heads, geometry::make_heads(found.calibration));
   std::vector<Picture> pictures;
@@ -177,8 +177,8 @@ void add_points(const Arrangement& arrangement, Found& found) {
   }
 }
 
-/// Near things, or a lens that is some percent off, displace pictures of the same things enough for their detail not to
-/// correlate. Points that agree all over the same tell that they are the same things.
+/// Near things, or a lens that is some percent off, displace pictures of the same things so far that their detail does
+/// not correlate. Points that agree nevertheless prove that they are the same things.
 void add_doubtful(const Arrangement& arrangement, const Overlaps& overlaps, Found& found) {
   for (std::size_t i = 0; i < found.placed.size(); ++i) {
     for (std::size_t j = i + 1; j < found.placed.size(); ++j) {

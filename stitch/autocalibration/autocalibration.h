@@ -1,6 +1,5 @@
-// A first calibration of a rig of which nothing is known but its pictures: features are matched between the pictures, a
-// lens and rotations are found on which the matches agree, and the result is turned upright. Registration goes on from
-// there.
+// A first calibration of a rig from its pictures alone: features are matched between the pictures, a lens and rotations
+// are found with which most matches agree, and the result is turned upright. Registration refines it.
 #pragma once
 
 #include <Eigen/Core>
@@ -34,18 +33,18 @@ struct Options {
 
 struct Found {
   Calibration calibration;          ///< only the placed heads, in the pictures' order
-  std::vector<std::size_t> placed;  ///< their pictures
-  int matches = 0;                  ///< points that two heads see and that agree
+  std::vector<std::size_t> placed;  ///< indices of the placed pictures
+  int matches = 0;                  ///< number of points that two heads see and that agree
   double error_px = 0;              ///< the median distance of such a point's two images, original pixels
   /// Pictures (indices into `placed`) that overlap and share few points, and whose detail does not line up there.
   std::vector<std::pair<std::size_t, std::size_t>> doubtful;
   UpBasis up = UpBasis::kLight;  ///< what decided which way is up
   LensEvidence lens;             ///< at which radii the points determine the lens
   double unit_px = 1;            ///< unit of the radii in `lens`, original pixels of the first placed picture
-  std::vector<Match> points;     ///< those that agree; heads are indices into `placed`
+  std::vector<Match> points;     ///< matches that agree; heads are indices into `placed`
 };
 
-/// `pictures`: taken at one place by equal lenses, grey (kGrey8), at least two. `names`: of the heads.
+/// `pictures`: at least two, grey (kGrey8), taken at one place with equal lenses. `names`: the heads' names.
 ///
 /// Threading: thread-safe; starts `threads` of its own.
 /// Errors: kBadValue for fewer than two pictures, or for more than kMostPictures; kNoCoverage if no two pictures have

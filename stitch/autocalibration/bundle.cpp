@@ -84,7 +84,7 @@ class Bundle {
   BundleFit run(BundleState start);
 
  private:
-  /// What a residual depends on, and how.
+  /// The unknowns that a residual depends on, and its derivatives.
   struct Row {
     std::array<Eigen::Index, kLensUnknowns + 2 * (3 + kOwnUnknowns)> at{};
     Eigen::Matrix<double, 2, kLensUnknowns + 2 * (3 + kOwnUnknowns), Eigen::RowMajor> slope;
@@ -99,7 +99,8 @@ class Bundle {
   };
   void reweigh(const BundleState& state);
   solve::Evaluation evaluate(const BundleState& state) const;
-  /// Adds the error of where `to` sees what `from` sees at a point. False if a lens does not reach that far.
+  /// Adds the distance between where `to` sees a point and where `from` predicts it. False if a lens does not reach
+  /// that far.
   bool add(const LensRays::RaySlopes& from, std::size_t from_head, const LensRays& to_lens, std::size_t to_head,
            const Vector2d& seen, const Matrix3d& R_to_from, double weight, solve::Evaluation& sum) const;
   void add_priors(const BundleState& state, solve::Evaluation& sum) const;

@@ -13,7 +13,7 @@ namespace nodal::autocalibration {
 struct UnitMatch {
   std::size_t a = 0, b = 0;
   Eigen::Vector2d at_a, at_b;
-  double spread = 1;  ///< standard deviation, of that of the most accurate features
+  double spread = 1;  ///< standard deviation relative to that of the most accurate features
 };
 std::vector<UnitMatch> in_units(const std::vector<Shape>& shapes, const std::vector<Match>& matches);
 
@@ -35,7 +35,7 @@ struct BundleFit {
   std::vector<bool> used;                                ///< by match
   double noise = 0;                                      ///< standard deviation of an error along x or y
   double error = 0;                                      ///< median of the used matches' errors
-  double held = 0;                                       ///< what the lens's priors cost, squared standard deviations
+  double held = 0;                                       ///< cost of the lens's priors, squared standard deviations
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< covariance of log focal, k1 and k2 of the shared lens
 };
 
@@ -50,8 +50,8 @@ struct BundleRules {
   double own_sigma = 0;
 };
 
-/// Minimizes the distances in the picture, with Huber's norm. Its scale begins wide and is annealed to what most
-/// matches agree within, so that outliers do not set it. Matches of heads without a rotation are not used.
+/// Minimizes the distances in the picture with Huber's norm. Its scale begins wide and shrinks to the noise of the
+/// matches that agree, so that outliers do not determine it. Matches of heads without a rotation are not used.
 BundleFit adjust(BundleState start, const std::vector<UnitMatch>& matches, const BundleRules& rules);
 
 }  // namespace nodal::autocalibration

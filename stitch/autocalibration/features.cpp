@@ -12,11 +12,11 @@ namespace nodal::autocalibration {
 namespace {
 
 constexpr int kLevels = 3;        // per octave, as in Lowe's paper
-constexpr double kPeak = 1.5;     // least contrast of the difference of Gaussians, levels of 255
-constexpr double kEdge = 10;      // most ratio of the principal curvatures
+constexpr double kPeak = 1.5;     // smallest contrast of the difference of Gaussians, levels of 255
+constexpr double kEdge = 10;      // largest ratio of the principal curvatures
 constexpr double kDescribed = 6;  // the descriptor reaches this many scales from its point
-constexpr double kBlob = 2;       // a feature at the rim is so many scales from the edge, so that its blob is inside
-constexpr double kDarkRim = 2;    // px; the light falls within about so much at the circle
+constexpr double kBlob = 2;       // scales between a feature at the rim and the edge, so that its blob is inside
+constexpr double kDarkRim = 2;    // px within which the light falls off at the circle
 constexpr int kCells = 8;         // the picture is divided into this many cells each way
 constexpr double kDescriptorScale = 512;
 constexpr double kSmallBlob = 1.5, kLargeBlob = 5;  // px, scales; those between are used first
@@ -67,7 +67,7 @@ void add_octave(VlSiftFilt& filter, const Where& where, std::vector<Feature>& fo
   }
 }
 
-/// What is beyond the circle becomes what is as far within it, so that its edge is none for descriptors.
+/// Mirrors the picture at the circle, so that the circle is no edge for descriptors.
 void mirror_beyond(const Region::Circle& circle, Picture& picture) {
   const Picture whole = picture;
   const double edge = circle.radius - kDarkRim;
@@ -104,7 +104,7 @@ std::vector<Feature> features_in(const Picture& picture, const Where& where, std
     add_octave(*filter, where, found);
   }
   std::ranges::stable_sort(found, [](const Feature& a, const Feature& b) { return before(a.scale, b.scale); });
-  // Every cell gives its first, then every cell its second, and so on.
+  // Takes the first feature of every cell, then the second of every cell, and so on.
   std::array<std::vector<const Feature*>, std::size_t{kCells} * kCells> cells;
   for (const Feature& one : found) {
     const int i = std::clamp(static_cast<int>(kCells * one.pixel.x / picture.width), 0, kCells - 1);

@@ -20,13 +20,14 @@ struct Feature {
   std::array<std::uint8_t, kDescriptorSize> descriptor{};
 };
 
-/// At most `most` features inside `region`, spread over the picture; those of middle scale first: large blobs are found
-/// again more often, but their places are less accurate, and the smallest ones are often noise. The same features in
-/// every run.
+/// At most `most` features inside `region`, spread over the picture. Those of middle scale come first: large blobs are
+/// found again more often, but their places are less accurate, and the smallest ones are often noise. Every run finds
+/// the same features.
 std::vector<Feature> find_features(const Picture& picture, const Region& region, std::size_t most);
 
-/// The same of the rim of a region with a circle, from `from_radius` on, px. Other features are at least as far from
-/// the circle as their descriptors reach; these also where descriptors reach beyond, into the mirrored picture.
+/// The same in the rim of a region with a circle, from the radius `from_radius` on, px. find_features() keeps away from
+/// the circle by the reach of a descriptor; these features are also nearer to it, where the descriptor covers a mirror
+/// image of the picture.
 std::vector<Feature> find_rim_features(Picture picture, const Region& region, std::size_t most, double from_radius);
 
 }  // namespace nodal::autocalibration

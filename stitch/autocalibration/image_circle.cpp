@@ -12,9 +12,9 @@ namespace nodal::autocalibration {
 namespace {
 
 constexpr int kSpokes = 720;
-constexpr double kDark = 45;       // levels: the most that light outside of the circle can be
-constexpr double kRise = 2.5;      // the level inside the edge / the level outside, at least,
-constexpr double kRiseLevels = 8;  // plus this
+constexpr double kDark = 45;       // levels; light outside of the circle is darker
+constexpr double kRise = 2.5;      // the level inside the edge is at least that outside times this
+constexpr double kRiseLevels = 8;  // plus this many levels
 constexpr double kNear = 0.012;    // how far an edge's point may be from the circle, share of the radius
 constexpr int kFewestPoints = kSpokes / 8;
 constexpr double kLeastSpokeShare = 1.0 / 3;  // share of the spokes that must end at an edge
@@ -22,7 +22,7 @@ constexpr double kSmallest = 0.6;             // radius / half of the shorter si
 constexpr double kLargest = 1.2;              // radius / half of the diagonal
 constexpr int kTried = 2000;
 
-// The means of the picture along a spoke, from the middle outwards, one a pixel.
+// The means of the picture along a spoke, from the middle outwards, one per pixel.
 std::vector<double> levels_along(const Picture& picture, const Eigen::Vector2d& middle, const Eigen::Vector2d& way) {
   std::vector<double> levels;
   for (double r = 0;; ++r) {
@@ -86,7 +86,7 @@ std::optional<Region::Circle> circle_with(const Picture& picture, std::size_t wi
   best = near(circle, points);
   circle = solve::fitted_circle(best);
   if (!plausible(circle)) return std::nullopt;
-  // The inner side of the edge.
+  // Moves the circle to the inner side of the edge.
   std::vector<double> offs;
   for (const Eigen::Vector2d& p : best) offs.push_back(circle.distance(p));
   const auto tenth = offs.begin() + static_cast<std::ptrdiff_t>(offs.size() / 10);

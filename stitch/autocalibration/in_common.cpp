@@ -8,7 +8,7 @@ namespace {
 
 // Share of a picture's features that the other one should show, too: a large overlap.
 constexpr double kMuchShared = 0.6;
-constexpr double kLeastMatched = 0.06;  // have matches for at least so many of these features,
+constexpr double kLeastMatched = 0.06;  // share of these features that must have matches
 constexpr double kAgreeing = 0.02;      // two features match if they agree within this, units of radius
 constexpr std::size_t kAsked = 400;     // features of a picture that are projected
 

@@ -1,4 +1,4 @@
-// Whether two pictures have as much in common as a rotation between them says.
+// Checks whether two pictures have as much in common as a rotation between them implies.
 #pragma once
 
 #include <vector>
@@ -10,7 +10,7 @@
 namespace nodal::autocalibration {
 
 /// Two heads that look in about the same direction see the same things, so their features match in most of the picture.
-/// A rotation that says so, but with which only a few features match, or only at the rim, is a coincidence.
+/// If a rotation implies this, but only a few features match, or only at the rim, the rotation is a coincidence.
 ///
 /// Threading: thread-safe.
 class InCommon {

@@ -11,8 +11,8 @@ namespace nodal::autocalibration {
 namespace {
 
 constexpr double kFamilyPart = 0.03;  // standard deviation of lenses from their family, as a share of the radius
-// Units. A thinner range of seen radii may bend the family less, because its bend, and its errors by near things, are
-// extrapolated.
+// Units of radius. If the range of seen radii is thinner, the lens must be closer to its family, because its difference
+// from the family, and errors due to near things, are extrapolated.
 constexpr double kWideRange = 0.3;
 constexpr double kTold = 30;         // how much larger the chi squared of a family must be to exclude the family
 constexpr double kOutlierChi = 36;   // chi squared of a match that counts as an outlier
@@ -21,11 +21,11 @@ constexpr int kRadii = 200;
 // How far beyond the range of seen radii matches still determine the lens, towards the axis and away from it, as a
 // share of that range.
 constexpr double kInward = 1.5, kOutward = 0.25;
-constexpr double kSeenTail = 0.02;  // part of the matches nearest to the axis, and farthest from it, that are left out
+constexpr double kSeenTail = 0.02;  // share of the matches that is left out at either end of the range
 // Standard deviation of a head's log focal length and axis, units, around the shared ones.
 constexpr double kOwnSigma = 0.01;
 constexpr double kClearlyBetter = 0.96;
-constexpr int kFewestOfHead = 40;  // matches of a head, on average, for a lens of its own
+constexpr int kFewestOfHead = 40;  // average matches of a head from which on heads may have own lenses
 
 /// Chi squared of the matches that `counted` names; an outlier counts as kOutlierChi.
 double chi_squared(const std::vector<double>& errors, const std::vector<bool>& counted, double noise) {
@@ -69,8 +69,8 @@ std::optional<SharedLens> lens_of_family(Family family, const SharedLens& start,
   return lens;
 }
 
-/// Where the lens is known: near radii at which there are matches, by the fit's covariance, and by the other families
-/// that are not excluded.
+/// Finds the radii at which the lens is known: they are near radii that have matches, and neither the fit's covariance
+/// nor another family that is not excluded leaves more doubt than kKnownPart.
 void find_known(const BundleFit& fit, const std::vector<const BundleFit*>& others, LensEvidence& evidence) {
   const Result<LensRays> rays = LensRays::make(fit.state.lens);
   evidence.known_from = 1;

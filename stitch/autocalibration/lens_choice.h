@@ -14,12 +14,12 @@ struct LensChoice {
   LensEvidence evidence;
 };
 
-/// Adjusts `start` with a lens near each family that reaches as far, and takes the one that fits best; where matches do
-/// not tell families apart, the commonest one. What matches say nothing about is then the family's.
+/// Adjusts `start` with a lens near each family that reaches as far, and takes the one that fits best, or the commonest
+/// family if matches do not distinguish them. Where there are no matches, the lens is then that of the family.
 LensChoice choose_lens(const BundleState& start, const std::vector<UnitMatch>& matches, const BundleRules& rules);
 
-/// Adjusts again with small differences between the heads' lenses. Taken only if points that a fit has not used agree
-/// better with it: half of the points are kept back, then the other half.
+/// Adjusts again with small differences between the heads' lenses. The result is used only if it agrees better with
+/// points that the fit has not used: first one half of the points is kept back, then the other half.
 BundleFit with_own_lenses(const BundleFit& fit, const std::vector<UnitMatch>& matches, BundleRules rules);
 
 }  // namespace nodal::autocalibration

@@ -1,4 +1,4 @@
-// Families of lenses that are built: what is assumed of a lens where pictures do not show it.
+// Families of lenses that are built: they say how a lens goes on where pictures do not show it.
 #pragma once
 
 #include <array>
@@ -18,10 +18,10 @@ enum class Family : std::uint8_t {
 };
 std::string_view family_name(Family family);
 
-/// The families whose lenses reach the angle `edge`, rad, with room to spare. The first one is the commonest of those.
+/// The families whose lenses reach beyond the angle `edge`, rad, the commonest one first.
 std::vector<Family> families_reaching(double edge);
 
-/// The family's Kannala-Brandt coefficients, with focal length 1: closer to it than 0.3 % of the radius up to its end.
+/// The family as a Kannala-Brandt lens with focal length 1; it differs by less than 0.3 % of the radius.
 KannalaBrandtLens family_lens(Family family);
 
 /// Standard deviations of k1 and k2 about those of a family: `part` of the radius at the angle `edge`.

@@ -8,7 +8,7 @@ namespace nodal::autocalibration {
 namespace {
 
 constexpr double kRatio = 0.8;  // largest ratio of the nearest distance to the second nearest, as in Lowe's paper
-// Distance of descriptors, of 512: of the same thing in two pictures it is mostly less.
+// Distance of descriptors whose norm is 512; two pictures of the same thing are mostly closer.
 constexpr std::int32_t kSameDescriptor = 150;
 constexpr double kPrevails = 0.15;  // share of ambiguous features above which repetition prevails
 

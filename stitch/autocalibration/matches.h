@@ -14,13 +14,12 @@ struct Match {
   double scale = 0;  ///< size of the blobs, rms of both, px of the pictures in which they are found; 0: unknown
 };
 
-/// How much of what pictures show looks the same as two or more places of another one, so that nearest descriptors say
-/// nothing.
+/// How many features look like two or more places of another picture, so that the nearest descriptor means nothing.
 struct Repetition {
   std::size_t features = 0;
-  std::size_t ambiguous = 0;  ///< look like a feature of the other picture, and hardly less like a second one
+  std::size_t ambiguous = 0;  ///< features that are about as similar to two features of the other picture
 
-  /// Whether it is much of what they show. Below a hundredth where nothing repeats, two fifths for tiles all over.
+  /// Whether a large share of the features is ambiguous: below 1 % where nothing repeats, 40 % if tiles are everywhere.
   bool prevails() const;
   void add(const Repetition& other) {
     features += other.features;
@@ -28,9 +27,9 @@ struct Repetition {
   }
 };
 
-/// Matches of two pictures: each feature's descriptor is the other's nearest, and clearly nearer than the second
-/// nearest (Lowe's ratio test). Some of them are wrong. `repetition`: counts those of the first picture, if it is
-/// given.
+/// Matches of two pictures: each feature's descriptor is the nearest to the other's, and clearly nearer than the second
+/// nearest (Lowe's ratio test). Some matches are wrong. `repetition`, if given, counts the features of the first
+/// picture.
 std::vector<Match> find_matches(std::size_t a, const std::vector<Feature>& in_a, std::size_t b,
                                 const std::vector<Feature>& in_b, Repetition* repetition = nullptr);
 

@@ -9,7 +9,7 @@ namespace nodal::autocalibration {
 namespace {
 
 constexpr int kSide = 128;          // px
-constexpr int kWide = 6;            // px: detail is what a blur of this half width removes
+constexpr int kWide = 6;            // px; half width of the blur that removes detail
 constexpr double kLeastDetail = 3;  // levels rms: sky and noise have less
 constexpr int kFewest = 150;        // rays
 constexpr double kInside = 0.95;    // share of the image circle's radius that is compared

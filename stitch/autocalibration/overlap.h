@@ -1,4 +1,5 @@
-// Whether two pictures show the same where they should overlap: matches alone are deceived by things that repeat.
+// Checks whether two pictures agree where they should overlap, because matches alone are deceived by repeating
+// patterns.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,11 +15,11 @@ namespace nodal::autocalibration {
 /// Threading: immutable.
 class Overlaps {
  public:
-  /// `small`: one a head, reduced by any whole number.
+  /// `small`: one picture per head, reduced by any whole number.
   Overlaps(const std::vector<Shape>& shapes, const std::vector<Picture>& small);
 
-  /// The correlation of the two heads' detail on the rays that both see; kCannotTell if these are few or have no
-  /// detail.
+  /// The correlation of the two heads' detail on the rays that both see; kCannotTell if there are too few rays or too
+  /// little detail.
   double correlation(std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a, const SharedLens& lens_a,
                      const SharedLens& lens_b) const;
 
@@ -27,9 +28,9 @@ class Overlaps {
  private:
   struct Detail {
     Picture picture;
-    double scale = 1;  ///< units of radius a pixel
+    double scale = 1;  ///< units of radius per pixel
     Eigen::Vector2d center{0, 0};
-    double radius = 0;  ///< px; of the image circle, 0: none
+    double radius = 0;  ///< radius of the image circle, px; 0: none
   };
   std::vector<Detail> details_;
 };

@@ -1,4 +1,4 @@
-// Whether another calibration of the same pictures agrees with their points as well as the first one.
+// Checks whether another calibration of the same pictures agrees with their points as well as the first one.
 #pragma once
 
 #include <vector>
@@ -9,12 +9,12 @@
 
 namespace nodal::autocalibration {
 
-/// By head: the median distance of its points from where the other heads' points say that they are, px; 0 for a head
-/// with few points. Last: that of all points. Infinite where a head no longer sees them.
+/// For each head, the median distance between its points and where the other heads' points predict them, px; 0 for a
+/// head with few points. The last number is that of all points. Infinite where a head no longer sees its points.
 /// Errors: those of making the heads.
 Result<std::vector<double>> point_errors(const Calibration& calibration, const std::vector<Match>& points);
 
-/// Whether `after` is nowhere clearly worse than `before`; both of point_errors().
+/// Whether no number of `after` is clearly larger than that of `before`; both are results of point_errors().
 bool agrees_as_well(const std::vector<double>& before, const std::vector<double>& after);
 
 }  // namespace nodal::autocalibration

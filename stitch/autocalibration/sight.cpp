@@ -7,8 +7,8 @@
 namespace nodal::autocalibration {
 namespace {
 
-constexpr int kFeatureSide = 1600;          // px; larger pictures are reduced to this for features,
-constexpr int kRimSide = 3200;              // and to this for those of rims
+constexpr int kFeatureSide = 1600;          // px; larger pictures are reduced to this to find features
+constexpr int kRimSide = 3200;              // px; the same to find features in rims
 constexpr std::size_t kFeatures = 2500;     // per picture
 constexpr std::size_t kRimFeatures = 4000;  // per picture
 // Share of the circle's radius; overlaps that reach farther inwards have enough features.

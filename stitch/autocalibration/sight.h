@@ -1,4 +1,4 @@
-// What pictures show of one scene: their features, which of them match, and how many look the same at several places.
+// The features of pictures of one scene, their matches, and how many features look alike.
 #pragma once
 
 #include <cstddef>

@@ -13,7 +13,8 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kFlat = 3 * kRadiansPerDegree;        // how far a head may be from its ring
+// Largest difference between a head's angle to the ring's axis and that of the ring.
+constexpr double kFlat = 3 * kRadiansPerDegree;
 constexpr double kAlongAxis = 30 * kRadiansPerDegree;  // a head that is closer to the axis does not belong to the ring
 constexpr double kSameAxis = 10 * kRadiansPerDegree;   // two rings whose axes differ by less have the same axis
 constexpr double kOneSided = 0.4;     // largest length of the mean axis of a ring's heads, across the ring's axis

@@ -1,4 +1,4 @@
-// Which way is up by how a rig's heads stand and are held, without a look at what they show.
+// Finds up from the heads' orientations alone, without their pictures.
 #pragma once
 
 #include <Eigen/Core>
@@ -21,14 +21,14 @@ struct HeldHead {
   Eigen::Vector3d up;  ///< up in its picture as people look at it (Exif orientation applied)
 };
 
-/// The axis of a ring: the heads look all around it, at right angles to it or, if there are four or more, all at one
-/// angle. Some heads may look along it. Of its two directions, the one that is upwards in most pictures; if pictures
-/// lie on their side, the one nearer to `light`. Nothing if the heads form no ring, or more than one.
+/// The axis of a ring of heads, as up. The heads look all around it, at right angles or, if there are four or more, all
+/// at one other angle; some heads may look along it. The axis points upwards in most pictures, or towards `light` if
+/// pictures lie on their side. Nothing if the heads form no ring, or several.
 std::optional<Eigen::Vector3d> ring_up(const std::vector<HeldHead>& heads, const Eigen::Vector3d& light);
 
-/// Up, if the heads are held upright: the direction that is upwards in their pictures, level with their rows, and not
-/// far from a right angle to where they look. Nothing if the pictures contradict each other, as those of a rig with
-/// heads in every direction.
+/// Up, if the heads are held upright: the direction that is upwards in their pictures, perpendicular to their rows and
+/// about perpendicular to their axes. Nothing if the pictures contradict each other, such as those of a rig with heads
+/// in every direction.
 std::optional<Eigen::Vector3d> held_up(const std::vector<HeldHead>& heads);
 
 }  // namespace nodal::autocalibration

@@ -1,4 +1,4 @@
-// The same lenses in another model: which one fits a real lens better is seen in the pictures.
+// Converts lenses to another model, so that pictures can show which model fits better.
 #pragma once
 
 #include <optional>

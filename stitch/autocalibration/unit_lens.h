@@ -44,7 +44,7 @@ class LensRays {
   };
   std::optional<PointSlopes> point_slopes(const Eigen::Vector3d& ray) const;
 
-  /// From the axis, rad, to the radius, units, and back; nothing beyond the end of the lens.
+  /// Radius, units, of an angle from the axis, rad, and the reverse; nothing beyond the end of the lens.
   std::optional<double> radius(double angle) const;
   std::optional<double> angle(double radius) const;
 

@@ -16,8 +16,8 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr double kLeastSlope = 3;  // levels per pixel, for an edge
-constexpr int kStraight = 6;       // px; an edge is straight if its slope is the same so far along it,
-constexpr double kAlike = 0.985;   // up to this cosine
+constexpr int kStraight = 6;       // px; an edge is straight if its direction is the same this far along it,
+constexpr double kAlike = 0.985;   // to this cosine
 constexpr double kUprightTolerance = 1.5 * kRadiansPerDegree;  // start tolerance of the search
 constexpr double kFinest = 0.3 * kRadiansPerDegree;            // final tolerance of the search
 // Search radius around the light's direction, and around up as pictures are held.

@@ -1,5 +1,4 @@
-// Which way is up: from vertical edges and the horizon, or else from how the heads stand and are held, or from the
-// light.
+// Finds up: from vertical edges and the horizon, otherwise from the heads' orientations, otherwise from the light.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,12 +15,12 @@ struct Upright {
   UpBasis basis = UpBasis::kLight;
 };
 
-/// `pictures`: one a head, of the size of the head's picture divided by the same whole number for both sides. `held`:
-/// by head, the direction in the picture, x right and y down, that is up for people who look at it; empty: its rows go
-/// down. The light of the scene comes mostly from above; near that direction, or near the axis that all heads of a ring
-/// have in common, vertical edges and the horizon are looked for. If they are not seen all around, they are often
-/// chance; then the axis of the ring decides, or else how the pictures are held. So it does where edges say that the
-/// pictures lie on their side, as the lines on a floor and on walls do, unless the edges are beyond doubt.
+/// `pictures`: one per head, reduced by the same whole number along both sides. `held`: by head, the direction in the
+/// picture, x right and y down, that is up for people who look at it; empty: (0, -1). The light of the scene comes
+/// mostly from above, so vertical edges and the horizon are searched near its direction, or near the axis of a ring of
+/// heads. Edges that are not seen all around are often chance; then the ring's axis decides, or else how the pictures
+/// are held. The same is done if the edges say that the pictures lie on their side, as lines on a floor or on walls do,
+/// unless the edges are beyond doubt.
 Upright find_upright(const std::vector<geometry::Head>& heads, const std::vector<Picture>& pictures,
                      const std::vector<Eigen::Vector2d>& held = {});
 
