@@ -19,9 +19,9 @@ class MultiBand {
  public:
   MultiBand(Grid grid, int colours, int threads);
 
-  /// A picture: its channels are the colours, then 1 where the picture shows anything and 0 elsewhere, then 1 where it
-  /// is the one to show in the result and 0 elsewhere. Colours are 0 where nothing is shown. Beyond its edges a picture
-  /// is continued by its coarser bands, so that an edge close to a seam does no harm.
+  /// Adds a picture. Its channels are the colours, then 1 where the picture shows anything and 0 elsewhere, then 1
+  /// where the result shows this picture and 0 elsewhere. Colours are 0 where nothing is shown. Beyond its edges a
+  /// picture is continued by its coarser bands, so that an edge close to a seam does no harm.
   void add(Layer picture);
 
   /// The blended colours, then a channel that is 0 where no picture was to show. Call once.

@@ -13,11 +13,11 @@
 
 namespace nodal::mesh {
 
-/// kObj: Wavefront OBJ, axes as of rays, so that it can also be an envelope. kGlb: binary glTF 2.0. kMshp: the mesh
-/// projection box of spherical video V2. The latter two have the axes of glTF: x right, y up, z backward.
+/// kObj: Wavefront OBJ with the axes of rays, so that it can also be an envelope. kGlb: binary glTF 2.0. kMshp: the
+/// mesh projection box of spherical video V2. The latter two have the axes of glTF: x right, y up, z backward.
 enum class MeshFormat { kObj, kGlb, kMshp };
 
-/// By the ending of a file's name: .obj, .glb, .mshp. Errors: kUnsupported.
+/// The format for the extension of a file's name: .obj, .glb or .mshp. Errors: kUnsupported.
 Result<MeshFormat> mesh_format_of_name(std::string_view name);
 
 /// `texture`: the name of the raymap's picture that a .glb refers to, relative to it; empty: none.
@@ -25,12 +25,12 @@ Result<MeshFormat> mesh_format_of_name(std::string_view name);
 /// indices).
 Result<std::vector<std::uint8_t>> encode_mesh(const Raymesh& mesh, MeshFormat format, const std::string& texture);
 
-/// What encode_mesh() writes, and such files of other programs: of a .glb, the triangles of its scene; of an mshp box,
-/// its first mesh. Points that are equal to a millionth of the farthest one's distance are one.
+/// Reads files that encode_mesh() or another program wrote: the triangles of a .glb's scene, or the first mesh of an
+/// mshp box. Points that are equal within a millionth of the farthest one's distance are merged.
 /// Errors: kBadFormat, kTruncated, kTooLarge, kUnsupported; those of check_raymesh().
 Result<Raymesh> decode_mesh(std::span<const std::uint8_t> bytes, MeshFormat format);
 
-/// The shape of a .glb, which needs no texture coordinates, as an envelope. Triangles without area are left out.
+/// Reads the shape of a .glb, which needs no texture coordinates, as an envelope. Triangles without area are ignored.
 /// Errors: those of decode_mesh() and of Envelope::from_mesh(), which then name the triangle, in the scene's order.
 Result<geometry::Envelope> decode_envelope(std::span<const std::uint8_t> glb);
 

@@ -15,10 +15,10 @@ struct LayoutMesh {
   double error = 0;
 };
 
-/// As few triangles as keep the error within `most_error` rad, on an envelope: patches of the layout, each cut evenly,
-/// so that neighbours meet at their corners. The mesh of an icosahedron or dymaxion is a subdivided icosahedron. A
-/// scattered layout: the spherical Delaunay triangles of its rays (the convex hull of their directions). Between its
-/// corners a raymap of such a layout has no place: interpolate the corners' values.
+/// Makes as few triangles on an envelope as keep the error within `most_error` rad: patches of the layout, each cut
+/// evenly, so that neighbours meet at their corners. The mesh of an icosahedron or dymaxion is a subdivided
+/// icosahedron. That of a scattered layout has the spherical Delaunay triangles of its rays (the convex hull of their
+/// directions); such a raymap has no places between the corners, so the corners' values must be interpolated.
 /// Errors: kTooLarge if more than kMaxMeshTriangles would be needed.
 Result<LayoutMesh> mesh_of_layout(const geometry::RaymapLayout& layout, const geometry::Envelope& envelope,
                                   double most_error);

@@ -15,23 +15,23 @@
 
 namespace nodal::mesh {
 
-/// Which triangle each pixel of a view shows, and where in it: found by drawing triangles one after the other, with a
-/// depth for each pixel, the nearest stays. Another way than the search of an envelope's point for each pixel's ray.
+/// Finds the triangle that each pixel of a view shows, and the place in it, by drawing the triangles one after the
+/// other with a depth buffer. This is independent of the search of an envelope's point for each pixel's ray.
 ///
 /// Threading: immutable; any thread.
 class MeshView {
  public:
-  /// The middles of pixels are looked at. `spec` is a perspective camera's; `eye` in metres.
+  /// Samples the middles of pixels. `spec` is that of a perspective camera; `eye` is in metres.
   /// Errors: those of Camera::make(); kUnsupported for another projection, which shows edges as curves.
   static Result<MeshView> make(const Raymesh& mesh, const view::CameraSpec& spec, const Eigen::Vector3d& eye,
                                const parallel::Workers& workers);
 
-  /// The place in the raymap that a pixel shows, as a part of its width and height; nothing beside the mesh.
+  /// The place in the raymap that a pixel shows, as fractions of its width and height; nothing beside the mesh.
   std::optional<Eigen::Vector2d> texture(int x, int y) const;
 
-  /// The view of a raymap: bilinear, to the right of its right edge goes on its left; black beside the mesh. With
-  /// `corners_only`, triangles show the values of the pixels at their corners, interpolated: for raymaps of scattered
-  /// layouts. RGB24, GREY, RGB48 or GREY16, packed; so is the view.
+  /// The view of a raymap: bilinear, with its left and right edges joined, and black beside the mesh. With
+  /// `corners_only`, which raymaps of scattered layouts need, triangles show the interpolated values of the pixels at
+  /// their corners. The raymap is RGB24, GREY, RGB48 or GREY16, packed; so is the view.
   DecodedImage paint(const ImageView& raymap, bool corners_only, const parallel::Workers& workers) const;
 
  private:

@@ -15,8 +15,8 @@ namespace nodal::mesh {
 inline constexpr std::size_t kMaxMeshTriangles = 1 << 18;
 inline constexpr std::size_t kMaxMeshFileBytes = 64 << 20;
 
-/// Vertices (rho, theta, phi, t_x, t_y): a point of the envelope, metres, rig's axes, and its place in the raymap, as a
-/// part of its width and height, from the upper left corner. Left and right of the raymap it goes on at the other side.
+/// Vertices (rho, theta, phi, t_x, t_y): a point of the envelope, in metres and the rig's axes, and its place in the
+/// raymap, as fractions of its width and height from the upper left corner. The left and right edges are joined.
 /// At a seam of the raymap, one point has several vertices. Triangles are counter-clockwise as the nodal point sees
 /// them.
 struct Raymesh {
@@ -35,7 +35,7 @@ struct Raymesh {
   const Eigen::Vector3d& point(std::uint32_t vertex) const { return points[vertices[vertex].point]; }
 };
 
-/// Collects points; those that are nearer to each other than `same` are one.
+/// Collects points; points that are nearer to each other than `same` are merged.
 class Welder {
  public:
   Welder(std::vector<Eigen::Vector3d>& points, double same) : points_(points), same_(same) {}
@@ -48,9 +48,9 @@ class Welder {
   std::map<Cell, std::uint32_t> cells_;
 };
 
-/// Refuses what is no envelope: triangles that the nodal point sees from behind or edge-on, that fold over each other,
-/// or that go around the nodal point more than once. A raymesh may cover a part of the sphere. Turns all triangles
-/// around if all are clockwise. Errors: kBadValue, with the number of the triangle, from 1, in the file's order.
+/// Refuses a mesh that is no envelope: triangles that the nodal point sees from behind or edge-on, that fold over each
+/// other, or that go around the nodal point more than once. A raymesh may cover a part of the sphere. If all triangles
+/// are clockwise, they are reversed. Errors: kBadValue, with the number of the triangle, from 1, in the file's order.
 Status check_raymesh(Raymesh& mesh);
 
 /// The longest edge divided by the shortest, as the nodal point sees them.

@@ -1,4 +1,4 @@
-// Tiles of a smooth layout that one head fills: thirteen rays say where all its pixels are.
+// Tiles of a smooth layout that one head fills: thirteen rays determine the places of all pixels.
 #pragma once
 
 #include <array>
@@ -21,7 +21,8 @@ struct ClearTile {
 /// through nine of them, within a quarter of kPatchFit of what RowSampler computes. Nothing without seams.
 std::optional<ClearTile> clear_tile(const RaySampler& sampler, int grid, int left, int top);
 
-/// Whether the layout is smooth, and at most one head can see rays of the tile. Quick; may say no where it is so.
+/// Whether the layout is smooth, and at most one head can see rays of the tile. Quick, but may be false although it
+/// holds.
 bool has_one_head_at_most(const RaySampler& sampler, int grid, int left, int top);
 
 }  // namespace nodal::table

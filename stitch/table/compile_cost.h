@@ -14,8 +14,8 @@ namespace nodal::table {
 
 class RaySampler;
 
-/// In steps; one is about a nanosecond on a processor of 2020. What a ray costs depends on the heads that see it, on
-/// the corners of their masks near it, and on whether their lenses can be looked up; the sum over the raymap is
+/// Cost in steps; a step takes about a nanosecond on a processor of 2020. The cost of a ray depends on the heads that
+/// see it, on the corners of their masks near it, and on whether their lenses are tabled; the sum over the raymap is
 /// estimated from about kRays of its rays.
 struct CompileCost {
   std::vector<std::uint64_t> heads;  ///< cost of each head
@@ -26,14 +26,14 @@ struct CompileCost {
 
 CompileCost compile_cost(const RaySampler& sampler);
 
-/// What a rig's board compiles at most for a raymap of so many pixels and so many heads.
+/// Largest cost of a table that a rig's board compiles, for a raymap with this many pixels and heads.
 constexpr std::uint64_t compile_budget(std::uint64_t pixels, std::size_t heads) {
   constexpr std::uint64_t kStepsAPixel = 2000;
   constexpr std::uint64_t kStepsAPixelAndHead = 400;
   return pixels * (kStepsAPixel + kStepsAPixelAndHead * heads);
 }
 
-/// Errors: kTooLarge, naming the head that costs most.
+/// Checks that the cost is within the budget. Errors: kTooLarge, naming the head that costs most.
 Status check_compile_budget(const CompileCost& cost, const Calibration& calibration, std::uint64_t pixels);
 
 }  // namespace nodal::table

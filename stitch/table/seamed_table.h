@@ -1,4 +1,4 @@
-// Seams that can be moved while the rig films: a table whose seams lie where a small map of the sphere says.
+// Seams that can be moved while the rig films: a small map of the sphere determines where a table's seams are.
 #pragma once
 
 #include <array>

@@ -50,11 +50,11 @@ struct CameraName {
   int widest_fov_deg() const;
 };
 
-/// Every projection's name, in their order.
+/// The names of the projections, in the order of Projection.
 std::vector<std::string_view> camera_names();
 
-/// "perspective", "fisheye", ...; "pannini:d=0.5", "fisheye:f1=1,f3=-0.05". Errors: kBadValue, with what there is; for
-/// coefficients whose r does not rise up to the least field of view, how far it rises.
+/// Parses "perspective", "fisheye", ...; "pannini:d=0.5", "fisheye:f1=1,f3=-0.05". Errors: kBadValue, which lists the
+/// projections, or says how far r rises if it does not rise up to the least field of view.
 Result<CameraName> parse_camera(std::string_view text);
 
 struct CameraSpec {

@@ -28,8 +28,8 @@ class CameraPath {
   static constexpr std::size_t kMostKeys = 100'000;
   static constexpr std::int64_t kMostPictures = 10'000'000;
 
-  /// Lines "picture,yaw,pitch,roll,fov", degrees, pictures rising. Empty lines, what follows # in a line, and a first
-  /// line with these names do not count. Errors: kBadValue with the line; kTooLarge.
+  /// Parses lines "picture,yaw,pitch,roll,fov", in degrees, with rising pictures. Ignores empty lines, text after #,
+  /// and a first line with these names. Errors: kBadValue with the line; kTooLarge.
   static Result<CameraPath> parse(std::string_view text);
 
   const std::vector<CameraKey>& keys() const { return keys_; }

@@ -22,7 +22,7 @@ int samples_for(double pixels);
 class Cell {
  public:
   static constexpr int kSide = geometry::Biquadratic<2>::kSide;
-  /// Samples along each side of a pixel are at most these.
+  /// Most samples along each side of a pixel.
   static constexpr int kMostSamples = 8;
 
   /// The cell whose first pixel is (left, top). Nothing unless its positions are a polynomial to within 1/64 px, and
@@ -41,10 +41,10 @@ class Cell {
   bool covers_one_piece(const Pieces& pieces, const Taps& taps);
 
   geometry::Biquadratic<2> at_;  ///< px, relative to the centre of the base pixel
-  /// The same by powers: of the column by matrix rows, of the row by matrix columns; for x and for y.
+  /// The same as coefficients, for x and for y: matrix rows are powers of the column, matrix columns powers of the row.
   std::array<Eigen::Matrix3d, 2> powers_;
   std::int32_t base_x_ = 0, base_y_ = 0;
-  std::uint8_t across_ = 1, down_ = 1;  ///< samples a pixel
+  std::uint8_t across_ = 1, down_ = 1;  ///< samples per pixel
 };
 
 }  // namespace nodal::view

@@ -16,7 +16,7 @@ enum class Filter : std::uint8_t {
   kLanczos,  ///< sinc(t) sinc(t / 3), six taps, their sum made 1
 };
 
-/// "nearest", "bilinear", "bicubic", "lanczos". Errors: kBadValue, with the names.
+/// Parses "nearest", "bilinear", "bicubic", "lanczos". Errors: kBadValue, which lists the names.
 Result<Filter> parse_filter(std::string_view text);
 
 /// A filter's weights along one axis for every 1/256 of a pixel.

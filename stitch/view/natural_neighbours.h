@@ -7,7 +7,7 @@
 
 namespace nodal::view {
 
-/// A pixel that a ray takes a part of its value from.
+/// A pixel that contributes to the value of a ray.
 struct Neighbour {
   int i = 0, j = 0;
   double weight = 0;

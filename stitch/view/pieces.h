@@ -22,8 +22,8 @@ class Pieces {
   bool wraps() const { return wraps_; }
   /// Whether the pixels (i - reach, j - reach) .. (i + 1 + reach, j + 1 + reach) are one piece of the sphere.
   bool joined(int i, int j, int reach) const;
-  /// Whether the pixels left..right, top..bottom (inclusive) are in the picture, and one piece. May say no of a piece
-  /// that an edge comes near to.
+  /// Whether the pixels left..right, top..bottom (inclusive) are in the picture and one piece. May be false for a piece
+  /// close to an edge.
   bool all_joined(int left, int top, int right, int bottom) const;
 
  private:
@@ -34,9 +34,10 @@ class Pieces {
 
   int width_, height_, blocks_across_;
   bool wraps_ = false;
-  /// By pixel (i, j): whether the square of pixels (i, j) .. (i + 1, j + 1) is one piece. Empty if all are, or none.
+  /// For each pixel (i, j), whether the square of pixels (i, j) .. (i + 1, j + 1) is one piece. Empty if all are, or
+  /// none.
   std::vector<std::uint8_t> squares_;
-  /// By block of kBlock x kBlock squares: whether all of them are.
+  /// For each block of kBlock x kBlock squares, whether all of them are.
   std::vector<std::uint8_t> blocks_;
 };
 

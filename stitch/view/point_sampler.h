@@ -1,4 +1,4 @@
-// Samples a raymap along one ray, wherever its pixels' neighbours are.
+// Samples a raymap along one ray, also where neighbouring pixels are not neighbours on the sphere.
 #pragma once
 
 #include <cstdint>
@@ -38,11 +38,11 @@ class PointSampler {
  public:
   PointSampler(const geometry::RaymapLayout& layout, const Pieces& pieces, Filter filter);
 
-  /// Adds the raymap at a position; `ray` is asked for only where the position is not enough.
+  /// Adds the raymap at a position; `ray` is called only where the position is not sufficient.
   template <class Sample>
   void add(const PlaneView& plane, int channels, const Position& at, const std::function<geometry::Ray()>& ray,
            Sum<Sample>& sum) const;
-  /// How far neighbouring rays are apart, rad; at least the mean over the raymap.
+  /// Distance of neighbouring rays, rad; at least the mean over the raymap.
   double pitch_at(const Position& at) const;
 
  private:

@@ -29,7 +29,7 @@ struct Curve {
   }
 };
 
-/// Pixels to the right of the last tap that kernels load at RGB24, though they do not use them.
+/// Pixels to the right of the last tap that RGB24 kernels load but do not use.
 inline constexpr int kLoadedBeyond = 2;
 
 /// The level of the mean of `count` samples with this sum.
@@ -38,9 +38,9 @@ Sample mean_level(int sum, int count) {
   return static_cast<Sample>(std::min(std::max(0, sum + 32 * count) / (64 * count), Samples<Sample>::kMost));
 }
 
-/// `origin` is the pixel that positions are relative to; every tap must be a pixel of the picture. So must, at RGB24,
-/// kLoadedBeyond more to the right of the last tap. `row_stride` in bytes. Writes count x channels samples, and may
-/// write over three more.
+/// `origin` is the pixel that positions are relative to. Every tap must be a pixel of the picture; for RGB24, so must
+/// kLoadedBeyond pixels to the right of the last tap. `row_stride` is in bytes. Writes count x channels samples, and
+/// may overwrite three more.
 template <class Sample>
 using RowKernelOf = void (*)(const std::uint8_t* origin, std::ptrdiff_t row_stride, const Taps& taps,
                              const Curve& curve, int count, typename Samples<Sample>::Scaled* samples);
@@ -50,7 +50,7 @@ using RowKernel = RowKernelOf<std::uint8_t>;
 template <class Sample>
 RowKernelOf<Sample> row_kernel(int channels, const Taps& taps);
 
-/// All that this machine has for 8 bits, the specification first. 16 bits have one kernel.
+/// All kernels that this machine has for 8 bits, the specification first. There is one kernel for 16 bits.
 struct NamedRowKernel {
   const char* name;
   RowKernel run;

@@ -11,7 +11,7 @@ namespace nodal::view {
 
 static_assert(std::endian::native == std::endian::little, "16 bits are read as they lie in memory");
 
-/// By the type of a sample: what is computed with it.
+/// The types used in computations with a sample type.
 template <class Sample>
 struct Samples;
 

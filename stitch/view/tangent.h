@@ -9,7 +9,7 @@
 
 namespace nodal::view {
 
-/// Directions of longitude and latitude at a ray; any at the poles.
+/// Directions of longitude and latitude at a ray; arbitrary at the poles.
 struct Tangent {
   Eigen::Vector3d right, down;
 };

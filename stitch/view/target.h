@@ -16,7 +16,7 @@ struct Target {
   std::function<std::optional<geometry::Ray>(double x, double y)> ray;
   /// Solid angle of every pixel of a scattered layout, sr. Otherwise 0: the pixel's own outline is its footprint.
   double pixel_sr = 0;
-  /// As RaymapLayout::smooth() says of layouts.
+  /// Same meaning as RaymapLayout::smooth().
   bool smooth = false;
 
   static Target of(const geometry::RaymapLayout& layout);

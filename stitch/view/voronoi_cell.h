@@ -14,16 +14,16 @@ class VoronoiCell {
   static constexpr int kNobody = -1;
   struct Corner {
     Eigen::Vector2d at;
-    int edge;  ///< whose edge begins here, or kNobody
+    int edge;  ///< the ray whose edge begins here, or kNobody
   };
 
-  /// A square of this half side.
+  /// Begins with a square of this half side.
   explicit VoronoiCell(double half);
-  /// Cuts off what is nearer to another ray: toward . t > offset.
+  /// Removes the part that is nearer to another ray: toward . t > offset.
   void cut(const Eigen::Vector2d& toward, double offset, int other);
   /// The distance of the farthest corner.
   double radius() const;
-  /// In the order around the ray.
+  /// Corners, sorted around the ray.
   const std::vector<Corner>& corners() const { return corners_; }
 
  private:
@@ -37,10 +37,9 @@ struct NearRay {
   double distance = 0;  ///< the length of the chord
 };
 
-/// The cell of `ray` among `rays`. Its edges are indices of `found`: all rays near enough to matter, and some beyond.
-/// Rays at its own place cut nothing. What is farther than 89.9 degrees away cuts nothing, either. `moved` is false for
-/// the rays as they are; true: `ray` and the others are displaced by up to 1e-5 of their distance, each always in the
-/// same way, so that no four are on one circle.
+/// The cell of `ray` among `rays`. Its edges are indices of `found`, which gets all rays that are near enough, and some
+/// more. Rays that are equal to `ray` or farther than 89.9 degrees away cut nothing. With `moved`, all rays are
+/// displaced by up to 1e-5 of their distance, each always in the same way, so that no four are on one circle.
 VoronoiCell voronoi_cell(const geometry::ScatteredRays& rays, const geometry::Ray& ray, bool moved,
                          std::vector<NearRay>& found);
 
