@@ -11,13 +11,13 @@
 namespace nodal::hal {
 
 struct ConfinedJob {
-  std::string what;  ///< "000042", for the work to know what it is about
+  std::string what;  ///< subject of the work, such as the take "000042"
   std::vector<std::uint8_t> input{};
 };
 
-/// Does one kind of work on data of strangers where its failure ends only itself: without the rig's memory, files,
-/// devices and hosts, and with limits of memory and time. One job at a time; the caller asks for its result again and
-/// again.
+/// Does one kind of work on untrusted data in isolation: without access to the rig's memory, files, devices and hosts,
+/// and with limits of memory and time, so that a failure affects nothing else. One job at a time; the caller polls its
+/// result.
 ///
 /// Threading: thread-bound to the stage that has the work.
 /// Ownership: end() and the destructor end a running job.
@@ -29,13 +29,13 @@ class ConfinedPort {
   virtual Status begin(ConfinedJob job) = 0;
   /// What the work returned, once. Nothing while it runs, and while no job was begun.
   virtual std::optional<Result<std::vector<std::uint8_t>>> take_result() = 0;
-  /// A number that the work of this job counts up.
+  /// A number that rises while the job makes progress.
   virtual std::uint64_t progress() const = 0;
   /// Ends the running job, if there is one; it has no result.
   virtual void end() = 0;
 };
 
-/// Says that work goes on: counts ConfinedPort::progress() up.
+/// Reports progress: raises ConfinedPort::progress().
 using ConfinedProgress = std::function<void()>;
 /// What a port does with its jobs. It keeps no state between them.
 using ConfinedWork = std::function<Result<std::vector<std::uint8_t>>(const ConfinedJob&, const ConfinedProgress&)>;

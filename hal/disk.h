@@ -17,7 +17,7 @@ enum class EntryKind : std::uint8_t { kFile, kFolder, kOther };
 struct FolderEntry {
   std::string name;
   EntryKind kind = EntryKind::kOther;  ///< kOther: a symbolic link, a device, a pipe
-  /// Another number after the entry was replaced and, if it is a folder, after an entry of its own was made, renamed or
+  /// A number that changes when the entry is replaced and, if it is a folder, when an entry in it is made, renamed or
   /// removed.
   std::uint64_t version = 0;
   friend bool operator==(const FolderEntry&, const FolderEntry&) = default;
@@ -40,13 +40,13 @@ struct FolderEntry {
 class DiskPort {
  public:
   virtual ~DiskPort() = default;
-  /// Reserves the folder for this port: no other one can claim it, of this program or another. Once claimed, nothing
-  /// changes.
+  /// Reserves the folder for this port: no other port can claim it, in this program or another. Without effect if this
+  /// port has claimed it.
   /// Errors: kBusy if it is claimed already.
   virtual Status claim() = 0;
   /// Gives the folder up. What was written stays. Without a claim, nothing changes.
   virtual void release() = 0;
-  /// Tells the disks apart that come to have this name: a number for the folder that has it now, also during a claim.
+  /// A number that identifies the folder that has this name now, also during a claim, to notice an exchanged disk.
   virtual Result<std::uint64_t> identity() = 0;
 
   /// Creates an empty file and opens it for appending. kExists if there is anything of that name.

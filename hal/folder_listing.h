@@ -1,4 +1,4 @@
-// The entries of one folder, as many as there may be. For every implementation of DiskPort.
+// The entries of one folder, up to a limit, for every implementation of DiskPort.
 #pragma once
 
 #include <algorithm>
@@ -17,10 +17,10 @@ namespace nodal::hal {
 /// together.
 class FolderListing {
  public:
-  static constexpr std::size_t kMaxEntries = 250'000;  ///< the files of the longest take, and more
+  static constexpr std::size_t kMaxEntries = 250'000;  ///< more than the longest take has files
   static constexpr std::size_t kMaxNamesBytes = std::size_t{16} << 20;
 
-  /// `folder`: as people know it.
+  /// `folder`: its name in messages.
   explicit FolderListing(std::string folder) : folder_(std::move(folder)) {}
 
   Status add(FolderEntry entry) {

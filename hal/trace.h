@@ -1,4 +1,4 @@
-// Where the calls of a port are written while somebody wants to see them.
+// The output of a trace of a port's calls.
 #pragma once
 
 #include <functional>

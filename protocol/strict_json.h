@@ -1,5 +1,5 @@
-// Strict JSON: no duplicate key, limited depth, and errors with line and column. Of a document only what its reader
-// knows is kept, so its memory is bounded by the reader, not by who wrote it.
+// Strict JSON: no duplicate key, limited depth, and errors with line and column. Only the parts of a document that its
+// reader knows are kept, so the reader bounds the memory, not the author.
 #pragma once
 
 #include <functional>
@@ -19,9 +19,9 @@ struct JsonLimits {
   int depth = 16;
 };
 
-/// What is kept of a document. What is of another kind than the shape says is kept as an empty value of its own kind,
-/// and a list or a text that is too long is cut one behind its limit, so that whoever reads the tree can refuse it. Of
-/// the fields of an object that are not in the shape, the first is kept, as null.
+/// Says which parts of a document are kept. A value of another kind than the shape says is kept as an empty value of
+/// its own kind, and a list or text that is too long is cut one element behind its limit, so that the reader of the
+/// tree can refuse it. The first field of an object that is not in the shape is kept as null, the others are dropped.
 class JsonShape {
  public:
   /// A number, true, false, null, or a text of at most `text_bytes`.

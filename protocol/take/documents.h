@@ -19,14 +19,14 @@ namespace nodal::take {
 
 inline constexpr int kTakeVersion = 1;
 inline constexpr std::size_t kMaxTakeJsonBytes = 64 * 1024;
-/// A day of segments of a minute, with 16 heads, is 3 MB.
+/// The manifest of a take of a day, in segments of a minute with 16 heads, has 3 MB.
 inline constexpr std::size_t kMaxManifestBytes = std::size_t{32} << 20;
-/// Four times as many as that day has.
+/// Four times as many files as that take has.
 inline constexpr std::size_t kMaxTakeFiles = 200'000;
-/// In one take.
+/// Marks in one take.
 inline constexpr std::size_t kMostMarks = 10'000;
 inline constexpr std::size_t kMaxMarkBytes = 200;
-/// After the first. What comes then is not stored, and the take says from which set on.
+/// Calibrations of a take after its first one. Later ones are not stored, and the take says from which set on.
 inline constexpr std::size_t kMostCalibrations = 1000;
 
 /// File names in the folder of a take.

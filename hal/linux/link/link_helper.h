@@ -12,8 +12,8 @@
 namespace nodal::hal {
 
 /// start() forks the helper. For each link the helper forks a process that connects and then copies bytes in both
-/// directions, at most kBuffer of each on the way. It ends with the link, whose destructor waits for that for at most 2
-/// s, the helper with this object.
+/// directions, with at most kBuffer bytes of each in memory. That process ends with the link, whose destructor waits
+/// for it for at most 2 s; the helper ends with this object.
 ///
 /// Threading: thread-bound. Call start() before the process has a second thread.
 /// Ownership: links outlive it.
