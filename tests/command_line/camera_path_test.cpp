@@ -52,7 +52,7 @@ TEST_F(CameraPathCommand, MovesTheCamera_AndItsKeysAreTheViewsThere) {
   std::size_t jpegs = 0;
   for (std::size_t at = 0; (at = piped.out.find("\xff\xd8\xff", at)) != std::string::npos; ++at) ++jpegs;
   EXPECT_EQ(jpegs, 7U);
-  // Of several raymaps, one each.
+  // Several raymaps give one view each.
   const Finished several = nodal({"view", path("sphere.png"), path("sphere.png"), "--from", "equirectangular", "--size",
                                   "64x48", "--path", path("turn.csv"), "-o", path("s-%d.png")});
   ASSERT_EQ(several.code, 0) << several.err;

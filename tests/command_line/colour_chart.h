@@ -61,7 +61,7 @@ class ColourCommand : public RigTest {
   /// Samples, 0 to 1, of a picture that Nodal wrote, red, green and blue.
   std::vector<double> samples(const std::string& name) const;
   void run(const Words& words) const;
-  /// Of the middles of the sphere's patches, where no coding or interpolation mixes two of them.
+  /// Largest error in the middles of the sphere's patches, where no coding or interpolation mixes two of them.
   static double largest_error(const std::vector<double>& got, const std::vector<double>& right);
 };
 

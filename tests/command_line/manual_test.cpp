@@ -27,7 +27,7 @@ TEST(NodaldManual, OptionsInItAndInHelp_AreTheSame) {
   const std::size_t from = page.find(".SH OPTIONS");
   const std::size_t to = page.find(".SH SIGNALS");
   ASSERT_NE(to, std::string::npos);
-  // Of --help only the lines that define options; of the page the lines that name them.
+  // Takes only the lines of --help that define options, and the lines of the page that name them.
   std::string defined;
   static const std::regex definition(R"(\n  (-[^ ]*))");
   for (std::sregex_iterator it(help.out.begin(), help.out.end(), definition), end; it != end; ++it) {

@@ -59,7 +59,7 @@ struct Shifts {
   int within_one_pixel = 0;
 };
 
-/// Of the windows between the rows with detail in both directions: how many are at the reference's position.
+/// Counts the windows between the rows, with detail in both directions, that are at the reference's position.
 Shifts shifts_against(const ImageView& raymap, const ImageView& reference, int top, int bottom) {
   constexpr int kSide = 48;
   constexpr int kReach = 4;

@@ -22,7 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::uint64_t kSectorBytes = 512;
-// Of drivers/md/dm-log-writes.c.
+// Numbers of drivers/md/dm-log-writes.c.
 constexpr std::uint64_t kMagic = 0x6a736677736872ULL;
 constexpr std::uint64_t kFlush = 1, kFua = 2, kDiscard = 4, kMark = 8;
 constexpr const char* kMapped = "logged";

@@ -42,7 +42,7 @@ wire::Hello largest_hello() {
   return hello;
 }
 
-/// Of a frame of this type, all but the last byte.
+/// A frame of this type without its last byte.
 Bytes incomplete(FrameType type, std::uint32_t sequence) {
   const Bytes payload(max_payload_bytes(type), 1);
   const std::uint32_t stream = type == FrameType::kBulk ? 1 : 0;

@@ -29,7 +29,7 @@ using namespace firmware;
 
 constexpr std::uint64_t kSeamPixels = std::uint64_t{take::kMostSeamColumns} * take::kMostSeamColumns / 2;
 
-/// Of the two kinds of take whose texts are long: one that is complete, and one that is damaged.
+/// The largest entry of a take that is complete, or of one that is damaged; the texts of both kinds are long.
 TakeEntry largest_entry(bool complete) {
   TakeEntry entry;
   if (complete) {

@@ -73,8 +73,8 @@ int level(const Pulled& raymap, int x, int y) {
   return raymap.body[static_cast<std::size_t>((y * kWidth + column) * 3 + 1)];
 }
 
-/// Of the positions on a row or column where the level crosses the bar's edge, the distance of the nearest from
-/// `expected`; `at` gives the level of sample i, whose centre is at i + 1/2.
+/// Distance of `expected` from the nearest position on a row or column where the level crosses the bar's edge; `at`
+/// gives the level of sample i, whose centre is at i + 1/2.
 template <class At>
 double off(At at, double expected, bool falls) {
   constexpr int kReach = 20;

@@ -5,7 +5,7 @@
 namespace nodal::swarm {
 namespace {
 
-/// Of a head's JPEGs. Drivers do not look into them, so their verdict is good.
+/// One JPEG in this many is cut off. Drivers do not look into JPEGs, so its verdict is good.
 constexpr std::uint64_t kCutEvery = 50;
 
 }  // namespace

@@ -78,7 +78,7 @@ class TakeStage {
       start.heads.push_back(HeadShape{PixelFormat::kGrey8, options_.width, options_.height});
     return start;
   }
-  /// Of hosts that are gone.
+  /// Drops answers to hosts that are gone.
   void drop_answers() {
     while (keeper_.answers().pop()) {}
   }
@@ -103,7 +103,7 @@ class TakeStage {
   FrameRate rate() const { return rate_; }
   /// The board's clock is set: nanoseconds since 1970 at 0 of the rig's clock; empty: it is not known any more.
   void set_utc(std::optional<std::int64_t> at_zero) { utc_ = at_zero; }
-  /// Of the sets that were offered, by their numbers.
+  /// Times of the sets that were offered, by their numbers.
   const std::vector<Instant>& times() const { return times_; }
   /// Ends as nodald does.
   void close() { keeper_.close(clock_.now()); }

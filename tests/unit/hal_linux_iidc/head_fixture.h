@@ -14,7 +14,7 @@
 
 namespace nodal::hal::iidc {
 
-// Of features' registers, as IIDC 1.31 has them: on, automatic (of the trigger: active high), absolute.
+// Bits of features' registers in IIDC 1.31: on, automatic (of the trigger: active high), absolute.
 inline constexpr std::uint32_t kOnBit = 0x0200'0000, kAutoBit = 0x0100'0000, kHighBit = 0x0100'0000;
 inline constexpr std::uint32_t kAbsoluteBit = 0x4000'0000;
 

@@ -17,7 +17,7 @@ namespace {
 
 using test::wait_until;
 
-/// Of the thread with this name; nothing if there is none.
+/// Busy time of the thread with this name; nothing if there is none.
 std::optional<Duration> busy(const std::string& name) {
   Heartbeats heartbeats;
   std::vector<Heartbeat> all;

@@ -147,7 +147,7 @@ RC_GTEST_PROP(PreparePicture, TheLowPicture_IsTheMeanOfTheRowsThatItNames_OverNi
     const int n = source.low_size / (has_chroma(source.format) && c > 0 ? 2 : 1);
     RC_ASSERT(low.width == std::max(1, plane.width / n));
     RC_ASSERT(low.height == std::max(1, plane.height / n));
-    // Of a square; beyond the low picture's edge, of the edge square.
+    // The sample of a square; beyond the low picture's edge, that of the edge square.
     const auto square = [&](int x, int y) {
       x = std::clamp(x, 0, low.width - 1);
       y = std::clamp(y, 0, low.height - 1);

@@ -201,7 +201,7 @@ TEST(KnownFields, VideoStitchsOldFieldsOfView_AreFocalLengths) {
     EXPECT_NEAR(apart(import, 0, 1), 60, 1e-9);
     EXPECT_TRUE(import.notes.empty()) << all_notes(import);
   }
-  // Of the crop's width, by each projection's formula.
+  // The focal length follows from the crop's width, by each projection's formula.
   const std::string fisheye =
       R"("width": 1000, "height": 800, "crop_left": 100, "crop_right": 900, "hfov": 180, "proj": )";
   const auto radius_at_a_radian = [&](const std::string& proj) {

@@ -133,7 +133,8 @@ TEST(MeshOfLayout, FullersMap_IsASubdividedIcosahedronOfNearlyEqualEdges) {
   const LayoutMesh flat = mesh_of_layout(*layout_of("icosahedron", 330), sphere, 0.2 * kDegree).value();
   EXPECT_EQ(fuller.mesh.triangles.size() % 20, 0U);
   EXPECT_LT(edge_ratio(fuller.mesh), 1.2);
-  // Of flat faces cut evenly, edges in the middle span more by up to (R / r)^2 = 1.58, r the inscribed sphere's radius.
+  // If flat faces are cut evenly, edges in the middle span up to (R / r)^2 = 1.58 times more; r is the radius of the
+  // inscribed sphere.
   EXPECT_GT(edge_ratio(flat.mesh), 1.4);
 }
 

@@ -64,7 +64,7 @@ Compiled compiled(const Calibration& rig, const std::string& layout, int width, 
   return made;
 }
 
-/// Of each head of cube_rig().
+/// Level of each head of cube_rig().
 std::vector<std::uint8_t> levels() { return {20, 60, 100, 140, 180, 220}; }
 
 TEST(SeamedTable, AMapOfOneHead_ShowsItWhereverItSees) {
@@ -101,7 +101,7 @@ double crossing(const std::vector<std::uint8_t>& row, double level) {
 }
 
 TEST(SeamedTable, AStraightSeam_HasARampOfItsWidthInItsMiddle) {
-  // Of 2048 columns around, only rows near the equator.
+  // 2048 columns around, and only rows near the equator.
   const geometry::RaymapSize size = geometry::LayoutName::parse("central_cylinder:fov=10").value().size_for_width(2048);
   const Compiled made = compiled(test::cube_rig(256), "central_cylinder:fov=10", size.width, size.height);
   ASSERT_EQ(size.width, 2048);

@@ -228,7 +228,7 @@ TEST(SphereOrder, LayoutWithARegularOrder_CompletesLinesSoonAndKeepsItsTilesSmal
   const std::vector<std::uint32_t> places = order_of(*layout);
   // Every cell is in lines of its own, and 64 pixels that follow each other are in up to two lines.
   EXPECT_LE(most_incomplete_lines(*layout, places), 2 * (1024 * 512 / period + 1));
-  // Of 8192 tiles, one for each cell may be in two cells; near the poles some are elongated.
+  // One of the 8192 tiles for each cell may be in two cells; near the poles some are elongated.
   EXPECT_LE(wide_tiles(*layout, places), 720);
   std::vector<std::uint32_t> all(places);
   std::ranges::sort(all);

@@ -49,7 +49,7 @@ TEST(ValidatePatches, PolynomialThatLeavesItsPatchInTheLastPixel_IsRefusedForEac
                           std::vector(1, PixelFormat::kGrey8))
           .value();
   const std::size_t first = good.grids[0].tiles[good.grids[0].tile_index(960 / 16, 480 / 16)].record;
-  // Of pixel (7, 7): 1, i, j, ij, ii, jj. A coordinate of 14 is inside the patch, 15 is not.
+  // The terms of pixel (7, 7): 1, i, j, ij, ii, jj. A coordinate of 14 is inside the patch, 15 is not.
   const std::array<int, 6> terms{1, 7, 7, 49, 49, 49};
   for (std::size_t k = 1; k < terms.size(); ++k) {
     for (blend::Quadratic blend::PatchRecord::*way : {&blend::PatchRecord::x, &blend::PatchRecord::y}) {
