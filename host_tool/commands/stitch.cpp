@@ -48,8 +48,8 @@ int jpeg_quality(const StitchArgs& args) { return best(args) ? kBestJpegQuality 
 
 table::TableOptions table_options(const StitchArgs& args) {
   table::TableOptions options;
-  if (args.transition == "seam") options.transition = table::Transition::kSeam;
-  if (args.transition == "feather") options.transition = table::Transition::kFeather;
+  if (args.transition == "seam") options.transition = Transition::kSeam;
+  if (args.transition == "feather") options.transition = Transition::kFeather;
   options.seam_width_deg = args.seam_width_deg;
   options.feather = args.feather;
   options.cover = false;  // every head is there, at the exposure that it was calibrated at

@@ -20,7 +20,12 @@ enum class FieldUse : std::uint8_t {
   kSeparate,  ///< one raymap per field, each with a table for the rows of that field
 };
 
-enum class RaymapTransition : std::uint8_t { kTwoBand, kSeam, kFeather };
+/// How one head's picture passes into the next one's where several heads see a ray.
+enum class Transition : std::uint8_t {
+  kTwoBand,  ///< seams for detail; low frequencies pass as with kFeather, so that no step in brightness shows
+  kSeam,     ///< only the head with the largest weight, except on a ramp along the seam: sharp
+  kFeather,  ///< all heads, by their weights: blurred, and doubled where heads have different nodal points
+};
 
 /// Where seams lie between heads.
 enum class SeamPlacement : std::uint8_t {
@@ -35,8 +40,8 @@ struct RaymapConfig {
   int height = 1024;
   PixelFormat format = PixelFormat::kI420;  ///< one that is_raymap_format() accepts
   int jpeg_quality = 85;                    ///< 1 .. 100
-  /// How heads that see the same rays pass into each other; table::TableOptions explains all three.
-  RaymapTransition transition = RaymapTransition::kTwoBand;
+  Transition transition = Transition::kTwoBand;
+  /// table::TableOptions explains the two widths.
   double seam_width_deg = 1;                    ///< kTwoBand, kSeam: 0 .. 180
   SeamPlacement seams = SeamPlacement::kFixed;  ///< kTwoBand, kSeam
   double feather = 0.5;                         ///< kTwoBand, kFeather: 0.01 .. 1

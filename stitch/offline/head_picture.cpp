@@ -20,7 +20,7 @@ constexpr std::size_t kMostLevels = 6;
 
 table::TableOptions seam_options() {
   table::TableOptions options;
-  options.transition = table::Transition::kSeam;
+  options.transition = Transition::kSeam;
   return options;
 }
 

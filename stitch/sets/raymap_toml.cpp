@@ -9,20 +9,20 @@ namespace {
 
 /// A key that has no effect on the kind of transition is refused.
 void read_transition(TomlReader& reader, RaymapConfig& raymap) {
-  raymap.transition = reader.choice<RaymapTransition>("transition", {{"two-band", RaymapTransition::kTwoBand},
-                                                                     {"seam", RaymapTransition::kSeam},
-                                                                     {"feather", RaymapTransition::kFeather}});
-  if (raymap.transition == RaymapTransition::kSeam && reader.has("feather")) {
+  raymap.transition = reader.choice<Transition>(
+      "transition",
+      {{"two-band", Transition::kTwoBand}, {"seam", Transition::kSeam}, {"feather", Transition::kFeather}});
+  if (raymap.transition == Transition::kSeam && reader.has("feather")) {
     reader.refuse("feather",
                   "has no effect with transition = \"seam\"; remove it, or write \"two-band\" or \"feather\"");
   }
-  if (raymap.transition == RaymapTransition::kFeather && reader.has("seam_width")) {
+  if (raymap.transition == Transition::kFeather && reader.has("seam_width")) {
     reader.refuse("seam_width",
                   "has no effect with transition = \"feather\"; remove it, or write \"two-band\" or \"seam\"");
   }
   raymap.seams =
       reader.choice<SeamPlacement>("seams", {{"fixed", SeamPlacement::kFixed}, {"placed", SeamPlacement::kPlaced}});
-  if (raymap.transition == RaymapTransition::kFeather && raymap.seams == SeamPlacement::kPlaced) {
+  if (raymap.transition == Transition::kFeather && raymap.seams == SeamPlacement::kPlaced) {
     reader.refuse("seams", "is \"placed\", but transition = \"feather\" has no seams; write \"two-band\" or \"seam\"");
   }
   raymap.seam_width_deg = reader.number("seam_width", 0, 180, raymap.seam_width_deg);

@@ -31,7 +31,7 @@ Result<std::shared_ptr<const SeamViews>> SeamViews::make(const Calibration& cali
   NODAL_TRY_ASSIGN(auto scores, table::seam_scores(calibration, formats, format, kSeamMapWidth));
   made->scores_ = std::move(scores);
   table::TableOptions options;
-  options.transition = table::Transition::kFeather;
+  options.transition = Transition::kFeather;
   options.sharpen = 0;
   options.field = tables[0].sources[0].field;
   std::vector<blend::BlendTable::Source> sources;

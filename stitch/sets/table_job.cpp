@@ -7,18 +7,6 @@
 #include "protocol/base/try.h"
 
 namespace nodal::sets {
-namespace {
-
-table::Transition transition_of(RaymapTransition transition) {
-  switch (transition) {
-    case RaymapTransition::kTwoBand: return table::Transition::kTwoBand;
-    case RaymapTransition::kSeam: return table::Transition::kSeam;
-    case RaymapTransition::kFeather: return table::Transition::kFeather;
-  }
-  return table::Transition::kTwoBand;
-}
-
-}  // namespace
 
 Result<TableJob> TableJob::make(const Calibration& calibration, const RaymapConfig& raymap, Fields fields,
                                 std::vector<PixelFormat> formats) {
@@ -30,7 +18,7 @@ Result<TableJob> TableJob::make(const Calibration& calibration, const RaymapConf
   }
   job.delivered_ = std::move(formats);
   job.spec_ = {raymap.layout, raymap.width, raymap.height, raymap.format};
-  job.options_.transition = transition_of(raymap.transition);
+  job.options_.transition = raymap.transition;
   job.options_.seam_width_deg = raymap.seam_width_deg;
   job.options_.feather = raymap.feather;
   job.fields_ = {std::nullopt};

@@ -5,19 +5,13 @@
 #include <optional>
 
 #include "protocol/base/field.h"
+#include "protocol/base/raymap_config.h"
 
 namespace nodal::table {
 
 enum class Interpolation : std::uint8_t {
   kPixel,  ///< bilinear in the pixel's fractions
   kRay,    ///< bilinear in the rays of the four neighbours (§4.5), where that differs (RaySampler::kSamePlace)
-};
-
-/// How one head's picture passes into the next one's where several heads see a ray.
-enum class Transition : std::uint8_t {
-  kTwoBand,  ///< seams for detail; low frequencies pass as with kFeather, so that no step in brightness shows
-  kSeam,     ///< only the head with the largest weight, except on a ramp along the seam: sharp
-  kFeather,  ///< all heads, by their weights: blurred, and doubled where heads have different nodal points
 };
 
 inline constexpr double kWidestSeamDeg = 180;

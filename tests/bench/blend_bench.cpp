@@ -63,8 +63,8 @@ class Course {
     add_peers();
     const geometry::RaymapLayout& own = *layout_;
     add_blends("plain", PixelFormat::kI420, PixelFormat::kI420, own, false);
-    add_blends("seams of 1 degree", PixelFormat::kI420, PixelFormat::kI420, own, false, 0, table::Transition::kSeam);
-    add_blends("two bands", PixelFormat::kI420, PixelFormat::kI420, own, false, 0, table::Transition::kTwoBand);
+    add_blends("seams of 1 degree", PixelFormat::kI420, PixelFormat::kI420, own, false, 0, Transition::kSeam);
+    add_blends("two bands", PixelFormat::kI420, PixelFormat::kI420, own, false, 0, Transition::kTwoBand);
     add_blends("tone + gain", PixelFormat::kI420, PixelFormat::kI420, own, true);
     add_blends("the same, sharpened", PixelFormat::kI420, PixelFormat::kI420, own, true, table::TableOptions().sharpen);
     add_blends("YUYV read in place", PixelFormat::kYuyv, PixelFormat::kI420, own, false);
@@ -127,7 +127,7 @@ class Course {
   void add_list_peer(const geometry::RaymapLayout& layout);
   void add_blends(const std::string& name, PixelFormat head_format, PixelFormat format,
                   const geometry::RaymapLayout& layout, bool light, int sharpen = 0,
-                  table::Transition transition = table::Transition::kFeather);
+                  Transition transition = Transition::kFeather);
   void add_jpeg();
   std::shared_ptr<blend::BlendTable> compile(const std::string& name, const geometry::RaymapLayout& layout,
                                              PixelFormat format, std::span<const PixelFormat> formats,
@@ -239,7 +239,7 @@ void Course::add_list_peer(const geometry::RaymapLayout& layout) {
 }
 
 void Course::add_blends(const std::string& name, PixelFormat head_format, PixelFormat format,
-                        const geometry::RaymapLayout& layout, bool light, int sharpen, table::Transition transition) {
+                        const geometry::RaymapLayout& layout, bool light, int sharpen, Transition transition) {
   const int width = layout.width(), height = layout.height();
   table::TableOptions options = options_of(light);
   options.sharpen = sharpen;

@@ -71,7 +71,7 @@ class Levels {
 /// without sharpening; `light` adds tone curves and gains.
 inline table::TableOptions options_of(bool light) {
   table::TableOptions options;
-  options.transition = table::Transition::kFeather;
+  options.transition = Transition::kFeather;
   options.sharpen = 0;
   options.undo_vignetting = options.undo_gain = light;
   return options;

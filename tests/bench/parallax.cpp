@@ -116,7 +116,7 @@ Owners save_layers(const Calibration& rig, const std::vector<ImageView>& picture
 /// A blend that the board can do; `degrees`: the width of its ramp as on the command line, empty for the default.
 struct OnBoard {
   std::string name;
-  table::Transition transition;
+  Transition transition;
   std::string degrees;
 };
 
@@ -161,12 +161,12 @@ bool save_placed(const Calibration& rig, const test::RenderedRig& seen, const st
 bool save_raymaps(const Calibration& rig, const test::RenderedRig& seen, const std::vector<std::string>& widths,
                   const std::string& folder, const std::string& name) {
   const table::RaymapSpec spec{"equirectangular", kWidth, kHeight, PixelFormat::kGrey8};
-  std::vector<OnBoard> blends{{"feather", table::Transition::kFeather, {}},
-                              {"seam", table::Transition::kSeam, {}},
-                              {"two-band", table::Transition::kTwoBand, {}}};
+  std::vector<OnBoard> blends{{"feather", Transition::kFeather, {}},
+                              {"seam", Transition::kSeam, {}},
+                              {"two-band", Transition::kTwoBand, {}}};
   for (const std::string& width : widths) {
-    blends.push_back({"seam-" + width, table::Transition::kSeam, width});
-    blends.push_back({"two-band-" + width, table::Transition::kTwoBand, width});
+    blends.push_back({"seam-" + width, Transition::kSeam, width});
+    blends.push_back({"two-band-" + width, Transition::kTwoBand, width});
   }
   for (const auto& [blend, transition, degrees] : blends) {
     table::TableOptions options;

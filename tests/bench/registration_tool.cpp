@@ -101,7 +101,7 @@ double stitch_psnr(const fs::path& folder, const Calibration& rig, const std::ve
   }
   for (const auto& picture : pictures) views.push_back(picture.view());
   table::TableOptions options;
-  options.transition = table::Transition::kFeather;
+  options.transition = Transition::kFeather;
   options.feather = 0.05;  // the heads share their nodal point exactly
   const auto table =
       must(table::compile_blend_table(rig, *layout, PixelFormat::kRgb24,

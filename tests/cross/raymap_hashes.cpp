@@ -141,8 +141,8 @@ bool print_every_layout_and_transition(const Calibration& rig) {
   const std::vector<PixelFormat> formats(rig.heads.size(), PixelFormat::kGrey8);
   for (const std::string& layout : layouts) {
     const geometry::RaymapSize size = geometry::LayoutName::parse(layout).value().size_for_width(48);
-    for (const auto transition : {table::Transition::kTwoBand, table::Transition::kSeam, table::Transition::kFeather}) {
-      if (transition != table::Transition::kTwoBand && layout != "cube") continue;
+    for (const auto transition : {Transition::kTwoBand, Transition::kSeam, Transition::kFeather}) {
+      if (transition != Transition::kTwoBand && layout != "cube") continue;
       table::TableOptions options;
       options.transition = transition;
       if (!print_case(rig, {layout, size.width, size.height, PixelFormat::kGrey8}, formats, options)) return false;

@@ -78,7 +78,7 @@ class GroundTruth : public testing::Test {
   /// These heads share their nodal point exactly and are known exactly, so no wide blending is needed to hide errors.
   static table::TableOptions one_nodal_point() {
     table::TableOptions options;
-    options.transition = table::Transition::kFeather;
+    options.transition = Transition::kFeather;
     options.feather = 0.05;
     return options;
   }

@@ -29,7 +29,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using table::TableOptions;
-using table::Transition;
 
 const fs::path kData = fs::path(NODAL_SHARED_DIR) / "data";
 

@@ -75,7 +75,7 @@ TEST(Capture, AHeadIsUnpluggedAndReturns_TheOthersGoOnAndItsSettingsAreAskedAgai
 
 TEST(Capture, AHeadIsAway_ItsRaysGoToTheHeadsThatSeeThemToo) {
   StandOptions options;
-  options.config.raymap.transition = RaymapTransition::kFeather;  // with seams, only ramps do
+  options.config.raymap.transition = Transition::kFeather;  // with seams, only ramps do
   options.world.scene = hal::sim::constant_scene({0.5F, 0.5F, 0.5F});
   Stand stand(std::move(options));
   TestHost& host = stand.bring_up();

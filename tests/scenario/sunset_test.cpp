@@ -64,7 +64,7 @@ struct Case {
   const char* name;
   PixelFormat format;
   Response response;
-  table::Transition transition = table::Transition::kFeather;
+  Transition transition = Transition::kFeather;
   double clipped = 0.002;  ///< limit of the clipped share of the sphere
 };
 
@@ -359,29 +359,27 @@ Response response_of(Response::Curve curve, double gamma = 2.2) {
 
 INSTANTIATE_TEST_SUITE_P(
     Heads, Sunsets,
-    testing::Values(
-        Case{"rgb-gamma", PixelFormat::kRgb24, response_of(Response::Curve::kGamma)},
-        Case{"rgb-srgb", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb)},
-        Case{"i420-gamma", PixelFormat::kI420, response_of(Response::Curve::kGamma)},
-        Case{"i420-srgb", PixelFormat::kI420, response_of(Response::Curve::kSrgb)},
-        Case{"rgb-seam", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb), table::Transition::kSeam},
-        Case{"i420-seam", PixelFormat::kI420, response_of(Response::Curve::kGamma), table::Transition::kSeam},
-        Case{"rgb-bands", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb), table::Transition::kTwoBand},
-        Case{"i420-bands", PixelFormat::kI420, response_of(Response::Curve::kGamma), table::Transition::kTwoBand}),
+    testing::Values(Case{"rgb-gamma", PixelFormat::kRgb24, response_of(Response::Curve::kGamma)},
+                    Case{"rgb-srgb", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb)},
+                    Case{"i420-gamma", PixelFormat::kI420, response_of(Response::Curve::kGamma)},
+                    Case{"i420-srgb", PixelFormat::kI420, response_of(Response::Curve::kSrgb)},
+                    Case{"rgb-seam", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb), Transition::kSeam},
+                    Case{"i420-seam", PixelFormat::kI420, response_of(Response::Curve::kGamma), Transition::kSeam},
+                    Case{"rgb-bands", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb), Transition::kTwoBand},
+                    Case{"i420-bands", PixelFormat::kI420, response_of(Response::Curve::kGamma), Transition::kTwoBand}),
     [](const auto& param_info) {
       std::string name = param_info.param.name;
       std::replace(name.begin(), name.end(), '-', '_');
       return name;
     });
 
-INSTANTIATE_TEST_SUITE_P(Heads, LinearSunsets,
-                         testing::Values(Case{"rgb-gamma", PixelFormat::kRgb24, response_of(Response::Curve::kGamma)},
-                                         Case{"rgb-srgb", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb)},
-                                         Case{"rgb-seam", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb),
-                                              table::Transition::kSeam},
-                                         Case{"rgb-bands", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb),
-                                              table::Transition::kTwoBand}),
-                         [](const auto& param_info) { return std::string(param_info.param.name).substr(4); });
+INSTANTIATE_TEST_SUITE_P(
+    Heads, LinearSunsets,
+    testing::Values(Case{"rgb-gamma", PixelFormat::kRgb24, response_of(Response::Curve::kGamma)},
+                    Case{"rgb-srgb", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb)},
+                    Case{"rgb-seam", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb), Transition::kSeam},
+                    Case{"rgb-bands", PixelFormat::kRgb24, response_of(Response::Curve::kSrgb), Transition::kTwoBand}),
+    [](const auto& param_info) { return std::string(param_info.param.name).substr(4); });
 
 }  // namespace
 }  // namespace nodal::scenario

@@ -96,17 +96,17 @@ TEST(RigConfig, Transition_TakesTheWidthsThatItUsesWithinTheirLimits) {
   const std::string sharp = kSmall + "[raymap]\ntransition = \"seam\"\n";
   const auto seam = parse_rig_config(sharp + "seam_width = 2.5\n", "rig.toml");
   ASSERT_TRUE(seam) << seam.error().text();
-  EXPECT_EQ(seam->raymap.transition, RaymapTransition::kSeam);
+  EXPECT_EQ(seam->raymap.transition, nodal::Transition::kSeam);
   EXPECT_EQ(seam->raymap.seam_width_deg, 2.5);
   EXPECT_TRUE(parse_rig_config(sharp + "seam_width = 0\n", "rig.toml"));
   const std::string soft = kSmall + "[raymap]\ntransition = \"feather\"\n";
   const auto wide = parse_rig_config(soft + "feather = 0.2\n", "rig.toml");
   ASSERT_TRUE(wide) << wide.error().text();
-  EXPECT_EQ(wide->raymap.transition, RaymapTransition::kFeather);
+  EXPECT_EQ(wide->raymap.transition, nodal::Transition::kFeather);
   EXPECT_EQ(wide->raymap.feather, 0.2);
   const auto both = parse_rig_config(kSmall + "[raymap]\nfeather = 0.2\nseam_width = 3\n", "rig.toml");
   ASSERT_TRUE(both) << both.error().text();
-  EXPECT_EQ(both->raymap.transition, RaymapTransition::kTwoBand);
+  EXPECT_EQ(both->raymap.transition, nodal::Transition::kTwoBand);
   EXPECT_EQ(both->raymap.feather, 0.2);
   EXPECT_EQ(both->raymap.seam_width_deg, 3);
   for (const char* width : {"-0.1", "180.1", "1e300", "nan", "inf", "-inf", "\"1\""}) {
@@ -131,7 +131,7 @@ TEST(RigConfig, NearlyNothing_TakesTheDefaultsOfRigMd) {
   EXPECT_EQ(config->rate.period().ns(), 33'366'666);
   EXPECT_EQ(config->raymap.format, PixelFormat::kI420);
   EXPECT_EQ(config->raymap.jpeg_quality, 85);
-  EXPECT_EQ(config->raymap.transition, RaymapTransition::kTwoBand);
+  EXPECT_EQ(config->raymap.transition, nodal::Transition::kTwoBand);
   EXPECT_EQ(config->raymap.seam_width_deg, 1);
   EXPECT_EQ(config->raymap.feather, 0.5);
   EXPECT_EQ(config->raymap.seams, SeamPlacement::kFixed);

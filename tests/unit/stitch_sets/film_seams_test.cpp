@@ -100,7 +100,7 @@ TEST(PlacedSeams, PeopleWalk_StaticPartsFlickerAsTheHeadsNoiseDoes) {
   const hal::sim::ScenePtr town = hal::sim::town_square_scene(3);
   const Calibration rig = test::spread_out(test::six_fisheyes(120), 0.1);
   table::TableOptions all;
-  all.transition = table::Transition::kFeather;
+  all.transition = Transition::kFeather;
   const auto every_head = offline::OfflineBlend::make(rig, {"equirectangular", kWidth, kWidth / 2, PixelFormat::kGrey8},
                                                       all, PixelFormat::kGrey8, 1);
   ASSERT_TRUE(every_head);

@@ -72,7 +72,7 @@ TEST_P(EveryLayoutBlended, IsWithinOneLevelOfDoublePrecision_AndBlackWithoutARay
     const auto layout = geometry::make_layout(name, size.width, size.height).value();
     table::TableOptions options;
     options.levels = 1;  // the double-precision blend has no pyramid levels
-    options.transition = table::Transition::kFeather;
+    options.transition = Transition::kFeather;
     const auto table = table::compile_blend_table(heads.rig, *layout, GetParam(), heads.formats, options);
     ASSERT_TRUE(table) << text << ": " << table.error().text();
     Picture raymap(table->format, table->width, table->height, 77);

@@ -53,7 +53,7 @@ struct Minified {
 blend::BlendTable table_of(const Minified& what, PixelFormat raymap, PixelFormat head) {
   const std::vector<PixelFormat> formats(6, head);
   table::TableOptions options;
-  options.transition = table::Transition::kSeam;  // with a cover
+  options.transition = Transition::kSeam;  // with a cover
   return table::compile_blend_table(cube_rig(what.side), {what.layout, what.width, what.height, raymap}, formats,
                                     options)
       .value();

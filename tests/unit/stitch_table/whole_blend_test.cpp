@@ -179,7 +179,7 @@ TEST(WholeBlend, QuarterTurnOfTheRig_ShiftsTheRaymapByAQuarterOfItsWidth) {
   EXPECT_LE(off.differing, 64U * 3);
 }
 
-class HeadLost : public testing::TestWithParam<table::Transition> {};
+class HeadLost : public testing::TestWithParam<Transition> {};
 
 TEST_P(HeadLost, OthersFillInWhereTheySeeAndOnlyTheRestGoesBlack) {
   const Calibration rig = cube_rig(64);
@@ -255,7 +255,7 @@ TEST_P(HeadLost, PixelsThatDidNotShowIt_StayAsTheyWere) {
   EXPECT_GT(same, 4000);
 }
 
-INSTANTIATE_TEST_SUITE_P(WholeBlend, HeadLost, testing::Values(table::Transition::kSeam, table::Transition::kFeather));
+INSTANTIATE_TEST_SUITE_P(WholeBlend, HeadLost, testing::Values(Transition::kSeam, Transition::kFeather));
 
 }  // namespace
 }  // namespace nodal::test
