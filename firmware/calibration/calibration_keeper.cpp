@@ -7,9 +7,6 @@
 #include "firmware/frame/drain.h"
 #include "protocol/base/try.h"
 #include "stitch/sets/rig_heads.h"
-#include "stitch/sets/seam_views.h"
-#include "stitch/table/meter_compiler.h"
-#include "stitch/table/tone_compiler.h"
 
 namespace nodal::firmware {
 namespace {
@@ -42,8 +39,8 @@ std::vector<PixelFormat> delivered_formats(const RigConfig& config, const HeadSh
 }
 
 CalibrationKeeper::CalibrationKeeper(const RigConfig& config, hal::DiskPort& disk,
-                                     SpscRing<sets::InstalledPtr>& tables_out,
-                                     SpscRing<sets::InstalledPtr>& tables_back, hal::ConfinedPort* rehearsal)
+                                     SpscRing<sets::BlendSetup>& tables_out, SpscRing<sets::BlendSetup>& tables_back,
+                                     hal::ConfinedPort* rehearsal)
     : config_(config),
       disk_(disk),
       tables_out_(tables_out),
@@ -199,7 +196,7 @@ Status CalibrationKeeper::install_on_trial(const KeeperRequest& request, Calibra
     return fail(Errc::kWrongState,
                 "no calibration is in force that the rig could go back to after a trial; upload without a trial");
   }
-  if (id == running_->id) return fail(Errc::kExists, "calibration " + short_id(id) + " is in force already");
+  if (id == running_.plan->id) return fail(Errc::kExists, "calibration " + short_id(id) + " is in force already");
   NODAL_TRY(begin(request.ticket, calibration, id, false, request.heads));
   installing_->on_trial = true;
   trial_.prepare(std::move(calibration), std::move(original), running_, trial);
@@ -246,22 +243,23 @@ bool CalibrationKeeper::watch_trial() {
 
 /// Gives the old calibration to the blend. A ticket is answered when the blend has taken it.
 void CalibrationKeeper::go_back(std::optional<std::uint64_t> ticket) {
-  sets::InstalledPtr before = trial_.go_back();
-  report_.in_force = before->id;
-  report_.name = before->name;
+  sets::BlendSetup before = trial_.go_back();
+  report_.in_force = before.plan->id;
+  report_.name = before.plan->name;
   report_.document = document_before_trial_;
   report_.trial.reset();
   hand_over(std::move(before));
   Installation back;
   back.ticket = ticket;
-  back.id = running_->id;
+  back.id = running_.plan->id;
   back.handed_over = true;
   installing_.emplace(std::move(back));
 }
 
-void CalibrationKeeper::hand_over(sets::InstalledPtr installed) {
-  running_ = installed;
-  NODAL_ASSERT(tables_out_.push(std::move(installed)));
+void CalibrationKeeper::hand_over(sets::BlendSetup setup) {
+  running_ = setup;
+  const bool pushed = tables_out_.push(std::move(setup));
+  NODAL_ASSERT(pushed);
 }
 
 Status CalibrationKeeper::use(const KeeperRequest& request, const Sha256& id, bool allow_older) {
@@ -276,9 +274,9 @@ Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration
                                 bool newly_stored, const HeadShapes& heads, std::uint64_t generation) {
   NODAL_TRY_ASSIGN(auto fitted, fit_to_rig(calibration, config_.heads, heads));
   try {
-    auto job = tables_within_budget(fitted, config_, heads);
+    auto job = plan_within_budget(fitted, config_, heads);
     if (!job) return fail(job.error().in("calibration " + short_id(id)));
-    installing_.emplace(Installation{ticket, std::move(fitted), id, newly_stored, std::move(*job), false, false,
+    installing_.emplace(Installation{ticket, id, newly_stored, std::move(*job), false, false,
                                      std::make_shared<const std::string>(canonical_json(calibration)), generation});
   } catch (const std::bad_alloc&) {
     return fail(out_of_memory(id));
@@ -289,10 +287,11 @@ Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration
 bool CalibrationKeeper::compile_some() {
   Installation& now = *installing_;
   if (now.rehearsed) return !answers_.full() && end_rehearsal();
-  if (now.job && !now.job->done()) {
-    now.job->compile_some(kRowsAStep);
+  if (now.job && !now.job->tables().done()) {
+    sets::TableJob& tables = now.job->tables();
+    tables.compile_some(kRowsAStep);
     report_.activity =
-        "compiling the table of calibration " + short_id(now.id) + ": " + std::to_string(now.job->percent()) + " %";
+        "compiling the table of calibration " + short_id(now.id) + ": " + std::to_string(tables.percent()) + " %";
     return true;
   }
   if (tables_out_.full() || answers_.full()) return false;  // the blend has not taken the table yet
@@ -305,22 +304,10 @@ bool CalibrationKeeper::compile_some() {
 }
 
 Status CalibrationKeeper::put_in_force(Installation& done) {
-  const std::vector<PixelFormat> delivered = done.job->delivered();
-  auto tables = std::move(*done.job).finish();
-  if (!tables) return fail(tables.error().in("calibration " + short_id(done.id)));
-  auto meter = table::compile_meter_table(done.calibration);
-  if (!meter) return fail(meter.error().in("calibration " + short_id(done.id)));
-  std::shared_ptr<const sets::SeamViews> seams;
-  if (config_.raymap.seams == SeamPlacement::kPlaced) {
-    auto views = sets::SeamViews::make(done.calibration, config_.raymap, *tables);
-    if (!views) return fail(views.error().in("calibration " + short_id(done.id)));
-    seams = std::move(*views);
-  }
+  auto plan = std::move(*done.job).finish(done.id);
+  if (!plan) return fail(plan.error().in("calibration " + short_id(done.id)));
   // Allocates everything before the disk changes, so that a failed allocation leaves the disk as it was.
-  auto installed =
-      sets::make_installed(done.id, done.calibration.name, std::move(*tables), std::move(*meter),
-                           table::compile_tone_table(done.calibration, config_.raymap.format, config_.raymap.soft),
-                           delivered, std::move(seams));
+  sets::BlendSetup setup = sets::with_memory(std::move(*plan));
   // At start the pointer on the disk is right already, unless a damaged calibration was skipped; then it is rewritten.
   if (!done.on_trial && (done.ticket || store_->in_force() != done.id || !store_->note().empty())) {
     Status kept = store_->note_signed(done.signed_generation);
@@ -333,12 +320,12 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
   if (done.on_trial) document_before_trial_ = report_.document;
   report_.document = done.document;
   report_.in_force = done.id;
-  report_.name = done.calibration.name;
+  report_.name = setup.plan->name;
   if (done.on_trial) {
     trial_.run(now_);
     report_.trial = trial_.report();
   }
-  hand_over(std::move(installed));
+  hand_over(std::move(setup));
   done.handed_over = true;
   return {};
 }
@@ -369,7 +356,8 @@ void CalibrationKeeper::answer(std::uint64_t ticket, Result<Answered> result) {
   if (result) {
     if (auto* done = std::get_if<KeeperAnswer::Done>(&*result)) done->in_force = report_.in_force;
   }
-  NODAL_ASSERT(answers_.push(KeeperAnswer{ticket, std::move(result)}));
+  const bool pushed = answers_.push(KeeperAnswer{ticket, std::move(result)});
+  NODAL_ASSERT(pushed);
 }
 
 void CalibrationKeeper::publish() { snapshot_.publish(report_); }

@@ -20,8 +20,8 @@
 #include "protocol/base/result.h"
 #include "protocol/base/spsc_ring.h"
 #include "protocol/calibration.h"
-#include "stitch/sets/installed_calibration.h"
-#include "stitch/sets/table_job.h"
+#include "stitch/sets/blend_plan.h"
+#include "stitch/sets/plan_job.h"
 
 namespace nodal::firmware {
 
@@ -105,8 +105,8 @@ std::vector<PixelFormat> delivered_formats(const RigConfig& config, const HeadSh
 class CalibrationKeeper {
  public:
   /// `rehearsal`: where uploaded documents are parsed and compiled first, by rehearse(); null: nowhere.
-  CalibrationKeeper(const RigConfig& config, hal::DiskPort& disk, SpscRing<sets::InstalledPtr>& tables_out,
-                    SpscRing<sets::InstalledPtr>& tables_back, hal::ConfinedPort* rehearsal = nullptr);
+  CalibrationKeeper(const RigConfig& config, hal::DiskPort& disk, SpscRing<sets::BlendSetup>& tables_out,
+                    SpscRing<sets::BlendSetup>& tables_back, hal::ConfinedPort* rehearsal = nullptr);
 
   /// True when it did something.
   bool step(Instant now);
@@ -123,10 +123,9 @@ class CalibrationKeeper {
   /// A calibration that is being installed.
   struct Installation {
     std::optional<std::uint64_t> ticket;  ///< empty: installed without a request, at start or by a timeout
-    Calibration calibration;
     Sha256 id{};
     bool newly_stored = false;
-    std::optional<sets::TableJob> job;  ///< empty: the table of this calibration is in memory already
+    std::optional<sets::PlanJob> job;  ///< empty: the plan of this calibration is in memory already
     bool on_trial = false;
     bool handed_over = false;                       ///< it is in tables_out_; the blend takes it between two sets
     std::shared_ptr<const std::string> document{};  ///< canonical form
@@ -149,7 +148,7 @@ class CalibrationKeeper {
   Status end_trial(const KeeperRequest& request, const KeeperRequest::EndTrial& how);
   bool watch_trial();
   void go_back(std::optional<std::uint64_t> ticket);
-  void hand_over(sets::InstalledPtr installed);
+  void hand_over(sets::BlendSetup setup);
   Status begin(std::optional<std::uint64_t> ticket, Calibration calibration, const Sha256& id, bool newly_stored,
                const HeadShapes& heads, std::uint64_t generation = 0);
   bool compile_some();
@@ -164,8 +163,8 @@ class CalibrationKeeper {
 
   const RigConfig config_;
   hal::DiskPort& disk_;
-  SpscRing<sets::InstalledPtr>& tables_out_;
-  SpscRing<sets::InstalledPtr>& tables_back_;
+  SpscRing<sets::BlendSetup>& tables_out_;
+  SpscRing<sets::BlendSetup>& tables_back_;
   SpscRing<KeeperRequest> requests_;
   SpscRing<KeeperAnswer> answers_;
   Snapshot<KeeperReport> snapshot_;
@@ -179,7 +178,7 @@ class CalibrationKeeper {
   std::optional<Installation> installing_;
   CalibrationTrial trial_;
   std::shared_ptr<const std::string> document_before_trial_;
-  sets::InstalledPtr running_;            ///< the calibration that the blend uses, or takes next
+  sets::BlendSetup running_;              ///< the calibration that the blend uses, or takes next
   Instant now_;                           ///< time of the current step
   std::optional<KeeperRequest> waiting_;  ///< a change that waits until the current installation has ended
 };

@@ -7,7 +7,6 @@
 
 #include "firmware/calibration/calibration_keeper.h"
 #include "protocol/base/try.h"
-#include "stitch/table/meter_compiler.h"
 
 namespace nodal::firmware {
 namespace {
@@ -44,11 +43,10 @@ HeadShapes shapes_of(const std::string& text) {
 
 }  // namespace
 
-Result<sets::TableJob> tables_within_budget(const Calibration& fitted, const RigConfig& config,
-                                            const HeadShapes& heads) {
+Result<sets::PlanJob> plan_within_budget(const Calibration& fitted, const RigConfig& config, const HeadShapes& heads) {
   NODAL_TRY_ASSIGN(
-      auto job, sets::TableJob::make(fitted, config.raymap, config.heads[0].fields, delivered_formats(config, heads)));
-  NODAL_TRY(job.check_budget());
+      auto job, sets::PlanJob::make(fitted, config.raymap, config.heads[0].fields, delivered_formats(config, heads)));
+  NODAL_TRY(job.tables().check_budget());
   return job;
 }
 
@@ -62,13 +60,12 @@ Result<std::vector<std::uint8_t>> rehearse(const RigConfig& config, const hal::C
   NODAL_TRY_ASSIGN(const auto calibration,
                    parse_calibration({reinterpret_cast<const char*>(job.input.data()), job.input.size()}));
   NODAL_TRY_ASSIGN(const auto fitted, fit_to_rig(calibration, config.heads, heads));
-  NODAL_TRY_ASSIGN(auto tables, tables_within_budget(fitted, config, heads));
-  while (!tables.done()) {
+  NODAL_TRY_ASSIGN(auto work, plan_within_budget(fitted, config, heads));
+  while (!work.tables().done()) {
     progress();
-    tables.compile_some(CalibrationKeeper::kRowsAStep);
+    work.tables().compile_some(CalibrationKeeper::kRowsAStep);
   }
-  NODAL_TRY(std::move(tables).finish());
-  NODAL_TRY(table::compile_meter_table(fitted));
+  NODAL_TRY(std::move(work).finish({}));
   return std::vector<std::uint8_t>();
 }
 

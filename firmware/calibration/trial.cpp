@@ -9,11 +9,11 @@ void CalibrationTrial::enter(State from, State to) {
   state_ = to;
 }
 
-void CalibrationTrial::prepare(Calibration calibration, std::optional<SignedDocument> original,
-                               sets::InstalledPtr before, Duration lasts) {
+void CalibrationTrial::prepare(Calibration calibration, std::optional<SignedDocument> original, sets::BlendSetup before,
+                               Duration lasts) {
   enter(State::kNone, State::kPreparing);
   NODAL_ASSERT(before);
-  report_ = Trial{calibration_id(calibration), calibration.name, before->id, {}};
+  report_ = Trial{calibration_id(calibration), calibration.name, before.plan->id, {}};
   calibration_ = std::move(calibration);
   original_ = std::move(original);
   before_ = std::move(before);
@@ -27,17 +27,17 @@ void CalibrationTrial::run(Instant now) {
 
 void CalibrationTrial::give_up() {
   enter(State::kPreparing, State::kNone);
-  before_.reset();
+  before_ = {};
 }
 
 void CalibrationTrial::keep() {
   enter(State::kRunning, State::kNone);
-  before_.reset();
+  before_ = {};
 }
 
-sets::InstalledPtr CalibrationTrial::go_back() {
+sets::BlendSetup CalibrationTrial::go_back() {
   enter(State::kRunning, State::kNone);
-  return std::exchange(before_, nullptr);
+  return std::exchange(before_, {});
 }
 
 const Trial& CalibrationTrial::report() const {

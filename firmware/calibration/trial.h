@@ -8,7 +8,7 @@
 #include "firmware/calibration/calibration_store.h"
 #include "protocol/base/units.h"
 #include "protocol/calibration.h"
-#include "stitch/sets/installed_calibration.h"
+#include "stitch/sets/blend_plan.h"
 
 namespace nodal::firmware {
 
@@ -29,7 +29,7 @@ struct Trial {
 /// | kRunning | run() | keep(), or go_back() |
 ///
 /// Threading: thread-bound to the keeper.
-/// Ownership: holds the calibration that was in force before, with its table, until the trial has ended.
+/// Ownership: holds the calibration that was in force before, with its tables and memory, until the trial has ended.
 /// Errors: none; calls in a wrong state are asserted.
 class CalibrationTrial {
  public:
@@ -38,7 +38,7 @@ class CalibrationTrial {
   State state() const { return state_; }
   bool running() const { return state_ == State::kRunning; }
 
-  void prepare(Calibration calibration, std::optional<SignedDocument> original, sets::InstalledPtr before,
+  void prepare(Calibration calibration, std::optional<SignedDocument> original, sets::BlendSetup before,
                Duration lasts);
   /// Starts the time of the trial.
   void run(Instant now);
@@ -46,7 +46,7 @@ class CalibrationTrial {
   /// The calibration is stored and stays in force: releases the one before.
   void keep();
   /// Ends the trial and returns the calibration that was in force before.
-  sets::InstalledPtr go_back();
+  sets::BlendSetup go_back();
 
   /// The following three only while running().
   const Trial& report() const;
@@ -62,7 +62,7 @@ class CalibrationTrial {
   Trial report_;
   Calibration calibration_;
   std::optional<SignedDocument> original_;
-  sets::InstalledPtr before_;
+  sets::BlendSetup before_;
   Duration lasts_;
 };
 

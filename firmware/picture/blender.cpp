@@ -14,7 +14,6 @@ void count(std::atomic<std::uint64_t>& counter) { counter.fetch_add(1, std::memo
 
 Blender::Blender(const RaymapConfig& config, hal::ClockPort& clock, Outlet<SetLoan>& sets_in)
     : config_(config),
-      bands_(static_cast<std::uint64_t>((config.height + kBandRows - 1) / kBandRows)),
       clock_(clock),
       sets_in_(sets_in),
       pixels_pool_(kMaxBuffers),
@@ -25,9 +24,7 @@ Blender::Blender(const RaymapConfig& config, hal::ClockPort& clock, Outlet<SetLo
       seams_in_(1),
       seam_changes_out_(kSeamChangesWaiting),
       light_out_(4),
-      adoptions_out_(4) {
-  NODAL_ASSERT(bands_ <= kMostBands);
-}
+      adoptions_out_(4) {}
 
 bool Blender::step() {
   bool busy = run_band();
@@ -42,6 +39,7 @@ bool Blender::step() {
 
 void Blender::close() {
   set_ = {};
+  raymap_ = {};
   sets_in_.drop_waiting();
   next_band_.store(0);
   idle_.store(true);
@@ -55,21 +53,13 @@ bool Blender::run_band() {
       break;
     }
   }
-  if (doing_ == Round::kDecode) {
-    decode(band_of(ticket));
-  } else if (doing_ == Round::kView) {
-    blend_.view(band_of(ticket));
-  } else if (doing_ == Round::kPrepare) {
-    blend_.prepare(band_of(ticket));
-  } else {
-    const int row = static_cast<int>(band_of(ticket)) * kBandRows;
-    blend_.blend(row, std::min(row + kBandRows, config_.height));
-  }
+  blend_.run(band_of(ticket));
   bands_done_.fetch_add(1, std::memory_order_acq_rel);
   return true;
 }
 
 void Blender::start_round(std::uint64_t bands) {
+  NODAL_ASSERT(bands <= kMostBands);
   bands_done_.store(0, std::memory_order_relaxed);
   next_band_.store((++round_ << 2 * kBandBits) | (bands << kBandBits), std::memory_order_release);
 }
@@ -78,22 +68,23 @@ bool Blender::coordinate() {
   if (set_) {
     if (bands_done_.load(std::memory_order_acquire) < bands_of(next_band_.load(std::memory_order_relaxed)))
       return false;
-    switch (doing_) {
-      case Round::kDecode: begin_views(); break;
-      case Round::kView:
-        NODAL_ASSERT(seams_out_.push({blend_.installed(), set_->number}));
-        begin_raymap();
-        break;
-      case Round::kPrepare:
-        doing_ = Round::kBlend;
-        start_round(bands_);
-        break;
-      case Round::kBlend: return finish();
-    }
-    return true;
+    return next_round();
   }
   const bool adopted = adopt();
   return begin() || adopted;
+}
+
+/// Hands out the next pieces of work of the set.
+bool Blender::next_round() {
+  if (const auto round = blend_.next_round()) {
+    start_round(round->pieces);
+    return true;
+  }
+  if (raymap_.pixels) return finish();
+  count_undecodable();
+  if (blend_.views()) request_seams();
+  begin_raymap();
+  return true;
 }
 
 bool Blender::finish() {
@@ -102,7 +93,7 @@ bool Blender::finish() {
   raymaps_out_.push(std::move(raymap_));
   raymap_ = {};
   count(counts_.blended);
-  if (field_ + 1 < blend_.installed()->tables.size()) {
+  if (field_ + 1 < blend_.plan()->tables.size()) {
     ++field_;
     begun_ = clock_.now();
     begin_raymap();
@@ -115,45 +106,41 @@ bool Blender::finish() {
 
 bool Blender::adopt() {
   if (tables_out_.full() || adoptions_out_.full()) return false;
-  auto installed = tables_in_.pop();
-  if (!installed) return false;
-  if (sets::InstalledPtr before = blend_.adopt(std::move(*installed))) tables_out_.push(std::move(before));
+  auto setup = tables_in_.pop();
+  if (!setup) return false;
+  if (sets::BlendSetup before = blend_.adopt(std::move(*setup))) tables_out_.push(std::move(before));
   adoption_unreported_ = true;
-  seams_period_.reset();
+  seams_.restart();
   count(counts_.adopted);
   return true;
 }
 
-/// Puts the placed seams in force if their period has begun. Seams for a calibration that was replaced meanwhile are
-/// given back.
-void Blender::adopt_seams(std::uint64_t set) {
-  if (!placing_seams_) return;
-  if (!seams_) seams_ = seams_in_.pop();
-  if (!seams_) return;
-  const bool stale = !seams_period_;
-  if (!stale && (sets::seam_period(set) == *seams_period_ || seam_changes_out_.full() || seam_change_)) return;
-  if (seams_->installed) {
-    if (tables_out_.full()) return;
-    if (stale) {
-      tables_out_.push(std::move(seams_->installed));
-    } else {
-      tables_out_.push(blend_.adopt(std::move(seams_->installed)));
-      count(counts_.seams_moved);
-      log_seams(set);
-    }
-  } else if (!seams_->refused.empty()) {
-    seams_refused_.publish(seams_->refused);
+/// Puts the placed seams in force if they are due. Outdated ones are given back.
+void Blender::move_seams(std::uint64_t set) {
+  if (auto placed = seams_in_.pop()) seams_.placed(std::move(*placed));
+  const sets::PlacedSeams* due = seams_.due(set);
+  if (!due || (due->plan && tables_out_.full())) return;
+  const bool outdated = seams_.outdated();
+  if (!outdated && (seam_changes_out_.full() || seam_change_)) return;
+  sets::PlacedSeams placed = seams_.take();
+  if (placed.plan && outdated) {
+    tables_out_.push({std::move(placed.plan), nullptr});
+  } else if (placed.plan) {
+    tables_out_.push({blend_.move_seams(std::move(placed.plan)), nullptr});
+    count(counts_.seams_moved);
+    log_seams(set);
+  } else if (!placed.refused.empty()) {
+    seams_refused_.publish(placed.refused);
     counts_.seams_refused.fetch_add(1, std::memory_order_release);  // after the reason, for its reader
   }
-  seams_.reset();
-  placing_seams_ = false;
 }
 
-/// For takes: the seams in force from this set on. While the ring is full, no seams are placed, so a change that waits for room is
-/// that of a new calibration to its own seams; further calibrations have their own seams, too, and need no further record.
+/// For takes: the seams in force from this set on. While the ring is full, no seams are placed, so a change that waits
+/// for room is that of a new calibration to its own seams; further calibrations have their own seams, too, and need no
+/// further record.
 void Blender::log_seams(std::uint64_t set) {
-  const sets::InstalledPtr& installed = blend_.installed();
-  if (logs_seams_ && installed->seams && !seam_change_) seam_change_ = SeamChange{set, installed->seam_labels};
+  const sets::PlanPtr& plan = blend_.plan();
+  if (logs_seams_ && plan->seams && !seam_change_) seam_change_ = SeamChange{set, plan->seam_labels};
 }
 
 bool Blender::begin() {
@@ -165,20 +152,20 @@ bool Blender::begin() {
   const SetLoan set = std::move(*next);
   idle_.store(false, std::memory_order_release);
   if (std::exchange(adoption_unreported_, false)) {
-    Adoption adoption{set->number, blend_.installed()->id};
+    Adoption adoption{set->number, blend_.plan()->id};
     adoption_.publish(adoption);
     adoptions_out_.push(std::move(adoption));
     log_seams(set->number);
   }
-  adopt_seams(set->number);
+  move_seams(set->number);
   if (seam_change_ && seam_changes_out_.push(std::move(*seam_change_))) seam_change_.reset();
   sets_begun_.store(set->number + 1, std::memory_order_release);
   bool ready = false;
-  if (!blend_.installed()) {
+  if (!blend_.plan()) {
     count(counts_.without_calibration);
   } else if (set->number % every_.load(std::memory_order_relaxed) != 0) {
     count(counts_.shed);
-  } else if (ready = take_pixels(blend_.installed()->tables.size()); !ready) {
+  } else if (ready = take_pixels(blend_.plan()->tables.size()); !ready) {
     count(counts_.without_buffer);
   }
   if (!ready) {
@@ -189,13 +176,7 @@ bool Blender::begin() {
   field_ = 0;
   begun_ = clock_.now();
   begin_blend();
-  if (blend_.to_decode() == 0) {
-    begin_views();
-  } else {
-    doing_ = Round::kDecode;
-    start_round(blend_.to_decode());
-  }
-  return true;
+  return next_round();
 }
 
 void Blender::begin_blend() {
@@ -206,35 +187,29 @@ void Blender::begin_blend() {
     const hal::HeadSettings& in_effect = frame.in_effect;
     frames[i] = {true, frame.image, frame.fields, in_effect.exposure, in_effect.gain, in_effect.gamma.thousandths()};
   }
-  counts_.unfit_frames.fetch_add(blend_.begin(frames), std::memory_order_relaxed);
+  const bool places = blend_.plan()->seams != nullptr;
+  if (places && seams_.is_late(set_->number)) count(counts_.seams_late);
+  const std::size_t unfit = blend_.begin(frames, places && seams_.wants(set_->number));
+  counts_.unfit_frames.fetch_add(unfit, std::memory_order_relaxed);
 }
 
-void Blender::decode(std::uint64_t band) {
-  const auto [head, fault] = blend_.decode(band);
-  undecodable_[head].now.store(fault, std::memory_order_relaxed);
-  if (fault != decode::DecodeFault::kNone) count(undecodable_[head].frames);
-}
-
-/// The heads' views, in the first set of every period; then the raymap.
-void Blender::begin_views() {
-  const std::uint64_t period = sets::seam_period(set_->number);
-  if (!blend_.installed()->seams || seams_period_ == period) return begin_raymap();
-  if (placing_seams_) {
-    if (std::exchange(late_period_, period) != period) count(counts_.seams_late);
-    return begin_raymap();
+void Blender::count_undecodable() {
+  for (const auto& [head, fault] : blend_.decoded()) {
+    undecodable_[head].now.store(fault, std::memory_order_relaxed);
+    if (fault != decode::DecodeFault::kNone) count(undecodable_[head].frames);
   }
-  blend_.begin_views();
-  if (blend_.to_view() == 0) return begin_raymap();
-  seams_period_ = period;
-  placing_seams_ = true;
-  doing_ = Round::kView;
-  start_round(blend_.to_view());
+}
+
+void Blender::request_seams() {
+  seams_.begin(set_->number);
+  const bool pushed = seams_out_.push({blend_.plan(), blend_.views()});
+  NODAL_ASSERT(pushed);
 }
 
 void Blender::begin_raymap() {
   raymap_.pixels = std::exchange(pixels_[field_], {});
   blend_.begin_raymap(field_, raymap_.pixels.edit().data());
-  raymap_.info = {set_->number, set_->mid_exposure, {}, set_->sync, blend_.heads(), blend_.installed()->id, {}, {}};
+  raymap_.info = {set_->number, set_->mid_exposure, {}, set_->sync, blend_.heads(), blend_.plan()->id, {}, {}};
   raymap_.info.rate = set_->rate;
   raymap_.info.linear = blend_.linear();
   for (std::size_t i = 0; i < kMaxHeads; ++i) {
@@ -244,15 +219,14 @@ void Blender::begin_raymap() {
     raymap_.info.field = FieldOfSet{static_cast<int>(field_), *parity};
     if (field_ == 1) raymap_.info.mid_exposure = set_->mid_exposure + set_->second_field;
   }
-  doing_ = blend_.to_prepare() > 0 ? Round::kPrepare : Round::kBlend;
-  start_round(blend_.to_prepare() > 0 ? blend_.to_prepare() : bands_);
+  next_round();
   if (field_ == 0) measure();  // while other threads blend; the set stays: only this thread can release it
 }
 
 void Blender::measure() {
   if (light_out_.full()) return;
   // The unprepared frames: other threads prepare pictures meanwhile.
-  blend::SphereLight seen = blend::meter(blend_.installed()->meter, blend_.frames(), blend_.exposed());
+  blend::SphereLight seen = blend::meter(blend_.plan()->meter, blend_.frames(), blend_.exposed());
   seen.set = set_->number;
   light_out_.push(std::move(seen));
 }

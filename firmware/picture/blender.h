@@ -17,7 +17,7 @@
 #include "hal/clock.h"
 #include "protocol/base/image.h"
 #include "protocol/base/spsc_ring.h"
-#include "stitch/sets/installed_calibration.h"
+#include "stitch/sets/blend_plan.h"
 #include "stitch/sets/set_blend.h"
 
 namespace nodal::decode {
@@ -26,16 +26,15 @@ enum class DecodeFault : std::uint8_t;
 
 namespace nodal::firmware {
 
-/// Every call of step() does one piece of work. First frames that the blend cannot read as they are get decoded, then, once
-/// a period (sets::kSeamPeriod) and only with placed seams, the heads' small views are made for the seam stage, then the
-/// pictures of heads are prepared if the table requires it, then the raymap is blended in bands of rows. Between two
-/// raymaps, one thread finishes the raymap, adopts a new calibration and takes the next set. So a swap of calibrations
-/// always falls between two sets, and every raymap names the one calibration that it was made with. A calibration with one
-/// table per field makes two raymaps of each set, one after the other; the fields are read in place from the frames. No
-/// thread waits for another: step() returns false if there is no work for it.
+/// Every call of step() does one piece of work of a round of sets::SetBlend. The heads' small views are made once a
+/// period (sets::kSeamPeriod) and only with placed seams, for the seam stage. Between two raymaps, one thread finishes
+/// the raymap, adopts a new calibration and takes the next set. So a swap of calibrations always falls between two
+/// sets, and every raymap names the one calibration that it was made with. A calibration with one table per field makes
+/// two raymaps of each set, one after the other; the fields are read in place from the frames. No thread waits for
+/// another: step() returns false if there is no work for it.
 ///
-/// Threading: step() is thread-safe; the outlet's and the rings' other ends are capture's, the encoder's, the keeper's and
-///   control's, one thread each; the counts may be read by any.
+/// Threading: step() is thread-safe; the outlet's and the rings' other ends are capture's, the encoder's, the keeper's
+///   and control's, one thread each; the counts may be read by any.
 /// Ownership: holds a loan of the set being blended; its pool lends the pixels of raymaps.
 /// Errors: none; sets that make no raymap are counted.
 class Blender {
@@ -48,14 +47,16 @@ class Blender {
   void close();
 
   Outlet<SetLoan>& sets_in() { return sets_in_; }
-  SpscRing<sets::InstalledPtr>& tables_in() { return tables_in_; }
-  /// Calibrations that are no longer in force; the keeper frees them outside the frame path.
-  SpscRing<sets::InstalledPtr>& tables_out() { return tables_out_; }
+  SpscRing<sets::BlendSetup>& tables_in() { return tables_in_; }
+  /// Calibrations and seams (these without memory) that are no longer in force; the keeper frees them outside the frame
+  /// path.
+  SpscRing<sets::BlendSetup>& tables_out() { return tables_out_; }
   SpscRing<Raymap>& raymaps_out() { return raymaps_out_; }
   /// Placed seams: the seam stage's work, and what it made of it. One request is under way at most.
   SpscRing<SeamRequest>& seams_out() { return seams_out_; }
   SpscRing<SeamAnswer>& seams_in() { return seams_in_; }
-  /// Which seams sets are blended with, for takes; nothing before log_seams(). Seams stay where they are while it is full.
+  /// Which seams sets are blended with, for takes; nothing before log_seams(). Seams stay where they are while it is
+  /// full.
   SpscRing<SeamChange>& seam_changes_out() { return seam_changes_out_; }
   /// Call before the first step.
   void log_seams() { logs_seams_ = true; }
@@ -71,8 +72,8 @@ class Blender {
   SpscRing<Adoption>& adoptions_out() { return adoptions_out_; }
   /// The newest of them, for control.
   Snapshot<Adoption>& adoption() { return adoption_; }
-  /// Every set with a lower number was begun, skipped or missed; adoptions_out() has named its calibration, and seam_changes_out()
-  /// its seams.
+  /// Every set with a lower number was begun, skipped or missed; adoptions_out() has named its calibration, and
+  /// seam_changes_out() its seams.
   std::uint64_t sets_begun() const { return sets_begun_.load(std::memory_order_acquire); }
 
   /// Only each `every`-th set is blended. Any thread.
@@ -107,18 +108,17 @@ class Blender {
   /// No set is queued or being blended.
   bool idle() const { return idle_.load(std::memory_order_acquire); }
 
-  /// The queue holds all sets that capture may offer at once. When a head stops delivering, the set that waited for it is
-  /// closed together with those behind it, which are complete without it: three, by Capture::kHalfPeriodsToWait.
+  /// The queue holds all sets that capture may offer at once. When a head stops delivering, the set that waited for it
+  /// is closed together with those behind it, which are complete without it: three, by Capture::kHalfPeriodsToWait.
   static constexpr OutletSpec kSets{"blend", OutletPolicy::kLossless, 3, 1};
-  static constexpr int kBandRows = 64;
   static constexpr std::size_t kMaxBuffers = 60;
   static constexpr std::size_t kRaymapsWaiting = 2;
   static constexpr std::size_t kSeamChangesWaiting = 64;
 
  private:
-  // The next band, packed in one 64-bit value: {round number, bands in the round, next band}. One compare-and-swap covers
-  // all three. With the count in a separate variable, a thread could compare a band number of the last round with the count
-  // of the next round and take a band that does not exist yet. While pictures are decoded, viewed or prepared, one head is one band.
+  // The next band, packed in one 64-bit value: {round number, bands in the round, next band}. One compare-and-swap
+  // covers all three. With the count in a separate variable, a thread could compare a band number of the last round
+  // with the count of the next round and take a band that does not exist yet. A band is a piece of a sets::Round.
   static constexpr int kBandBits = 16;
   static constexpr std::uint64_t kMostBands = (std::uint64_t{1} << kBandBits) - 1;
   static std::uint64_t band_of(std::uint64_t ticket) { return ticket & kMostBands; }
@@ -128,24 +128,24 @@ class Blender {
   bool coordinate();
   bool finish();
   bool adopt();
-  void adopt_seams(std::uint64_t set);
+  void move_seams(std::uint64_t set);
   void log_seams(std::uint64_t set);
   bool begin();
-  void begin_views();
+  bool next_round();
   void begin_blend();
-  void decode(std::uint64_t band);
+  void count_undecodable();
+  void request_seams();
   void begin_raymap();
   void start_round(std::uint64_t bands);
   bool take_pixels(std::size_t count);
   void measure();
 
   const RaymapConfig config_;
-  const std::uint64_t bands_;
   hal::ClockPort& clock_;
   Outlet<SetLoan>& sets_in_;
   LoanPool<LineVector> pixels_pool_;
-  SpscRing<sets::InstalledPtr> tables_in_;
-  SpscRing<sets::InstalledPtr> tables_out_;
+  SpscRing<sets::BlendSetup> tables_in_;
+  SpscRing<sets::BlendSetup> tables_out_;
   SpscRing<Raymap> raymaps_out_;
   SpscRing<SeamRequest> seams_out_;
   SpscRing<SeamAnswer> seams_in_;
@@ -159,10 +159,7 @@ class Blender {
   // Written between raymaps, only by the thread that holds coordinating_.
   std::atomic_flag coordinating_;
   sets::SetBlend blend_;
-  bool placing_seams_ = false;                 ///< a request is under way, or its answer waits for its period
-  std::optional<std::uint64_t> seams_period_;  ///< of the newest request; empty: none for this calibration
-  std::optional<std::uint64_t> late_period_;   ///< the last one that counts_.seams_late has
-  std::optional<SeamAnswer> seams_;            ///< waits for the next period
+  sets::SeamSchedule seams_;
   bool logs_seams_ = false;
   std::optional<SeamChange> seam_change_;  ///< waits for room in seam_changes_out_
   bool adoption_unreported_ = false;       ///< goes to adoptions_out_ with the next set
@@ -172,9 +169,7 @@ class Blender {
   std::array<PixelsLoan, 2> pixels_;  ///< for the raymaps still to be made from set_
   Instant begun_;
 
-  // The raymap being blended. Constant while threads work on its bands.
-  enum class Round : std::uint8_t { kDecode, kView, kPrepare, kBlend };
-  Round doing_ = Round::kBlend;
+  // The raymap being blended, once its pixels are there. Constant while threads work on its bands.
   Raymap raymap_;
   std::atomic<std::uint64_t> next_band_{0};
   std::atomic<std::uint64_t> bands_done_{0};

@@ -3,16 +3,17 @@
 
 #include <atomic>
 #include <cstdint>
+#include <memory>
 
 #include "protocol/base/spsc_ring.h"
-#include "stitch/sets/placed_seams.h"
+#include "stitch/sets/seam_schedule.h"
 
 namespace nodal::firmware {
 
-/// The views of a set, in the calibration's `seam_pictures`; the blend does not touch them until the answer is there.
+/// The blend does not touch the views until the answer is there.
 struct SeamRequest {
-  sets::InstalledPtr installed;
-  std::uint64_t set = 0;
+  sets::PlanPtr plan;
+  std::shared_ptr<const sets::SeamPictures> views;  ///< of one set
 };
 using SeamAnswer = sets::PlacedSeams;
 

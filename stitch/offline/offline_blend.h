@@ -1,17 +1,20 @@
-// Blends raymaps from pictures in memory, with the tables and kernels that the board runs.
+// Blends raymaps from pictures in memory as the board does.
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <span>
 #include <vector>
 
 #include "protocol/base/decoded_image.h"
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
-#include "stitch/blend/blend_table.h"
-#include "stitch/blend/tone.h"
 #include "stitch/offline/parts.h"
 #include "stitch/table/table_compiler.h"
+
+namespace nodal::sets {
+struct BlendPlan;
+}
 
 namespace nodal::offline {
 
@@ -28,8 +31,8 @@ Result<double> resolution_of(const Calibration& calibration);
 class OfflineBlend {
  public:
   /// `head_format`: the format of every head's pictures. `threads` 0: one per core. `progress` is called on the calling
-  /// thread with the fraction that is compiled, 0 .. 1; exceptions that it throws are passed on. Parts have at most `heads_per_part`
-  /// heads; what a blend has does not depend on it.
+  /// thread with the fraction that is compiled, 0 .. 1; exceptions that it throws are passed on. Parts have at most
+  /// `heads_per_part` heads; what a blend has does not depend on it.
   static Result<OfflineBlend> make(const Calibration& calibration, const table::RaymapSpec& raymap,
                                    const table::TableOptions& options, PixelFormat head_format, int threads,
                                    const std::function<void(double)>& progress = {},
@@ -40,16 +43,15 @@ class OfflineBlend {
   Result<DecodedImage> blend(std::span<const ImageView> pictures) const;
 
  private:
-  struct TableOfPart {
-    blend::BlendTable table;
-    blend::SetTone tone;
+  struct PlanOfPart {
+    std::shared_ptr<const sets::BlendPlan> plan;
     Part part;
   };
   OfflineBlend(std::size_t heads, int threads) : heads_(heads), threads_(threads) {}
 
   std::size_t heads_;
   int threads_;
-  std::vector<TableOfPart> parts_;
+  std::vector<PlanOfPart> parts_;
 };
 
 }  // namespace nodal::offline

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <iterator>
 #include <string>
 #include <utility>
@@ -13,19 +12,14 @@
 #include "protocol/take/seam_map.h"
 #include "protocol/take/tally.h"
 #include "stitch/decode/frame_decoder.h"
+#include "stitch/sets/plan_job.h"
 #include "stitch/sets/raymap_toml.h"
 #include "stitch/sets/rig_heads.h"
-#include "stitch/sets/seam_views.h"
-#include "stitch/sets/table_job.h"
-#include "stitch/table/meter_compiler.h"
-#include "stitch/table/tone_compiler.h"
 
 namespace nodal::render {
 namespace {
 
 constexpr std::size_t kMostTomlBytes = std::size_t{1} << 20;
-constexpr int kBandRows = 64;     ///< raymap rows that a thread blends at once
-constexpr int kCompiledRows = 8;  ///< rows of tiles that a thread compiles at once
 
 sets::SetFrame blended(const media::TakeFrame& frame) {
   return {frame.there, frame.image, frame.fields, frame.exposure, frame.gain, frame.gamma};
@@ -102,7 +96,7 @@ Result<bool> TakeRender::next(RenderedRaymap& into, const std::function<void(dou
     if (!got || !*got) return got;
   }
   blend(into);
-  next_field_ = (next_field_ + 1) % blend_.installed()->tables.size();
+  next_field_ = (next_field_ + 1) % blend_.plan()->tables.size();
   return true;
 }
 
@@ -121,23 +115,21 @@ Result<bool> TakeRender::next_set(const std::function<void(double)>& compiled) {
   }
   NODAL_TRY(use_tables(compiled));
   NODAL_TRY(sets_.read_pictures(set_));
-  const std::uint64_t period = sets::seam_period(set_.evidence.number());
+  const std::uint64_t number = set_.evidence.number();
   if (has_seams()) {
     NODAL_TRY(use_seams());
-  } else if (period != seams_period_ && placed_) {
-    blend_.adopt(std::exchange(placed_, {}));
+  } else if (seams_.due(number)) {
+    if (sets::PlanPtr plan = seams_.take().plan) blend_.move_seams(std::move(plan));
   }
-  blend_.begin(before);
-  undecodable_ = begin_set();
-  if (blend_.installed()->seams && !has_seams() && period != seams_period_) {
-    NODAL_TRY(place_seams(period));
-  }
+  blend_.note_exposures(before);
+  begin_set(blend_.plan()->seams && !has_seams() && seams_.wants(number));
+  if (blend_.views()) NODAL_TRY(place_seams(number));
   return true;
 }
 
 /// Whether the rig recorded with which seams it blended the segment, with the take's calibration.
 bool TakeRender::has_seams() {
-  return blend_.installed()->seams && !options_.calibration && !sets_.segment().evidence().seams.empty();
+  return blend_.plan()->seams && !options_.calibration && !sets_.segment().evidence().seams.empty();
 }
 
 /// Puts the recorded seams of a set in force.
@@ -147,10 +139,9 @@ Status TakeRender::use_seams() {
       std::ranges::upper_bound(recorded, std::uint64_t{set_.evidence.number()}, {}, &take::wire::Seams::set);
   std::optional<std::uint64_t> from;
   if (next != recorded.begin()) from = std::prev(next)->set();
-  if (from == recorded_seams_) return {};
-  recorded_seams_ = from;
+  if (!seams_.follow(from)) return {};
   if (!from || std::prev(next)->columns() == 0) {
-    blend_.adopt(own_seams_);
+    blend_.move_seams(own_seams_);
     return {};
   }
   const take::wire::Seams& seams = *std::prev(next);
@@ -164,25 +155,23 @@ Status TakeRender::use_seams() {
   }
   auto labels = take::labels_of(seams);
   if (!labels) return in_take(labels.error());
-  auto seamed = sets::with_seams(*blend_.installed(), std::move(*labels));
+  auto seamed = sets::with_seams(*blend_.plan(), std::move(*labels));
   if (!seamed) return in_take(seamed.error());
-  blend_.adopt(std::move(*seamed));
+  blend_.move_seams(std::move(*seamed));
   return {};
 }
 
 /// From the first set of each period, as a rig does that is not overloaded.
-Status TakeRender::place_seams(std::uint64_t period) {
-  blend_.begin_views();
-  if (blend_.to_view() == 0) return {};
-  workers_.run(static_cast<int>(blend_.to_view()), [&](int k) { blend_.view(static_cast<std::size_t>(k)); });
-  sets::PlacedSeams placed = sets::place_seams(*blend_.installed());
+Status TakeRender::place_seams(std::uint64_t set) {
+  seams_.begin(set);
+  sets::PlacedSeams placed = sets::place_seams(*blend_.plan(), *blend_.views());
   if (!placed.refused.empty()) return fail(Errc::kTableInvalid, "placing seams: " + placed.refused);
-  placed_ = std::move(placed.installed);
-  seams_period_ = period;
+  seams_.placed(std::move(placed));
   return {};
 }
 
-/// Compiles tables for a set's calibration and for the heads' formats in its segment, if they are not those of the set before.
+/// Compiles tables for a set's calibration and for the heads' formats in its segment, if they are not those of the set
+/// before.
 Status TakeRender::use_tables(const std::function<void(double)>& compiled) {
   const take::wire::Begin& begin = sets_.segment().evidence().begin;
   while (used_ != &calibrations_.back() && (used_ + 1)->first_set <= set_.evidence.number()) ++used_;
@@ -214,46 +203,33 @@ Status TakeRender::use_tables(const std::function<void(double)>& compiled) {
   if (compiled_ == used_ && formats == formats_ && fields == fields_) return {};
   NODAL_TRY_ASSIGN(const auto fitted, sets::calibration_of(used_->calibration, heads, "take.json"));
   NODAL_TRY_ASSIGN(auto job,
-                   sets::TableJob::make(fitted, options_.raymap, fields.value_or(Fields::kProgressive), formats));
-  while (!job.done()) {
-    job.compile_some(2 * workers_.threads() * kCompiledRows, [&](int from, int until, const auto& compile) {
-      workers_.run((until - from + kCompiledRows - 1) / kCompiledRows, [&](int i) {
-        const int first = from + i * kCompiledRows;
-        compile(first, std::min(until, first + kCompiledRows));
-      });
-    });
-    if (compiled) compiled(job.percent() / 100.0);
+                   sets::PlanJob::make(fitted, options_.raymap, fields.value_or(Fields::kProgressive), formats));
+  while (!job.tables().done()) {
+    job.tables().compile_pieces(2 * workers_.threads(),
+                                [this](int pieces, const auto& work) { workers_.run(pieces, work); });
+    if (compiled) compiled(job.tables().percent() / 100.0);
   }
-  NODAL_TRY_ASSIGN(auto tables, std::move(job).finish());
-  NODAL_TRY_ASSIGN(auto meter, table::compile_meter_table(fitted));
-  std::shared_ptr<const sets::SeamViews> seams;
-  if (options_.raymap.seams == SeamPlacement::kPlaced) {
-    NODAL_TRY_ASSIGN(auto views, sets::SeamViews::make(fitted, options_.raymap, tables));
-    seams = std::move(views);
-  }
-  blend_.adopt(sets::make_installed(used_->id, fitted.name, std::move(tables), std::move(meter),
-                                    table::compile_tone_table(fitted, options_.raymap.format, options_.raymap.soft),
-                                    formats, std::move(seams)));
-  own_seams_ = blend_.installed();
-  recorded_seams_.reset();
-  placed_ = {};
-  seams_period_.reset();
+  NODAL_TRY_ASSIGN(auto plan, std::move(job).finish(used_->id));
+  own_seams_ = plan;
+  blend_.adopt(sets::with_memory(std::move(plan)));
+  seams_ = {};
   compiled_ = used_;
   formats_ = std::move(formats);
   fields_ = fields;
   return {};
 }
 
-/// Returns how many pictures could not be decoded.
-std::size_t TakeRender::begin_set() {
+void TakeRender::begin_set(bool views) {
   std::array<sets::SetFrame, kMaxHeads> frames;
   for (std::size_t i = 0; i < frames.size(); ++i) frames[i] = blended(set_.heads[i]);
-  blend_.begin(frames);
-  std::atomic<std::size_t> faults{0};
-  workers_.run(static_cast<int>(blend_.to_decode()), [&](int k) {
-    if (blend_.decode(static_cast<std::size_t>(k)).fault != decode::DecodeFault::kNone) faults.fetch_add(1);
-  });
-  return faults.load();
+  blend_.begin(frames, views);
+  run_rounds();
+  const auto is_fault = [](const auto& frame) { return frame.fault != decode::DecodeFault::kNone; };
+  undecodable_ = static_cast<std::size_t>(std::ranges::count_if(blend_.decoded(), is_fault));
+}
+
+void TakeRender::run_rounds() {
+  blend_.run_rounds([this](int pieces, const auto& work) { workers_.run(pieces, work); });
 }
 
 std::optional<FrameRate> TakeRender::rate() {
@@ -276,10 +252,7 @@ void TakeRender::blend(RenderedRaymap& into) {
   into.pixels.height = raymap.height;
   into.pixels.bytes.resize(packed_size(raymap.format, raymap.width, raymap.height));
   blend_.begin_raymap(next_field_, into.pixels.bytes.data());
-  workers_.run(static_cast<int>(blend_.to_prepare()), [&](int k) { blend_.prepare(static_cast<std::size_t>(k)); });
-  const int bands = (raymap.height + kBandRows - 1) / kBandRows;
-  workers_.run(bands,
-               [&](int band) { blend_.blend(band * kBandRows, std::min(raymap.height, (band + 1) * kBandRows)); });
+  run_rounds();
   into.mid_exposure = set_.mid_exposure;
   into.heads = blend_.heads();
   into.linear = blend_.linear();

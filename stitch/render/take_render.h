@@ -17,7 +17,7 @@
 #include "protocol/calibration.h"
 #include "stitch/media/take/take_folder.h"
 #include "stitch/parallel/workers.h"
-#include "stitch/sets/placed_seams.h"
+#include "stitch/sets/seam_schedule.h"
 #include "stitch/sets/set_blend.h"
 
 namespace nodal::render {
@@ -44,10 +44,10 @@ struct RenderedRaymap {
   std::size_t undecodable_heads = 0;           ///< of the set: pictures that could not be decoded
 };
 
-/// With the take's calibrations, each for the sets that the rig blended with it, and pictures as the heads delivered them,
-/// the bytes are those of the rig's own raymaps: the same code makes them, with the settings and the placed seams that the
-/// evidence has. Without seams in it, as with another calibration, they are placed anew from the first set on. Every set is
-/// rendered, also those that the rig had no time to blend.
+/// With the take's calibrations, each for the sets that the rig blended with it, and pictures as the heads delivered
+/// them, the bytes are those of the rig's own raymaps: the same code makes them, with the settings and the placed seams
+/// that the evidence has. Without seams in it, as with another calibration, they are placed anew from the first set on.
+/// Every set is rendered, also those that the rig had no time to blend.
 ///
 /// Threading: thread-bound; starts its own threads and waits for them.
 /// Ownership: the folder outlives it.
@@ -80,10 +80,11 @@ class TakeRender {
   TakeRender(const media::TakeFolder& folder, RenderOptions options, std::vector<Used> calibrations);
   Result<bool> next_set(const std::function<void(double)>& compiled);
   Status use_tables(const std::function<void(double)>& compiled);
-  std::size_t begin_set();
+  void begin_set(bool views);
+  void run_rounds();
   bool has_seams();
   Status use_seams();
-  Status place_seams(std::uint64_t period);
+  Status place_seams(std::uint64_t set);
   void blend(RenderedRaymap& into);
   Duration second_field();
 
@@ -100,11 +101,9 @@ class TakeRender {
   std::vector<PixelFormat> formats_;      ///< that the tables are for
   std::optional<Fields> fields_;          ///< that the tables are for
   sets::SetBlend blend_;
-  sets::InstalledPtr own_seams_;                 ///< the tables as compiled
-  std::optional<std::uint64_t> recorded_seams_;  ///< `set` of the record in force; empty: the tables are as compiled
-  sets::InstalledPtr placed_;                    ///< with the seams of the next period; null: they stay
-  std::optional<std::uint64_t> seams_period_;    ///< in which seams were placed last; empty: not yet with these tables
-  std::size_t next_field_ = 0;                   ///< of the set that was read; 0: the next set comes first
+  sets::PlanPtr own_seams_;     ///< the plan as compiled
+  sets::SeamSchedule seams_;    ///< the seams of this plan
+  std::size_t next_field_ = 0;  ///< of the set that was read; 0: the next set comes first
   std::size_t undecodable_ = 0;
   bool of_take_ = true;
 };

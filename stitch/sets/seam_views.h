@@ -13,7 +13,7 @@
 #include "stitch/blend/exposure_tone.h"
 #include "stitch/blend/tone.h"
 #include "stitch/seams/placement.h"
-#include "stitch/sets/installed_calibration.h"
+#include "stitch/sets/blend_plan.h"
 #include "stitch/table/seamed_table.h"
 
 namespace nodal::sets {

@@ -1,11 +1,12 @@
 #include "stitch/sets/set_blend.h"
 
+#include <algorithm>
 #include <utility>
+#include <vector>
 
 #include "protocol/base/result.h"
 #include "stitch/blend/blend.h"
-#include "stitch/decode/frame_decoder.h"
-#include "stitch/sets/seam_views.h"
+#include "stitch/sets/blend_memory.h"
 
 namespace nodal::sets {
 namespace {
@@ -24,69 +25,115 @@ bool has_fields_for(const blend::BlendTable::Source& first, const SetFrame& fram
 
 }  // namespace
 
-InstalledPtr SetBlend::adopt(InstalledPtr installed) {
+BlendSetup SetBlend::adopt(BlendSetup setup) {
   field_ = 0;
-  return std::exchange(installed_, std::move(installed));
+  return std::exchange(setup_, std::move(setup));
 }
 
-std::size_t SetBlend::begin(std::span<const SetFrame> frames) {
-  heads_to_decode_ = 0;
-  std::size_t unfit = 0;
-  const auto& decoders = installed_->decoders;
-  for (std::size_t i = 0; i < decoders.size(); ++i) {
-    frames_[i] = {};
+PlanPtr SetBlend::move_seams(PlanPtr plan) { return std::exchange(setup_.plan, std::move(plan)); }
+
+void SetBlend::note_exposures(std::span<const SetFrame> frames) {
+  for (std::size_t i = 0; i < plan()->delivered.size(); ++i) {
     if (!frames[i].there) continue;
     exposed_[i] = {stops_of(frames[i].exposure) + stops_of(frames[i].gain), frames[i].gamma};
     was_exposed_ |= bit(i);
-    if (frames[i].image.planes[0].data == nullptr || !decoders[i]->takes(frames[i].image) ||
-        !has_fields_for(installed_->tables[0].sources[i], frames[i])) {
+  }
+}
+
+std::size_t SetBlend::begin(std::span<const SetFrame> frames, bool views) {
+  note_exposures(frames);
+  heads_to_decode_ = heads_to_view_ = 0;
+  wants_views_ = views;
+  next_kind_ = static_cast<std::uint8_t>(Round::Kind::kDecode);
+  end_kind_ = static_cast<std::uint8_t>(Round::Kind::kPrepare);
+  std::size_t unfit = 0;
+  const std::vector<decode::FrameDecoder>& decoders = setup_.memory->decoders;
+  for (std::size_t i = 0; i < decoders.size(); ++i) {
+    frames_[i] = {};
+    if (!frames[i].there) continue;
+    if (frames[i].image.planes[0].data == nullptr || !decoders[i].takes(frames[i].image) ||
+        !has_fields_for(plan()->tables[0].sources[i], frames[i])) {
       ++unfit;
       continue;
     }
     frames_[i] = frames[i].image;
-    if (decoders[i]->needed(frames_[i])) to_decode_[heads_to_decode_++] = i;
+    if (decoders[i].needed(frames_[i])) decoded_[heads_to_decode_++] = {i, decode::DecodeFault::kNone};
   }
   return unfit;
 }
 
-SetBlend::Decoded SetBlend::decode(std::size_t k) {
-  const std::size_t head = to_decode_[k];
-  const ImageView frame = frames_[head];
-  return {head, installed_->decoders[head]->decode(frame, frames_[head])};
+std::optional<Round> SetBlend::next_round() {
+  while (next_kind_ < end_kind_) {
+    round_.kind = static_cast<Round::Kind>(next_kind_++);
+    round_.pieces = prepare_round(round_.kind);
+    if (round_.pieces > 0) return round_;
+  }
+  return std::nullopt;
 }
 
-void SetBlend::begin_views() {
-  std::uint32_t& heads = installed_->seam_pictures->heads;
+/// Returns the number of pieces.
+std::size_t SetBlend::prepare_round(Round::Kind kind) {
+  switch (kind) {
+    case Round::Kind::kDecode: return heads_to_decode_;
+    case Round::Kind::kView: return wants_views_ ? begin_views() : 0;
+    case Round::Kind::kPrepare: return heads_to_prepare_;
+    case Round::Kind::kBlend: return static_cast<std::size_t>((table().height + kBandRows - 1) / kBandRows);
+  }
+  return 0;
+}
+
+void SetBlend::run(std::size_t piece) {
+  switch (round_.kind) {
+    case Round::Kind::kDecode: {
+      Decoded& decoded = decoded_[piece];
+      const ImageView frame = frames_[decoded.head];
+      decoded.fault = setup_.memory->decoders[decoded.head].decode(frame, frames_[decoded.head]);
+      break;
+    }
+    case Round::Kind::kView: view(to_view_[piece]); break;
+    case Round::Kind::kPrepare: prepare(piece); break;
+    case Round::Kind::kBlend: blend(piece); break;
+  }
+}
+
+std::size_t SetBlend::begin_views() {
+  std::uint32_t& heads = setup_.memory->seam_pictures.heads;
   heads = 0;
-  heads_to_view_ = 0;
-  for (std::size_t i = 0; i < installed_->tables[0].sources.size(); ++i) {
+  for (std::size_t i = 0; i < plan()->tables[0].sources.size(); ++i) {
     if (frames_[i].planes[0].data == nullptr) continue;
     heads |= bit(i);
     to_view_[heads_to_view_++] = i;
   }
+  return heads_to_view_;
 }
 
-void SetBlend::view(std::size_t k) {
-  const std::size_t head = to_view_[k];
-  const blend::BlendTable& first = installed_->tables[0];
-  std::uint8_t* scratch = installed_->prepared->data();
-  for (std::size_t i = 0; i < head; ++i) scratch += installed_->seams->scratch_size(i);
+void SetBlend::view(std::size_t head) {
+  const blend::BlendTable& first = plan()->tables[0];
+  std::uint8_t* scratch = setup_.memory->prepared.data();
+  for (std::size_t i = 0; i < head; ++i) scratch += plan()->seams->scratch_size(i);
   // Views of raymaps of linear light have 8 bits, for which these exposures are not.
   const bool equalized = exposures_known() && !is_linear16(first.format);
-  installed_->seams->view(head, picture_of(first.sources[head], frames_[head]), installed_->exposures,
-                          std::span(exposed_).first(equalized ? first.sources.size() : 0), scratch,
-                          *installed_->seam_pictures);
+  plan()->seams->view(head, picture_of(first.sources[head], frames_[head]), plan()->exposures,
+                      std::span(exposed_).first(equalized ? first.sources.size() : 0), scratch,
+                      setup_.memory->seam_pictures);
+}
+
+std::shared_ptr<const SeamPictures> SetBlend::views() const {
+  if (heads_to_view_ == 0) return nullptr;
+  return {setup_.memory, &setup_.memory->seam_pictures};
 }
 
 void SetBlend::begin_raymap(std::size_t field, std::uint8_t* pixels) {
   field_ = field;
   into_ = packed_image(table().format, table().width, table().height, pixels);
+  next_kind_ = static_cast<std::uint8_t>(Round::Kind::kPrepare);
+  end_kind_ = static_cast<std::uint8_t>(Round::Kind::kBlend) + 1;
   take_pictures();
   undo_exposures();
 }
 
 void SetBlend::take_pictures() {
-  std::uint8_t* memory = installed_->prepared->data();
+  std::uint8_t* memory = setup_.memory->prepared.data();
   heads_to_prepare_ = 0;
   heads_ = 0;
   for (std::size_t i = 0; i < table().sources.size(); ++i) {
@@ -103,9 +150,9 @@ void SetBlend::take_pictures() {
 }
 
 bool SetBlend::exposures_known() const {
-  const std::size_t heads = installed_->tables[0].sources.size();
+  const std::size_t heads = plan()->tables[0].sources.size();
   const std::uint32_t all = static_cast<std::uint32_t>((std::uint64_t{1} << heads) - 1);
-  return installed_->exposures.heads.size() == heads && (was_exposed_ & all) == all;
+  return plan()->exposures.heads.size() == heads && (was_exposed_ & all) == all;
 }
 
 void SetBlend::undo_exposures() {
@@ -115,12 +162,12 @@ void SetBlend::undo_exposures() {
   if (is_linear16(table().format)) {
     const auto as_calibrated = decltype(exposed_){};
     const std::span<const blend::ExposedHead> exposed(known ? exposed_ : as_calibrated);
-    tone_ = blend::linear_tone(table(), installed_->exposures, exposed.first(heads));
-    linear_ = blend::linear_scale(installed_->exposures, tone_, exposed.first(heads));
+    tone_ = blend::linear_tone(table(), plan()->exposures, exposed.first(heads));
+    linear_ = blend::linear_scale(plan()->exposures, tone_, exposed.first(heads));
     if (!known) linear_->full.reset();
     return;
   }
-  tone_ = known ? blend::tone_of_exposures(table(), installed_->exposures, exposed_) : installed_->tone;
+  tone_ = known ? blend::tone_of_exposures(table(), plan()->exposures, exposed_) : plan()->tone;
 }
 
 void SetBlend::prepare(std::size_t k) {
@@ -132,8 +179,9 @@ void SetBlend::prepare(std::size_t k) {
   }
 }
 
-void SetBlend::blend(int row_begin, int row_end) const {
-  blend::blend_rows(table(), pictures_, tone_, into_, row_begin, row_end);
+void SetBlend::blend(std::size_t band) {
+  const int row = static_cast<int>(band) * kBandRows;
+  blend::blend_rows(table(), pictures_, tone_, into_, row, std::min(row + kBandRows, table().height));
 }
 
 }  // namespace nodal::sets

@@ -30,6 +30,13 @@ Result<TableJob> TableJob::make(const Calibration& calibration, const RaymapConf
   return job;
 }
 
+TableJob TableJob::of(table::TableCompiler compiler) {
+  TableJob job;
+  job.fields_ = {std::nullopt};
+  job.compiler_.emplace(std::move(compiler));
+  return job;
+}
+
 Status TableJob::next_table() {
   options_.field = fields_[tables_.size()];
   rows_done_ = 0;
@@ -44,19 +51,29 @@ Status TableJob::check_budget() const {
 }
 
 int TableJob::percent() const {
-  const int tables = static_cast<int>(fields_.size());
+  if (done()) return 100;
   const int whole = 100 * static_cast<int>(tables_.size());
-  return (whole + (compiler_ ? 100 * rows_done_ / compiler_->row_count() : 0)) / tables;
+  return (whole + 100 * rows_done_ / compiler_->row_count()) / static_cast<int>(fields_.size());
 }
 
 void TableJob::compile_some(int rows) {
-  compile_some(rows, [](int from, int until, const CompileRows& compile) { compile(from, until); });
-}
-
-void TableJob::compile_some(int rows, const Run& run) {
   NODAL_ASSERT(compiler_);
   const int until = std::min(compiler_->row_count(), rows_done_ + rows);
-  run(rows_done_, until, [&](int from, int to) { compiler_->compile_rows(from, to); });
+  compiler_->compile_rows(rows_done_, until);
+  rows_are_done(until);
+}
+
+void TableJob::compile_pieces(int pieces, const Share& share) {
+  NODAL_ASSERT(compiler_);
+  const int until = std::min(compiler_->row_count(), rows_done_ + pieces * kRowsAPiece);
+  share((until - rows_done_ + kRowsAPiece - 1) / kRowsAPiece, [&](int i) {
+    const int first = rows_done_ + i * kRowsAPiece;
+    compiler_->compile_rows(first, std::min(until, first + kRowsAPiece));
+  });
+  rows_are_done(until);
+}
+
+void TableJob::rows_are_done(int until) {
   rows_done_ = until;
   if (rows_done_ < compiler_->row_count()) return;
   auto table = std::move(*compiler_).finish();

@@ -22,22 +22,26 @@ namespace nodal::sets {
 /// Errors: those of table::TableCompiler, from make() or finish().
 class TableJob {
  public:
-  /// For heads that deliver `formats`, in the calibration's order. The tables are for pictures of blended_format(). `fields`
-  /// of the heads decides which field's table is in front, if there are two.
+  /// For heads that deliver `formats`, in the calibration's order. The tables are for pictures of blended_format().
+  /// `fields` of the heads decides which field's table is in front, if there are two.
   static Result<TableJob> make(const Calibration& calibration, const RaymapConfig& raymap, Fields fields,
                                std::vector<PixelFormat> formats);
 
-  /// Whether a rig's board may compile these tables. Before the first row. Errors: kTooLarge, naming the head that costs most.
+  /// For one table that is compiled in another way than [raymap] can say.
+  static TableJob of(table::TableCompiler compiler);
+
+  /// Whether a rig's board may compile these tables. Before the first row. Errors: kTooLarge, naming the head that
+  /// costs most.
   Status check_budget() const;
   bool done() const { return !compiler_; }
   int percent() const;
   /// Compiles at most `rows` further rows of tiles. Only while not done().
   void compile_some(int rows);
-  /// The same with threads of the caller: run(from, until, compile) calls compile() for parts of these rows, on any threads.
-  /// Rows that are compiled by one call share some of the work.
-  using CompileRows = std::function<void(int from, int until)>;
-  using Run = std::function<void(int from, int until, const CompileRows& compile)>;
-  void compile_some(int rows, const Run& run);
+  /// Compiles at most `pieces` of kRowsAPiece rows with threads of the caller: share(pieces, work) calls work(i) for i
+  /// in 0 .. pieces - 1, on any threads. Rows of one piece share some of the work.
+  using Share = std::function<void(int pieces, const std::function<void(int)>& work)>;
+  void compile_pieces(int pieces, const Share& share);
+  static constexpr int kRowsAPiece = 8;
   /// What the heads deliver.
   const std::vector<PixelFormat>& delivered() const { return delivered_; }
   /// The tables, that of the field exposed first in front. Only when done().
@@ -46,6 +50,7 @@ class TableJob {
  private:
   TableJob() = default;
   Status next_table();
+  void rows_are_done(int until);
 
   Calibration calibration_;
   std::vector<PixelFormat> delivered_;

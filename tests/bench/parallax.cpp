@@ -21,9 +21,9 @@
 #include "stitch/offline/offline_blend.h"
 #include "stitch/registration/registration.h"
 #include "stitch/seams/placement.h"
+#include "stitch/sets/plan_job.h"
 #include "stitch/sets/seam_views.h"
 #include "stitch/sets/set_blend.h"
-#include "stitch/sets/table_job.h"
 #include "tests/support/rendered_rig.h"
 
 namespace nodal {
@@ -130,29 +130,24 @@ bool save_placed(const Calibration& rig, const test::RenderedRig& seen, const st
   config.seams = SeamPlacement::kPlaced;
   const auto refused = [](const Error& error) { return std::fprintf(stderr, "%s\n", error.text().c_str()), false; };
   const std::vector<PixelFormat> formats(rig.heads.size(), PixelFormat::kGrey8);
-  auto job = sets::TableJob::make(rig, config, Fields::kProgressive, formats);
+  auto job = sets::PlanJob::make(rig, config, Fields::kProgressive, formats);
   if (!job) return refused(job.error());
-  while (!job->done()) job->compile_some(64);
-  auto tables = std::move(*job).finish();
-  if (!tables) return refused(tables.error());
-  auto views = sets::SeamViews::make(rig, config, *tables);
-  if (!views) return refused(views.error());
+  while (!job->tables().done()) job->tables().compile_some(64);
+  auto plan = std::move(*job).finish({});
+  if (!plan) return refused(plan.error());
   sets::SetBlend blend;
-  blend.adopt(sets::make_installed({}, name, std::move(*tables), {}, {}, {}, *views));
+  blend.adopt(sets::with_memory(*plan));
   std::vector<sets::SetFrame> frames;
   for (const ImageView& frame : seen.frames()) frames.push_back({true, frame, {}, {}, {}, 0});
-  blend.begin(frames);
-  blend.begin_views();
-  const sets::SeamPictures& pictures = *blend.installed()->seam_pictures;
-  for (std::size_t k = 0; k < blend.to_view(); ++k) blend.view(k);
-  const seams::Labels labels = (*views)->place(pictures, {});
-  auto moved = sets::with_seams(*blend.installed(), labels);
+  blend.begin(frames, true);
+  blend.run_rounds();
+  const seams::Labels labels = (*plan)->seams->place(*blend.views(), {});
+  auto moved = sets::with_seams(**plan, labels);
   if (!moved) return refused(moved.error());
-  blend.adopt(std::move(*moved));
+  blend.move_seams(std::move(*moved));
   Picture raymap{std::vector<std::uint8_t>(std::size_t{kWidth} * kHeight)};
   blend.begin_raymap(0, raymap.grey.data());
-  for (std::size_t k = 0; k < blend.to_prepare(); ++k) blend.prepare(k);
-  blend.blend(0, kHeight);
+  blend.run_rounds();
   save(raymap, folder, "two-band-placed-" + name);
   return true;
 }
@@ -161,9 +156,8 @@ bool save_placed(const Calibration& rig, const test::RenderedRig& seen, const st
 bool save_raymaps(const Calibration& rig, const test::RenderedRig& seen, const std::vector<std::string>& widths,
                   const std::string& folder, const std::string& name) {
   const table::RaymapSpec spec{"equirectangular", kWidth, kHeight, PixelFormat::kGrey8};
-  std::vector<OnBoard> blends{{"feather", Transition::kFeather, {}},
-                              {"seam", Transition::kSeam, {}},
-                              {"two-band", Transition::kTwoBand, {}}};
+  std::vector<OnBoard> blends{
+      {"feather", Transition::kFeather, {}}, {"seam", Transition::kSeam, {}}, {"two-band", Transition::kTwoBand, {}}};
   for (const std::string& width : widths) {
     blends.push_back({"seam-" + width, Transition::kSeam, width});
     blends.push_back({"two-band-" + width, Transition::kTwoBand, width});

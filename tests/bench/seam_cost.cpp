@@ -56,9 +56,9 @@ std::vector<sets::SetFrame> set_of(const FilmedSet& one, const FilmedSet& other)
 
 void blend_set(sets::SetBlend& blend, const std::vector<sets::SetFrame>& set, std::vector<std::uint8_t>& raymap) {
   blend.begin(set);
+  blend.run_rounds();
   blend.begin_raymap(0, raymap.data());
-  for (std::size_t k = 0; k < blend.to_prepare(); ++k) blend.prepare(k);
-  blend.blend(0, blend.table().height);
+  blend.run_rounds();
 }
 
 void measure(const Workload& work) {
@@ -75,35 +75,33 @@ void measure(const Workload& work) {
   auto tables = std::move(job).finish().value();
   std::shared_ptr<const sets::SeamViews> views;
   const double make = took([&] { views = sets::SeamViews::make(work.rig, config, tables).value(); });
-  const sets::InstalledPtr fixed = sets::make_installed({}, work.name, std::move(tables), {}, {}, {}, views);
+  const sets::PlanPtr fixed = sets::make_plan({}, work.name, std::move(tables), {}, {}, {}, views);
   std::vector<FilmedSet> films;
   for (std::uint32_t seed = 1; seed <= 3; ++seed) films.push_back(film(work.rig, PixelFormat::kI420, seed));
 
   sets::SetBlend blend;
-  blend.adopt(fixed);
-  sets::InstalledPtr now = fixed;
+  blend.adopt(sets::with_memory(fixed));
+  sets::PlanPtr now = fixed;
   seams::Labels labels;
   std::vector<double> view_ms, first_place_ms, first_table_ms, take_bytes, place_ms, still_ms, table_ms, fixed_ms,
       placed_ms;
   std::vector<std::uint8_t> raymap(packed_size(config.format, config.width, config.height));
   for (int k = 0; k < kTimes; ++k) {
     const auto set = set_of(films[static_cast<std::size_t>(k % 3)], films[static_cast<std::size_t>((k + 1) % 3)]);
-    blend.begin(set);
-    blend.begin_views();
-    view_ms.push_back(took([&] {
-      for (std::size_t v = 0; v < blend.to_view(); ++v) blend.view(v);
-    }));
+    blend.begin(set, true);
+    view_ms.push_back(took([&] { blend.run_rounds(); }));
+    const std::shared_ptr<const sets::SeamPictures> seen = blend.views();
     seams::Labels first;
-    first_place_ms.push_back(took([&] { first = views->place(*fixed->seam_pictures, {}); }));
+    first_place_ms.push_back(took([&] { first = views->place(*seen, {}); }));
     first_table_ms.push_back(took([&] { (void)sets::with_seams(*fixed, first).value(); }));
-    place_ms.push_back(took([&] { labels = views->place(*fixed->seam_pictures, labels); }));
-    still_ms.push_back(took([&] { labels = views->place(*fixed->seam_pictures, labels); }));
+    place_ms.push_back(took([&] { labels = views->place(*seen, labels); }));
+    still_ms.push_back(took([&] { labels = views->place(*seen, labels); }));
     table_ms.push_back(took([&] { now = sets::with_seams(*now, labels).value(); }));
     take_bytes.push_back(
         static_cast<double>(take::seams_record(1'000'000, sets::kSeamMapWidth, labels).ByteSizeLong()));
-    blend.adopt(now);
+    blend.move_seams(now);
     placed_ms.push_back(took([&] { blend_set(blend, set, raymap); }));
-    blend.adopt(fixed);
+    blend.move_seams(fixed);
     fixed_ms.push_back(took([&] { blend_set(blend, set, raymap); }));
   }
   std::printf(

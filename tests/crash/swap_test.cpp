@@ -16,7 +16,6 @@ using firmware::CalibrationStore;
 using firmware::KeeperAnswer;
 using firmware::KeeperRequest;
 using hal::sim::SimDisk;
-using sets::InstalledPtr;
 
 firmware::RigConfig tiny_config() {
   firmware::RigConfig config = scenario::small_config();
@@ -34,7 +33,7 @@ class Keeping {
     for (int i = 0; i < 1000; ++i) {
       bool busy = keeper.step(now);
       while (auto table = out_.pop()) {
-        running = (*table)->id;
+        running = table->plan->id;
         busy = true;
       }
       if (!busy) return;
@@ -51,8 +50,8 @@ class Keeping {
   }
 
  private:
-  SpscRing<sets::InstalledPtr> out_{1};
-  SpscRing<sets::InstalledPtr> back_{8};
+  SpscRing<sets::BlendSetup> out_{1};
+  SpscRing<sets::BlendSetup> back_{8};
 
  public:
   CalibrationKeeper keeper;

@@ -9,10 +9,8 @@
 
 #include "hal/sim/scene/scene.h"
 #include "stitch/decode/jpeg_frame.h"
+#include "stitch/sets/plan_job.h"
 #include "stitch/sets/set_blend.h"
-#include "stitch/sets/table_job.h"
-#include "stitch/table/meter_compiler.h"
-#include "stitch/table/tone_compiler.h"
 #include "tests/support/pictures.h"
 #include "tests/support/process.h"
 #include "tests/support/rendered_rig.h"
@@ -102,14 +100,13 @@ class CameraFormats : public testing::TestWithParam<CameraFormat> {
     config.height = kHeight;
     config.format = of;
     const std::vector<PixelFormat> formats(kHeads, format);
-    auto job = sets::TableJob::make(rig_, config, Fields::kProgressive, formats);
+    auto job = sets::PlanJob::make(rig_, config, Fields::kProgressive, formats);
     if (!job) throw std::runtime_error(job.error().text());
-    while (!job->done()) job->compile_some(1000);
-    auto tables = std::move(*job).finish();
-    if (!tables) throw std::runtime_error(tables.error().text());
+    while (!job->tables().done()) job->tables().compile_some(1000);
+    auto plan = std::move(*job).finish({});
+    if (!plan) throw std::runtime_error(plan.error().text());
     sets::SetBlend blend;
-    blend.adopt(sets::make_installed({}, "", std::move(*tables), *table::compile_meter_table(rig_),
-                                     table::compile_tone_table(rig_, of), formats));
+    blend.adopt(sets::with_memory(std::move(*plan)));
     std::vector<sets::SetFrame> set(kHeads);
     const auto each = taken_apart(frames, format);
     for (std::size_t i = 0; i < kHeads; ++i) {
@@ -125,11 +122,11 @@ class CameraFormats : public testing::TestWithParam<CameraFormat> {
       }
     }
     EXPECT_EQ(blend.begin(set), 0u);
-    for (std::size_t k = 0; k < blend.to_decode(); ++k) EXPECT_EQ(blend.decode(k).fault, decode::DecodeFault::kNone);
+    blend.run_rounds();
+    for (const auto& decoded : blend.decoded()) EXPECT_EQ(decoded.fault, decode::DecodeFault::kNone);
     Bytes pixels(packed_size(of, kWidth, kHeight));
     blend.begin_raymap(0, pixels.data());
-    for (std::size_t k = 0; k < blend.to_prepare(); ++k) blend.prepare(k);
-    blend.blend(0, kHeight);
+    blend.run_rounds();
     EXPECT_EQ(blend.heads(), (1u << kHeads) - 1);
     return pixels;
   }

@@ -4,8 +4,7 @@
 #include <algorithm>
 
 #include "protocol/base/field.h"
-#include "stitch/sets/seam_views.h"
-#include "stitch/sets/table_job.h"
+#include "stitch/sets/plan_job.h"
 #include "tests/scenario/stand.h"
 
 namespace nodal::scenario {
@@ -101,19 +100,18 @@ TEST(PlacedSeams, AnotherCalibration_HasItsOwn) {
 }
 
 /// As if the compiler of tables had a fault: a head's patches are far outside of its picture.
-sets::InstalledPtr broken_calibration(const StandOptions& options) {
+sets::BlendSetup broken_calibration(const StandOptions& options) {
   std::vector<PixelFormat> formats;
   for (const firmware::HeadConfig& head : options.config.heads) formats.push_back(head.format);
-  auto job = sets::TableJob::make(options.truth, options.config.raymap, Fields::kProgressive, formats).value();
-  while (!job.done()) job.compile_some(64);
-  auto tables = std::move(job).finish().value();
-  auto views = sets::SeamViews::make(options.truth, options.config.raymap, tables).value();
-  blend::GridTable& cover = tables[0].cover[0];
+  auto job = sets::PlanJob::make(options.truth, options.config.raymap, Fields::kProgressive, formats).value();
+  while (!job.tables().done()) job.tables().compile_some(64);
+  sets::BlendPlan broken = *std::move(job).finish({}).value();
+  blend::GridTable& cover = broken.tables[0].cover[0];
   std::ranges::fill(cover.coordinates, std::int16_t{20'000});
   for (blend::PatchRecord& record : cover.records) {
     if (!record.listed()) record.x[0] = 20'000;
   }
-  return sets::make_installed({}, "broken", std::move(tables), {}, {}, formats, std::move(views));
+  return sets::with_memory(std::make_shared<const sets::BlendPlan>(std::move(broken)));
 }
 
 TEST(PlacedSeams, ThatAreRefused_AreCountedAndSaidOnceAndTheRigFilmsOn) {

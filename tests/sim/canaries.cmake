@@ -73,8 +73,8 @@ canary(calibration_not_synced SETS firmware/storage/durable_file.cpp "if (done) 
 canary(told_and_not_kept SETS firmware/calibration/calibration_keeper.cpp
   "if (kept) kept = store_->set_in_force(done.id)\;" "")
 canary(raymap_names_the_first SETS firmware/picture/blender.cpp
-  "blend_.installed()->id, {}, {}}\;"
-  "[this] { static const Sha256 first = blend_.installed()->id\; return first\; }(), {}, {}}\;")
+  "blend_.plan()->id, {}, {}}\;"
+  "[this] { static const Sha256 first = blend_.plan()->id\; return first\; }(), {}, {}}\;")
 canary(moved_the_wrong_way SETS firmware/sync/aligner.cpp
   "nudges[i] = in_steps(off, limits.step)\;" "nudges[i] = in_steps(-off, limits.step)\;")
 canary(asked_taken_for_done SETS firmware/sync/aligner.cpp

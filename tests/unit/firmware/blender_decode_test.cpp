@@ -40,11 +40,11 @@ class JpegHeads : public BlenderTest {
     for (std::size_t i = 0; i < kHeads; ++i) {
       set.frames[i].image = packed_image(PixelFormat::kRgb24, kSide, kSide, std::as_const(decoded[i]).data());
     }
-    return whole(set, *calibration);
+    return whole(set, *calibration.plan);
   }
   std::array<std::vector<std::uint8_t>, kHeads> jpegs;
   std::array<std::vector<std::uint8_t>, kHeads> decoded;
-  const sets::InstalledPtr calibration = installed("jpegs", 1, std::vector(kHeads, PixelFormat::kMjpeg));
+  const sets::BlendSetup calibration = installed("jpegs", 1, std::vector(kHeads, PixelFormat::kMjpeg));
 };
 
 TEST_F(JpegHeads, ASet_IsTheRaymapOfItsDecodedPictures) {

@@ -26,8 +26,8 @@ inline RaymapConfig raymap_config() {
   return config;
 }
 
-inline sets::InstalledPtr installed(const std::string& name, std::uint8_t mark,
-                                    const std::vector<PixelFormat>& delivered = {}) {
+inline sets::BlendSetup installed(const std::string& name, std::uint8_t mark,
+                                  const std::vector<PixelFormat>& delivered = {}) {
   Calibration calibration = test::ring(kHeads, kSide, kSide);
   calibration.name = name;
   const std::vector<PixelFormat> formats(kHeads, PixelFormat::kRgb24);
@@ -39,7 +39,7 @@ inline sets::InstalledPtr installed(const std::string& name, std::uint8_t mark,
   id.fill(mark);
   std::vector<blend::BlendTable> tables;
   tables.push_back(std::move(*table));
-  return sets::make_installed(id, name, std::move(tables), {}, {}, delivered);
+  return sets::with_memory(sets::make_plan(id, name, std::move(tables), {}, {}, delivered));
 }
 
 class BlenderTest : public testing::Test {
@@ -62,7 +62,7 @@ class BlenderTest : public testing::Test {
     return set;
   }
   /// The result of blend_rows for the set in one call; the bands must give exactly the same.
-  LineVector whole(const FrameSet& set, const sets::InstalledCalibration& calibration) {
+  LineVector whole(const FrameSet& set, const sets::BlendPlan& calibration) {
     const RaymapConfig config = raymap_config();
     LineVector pixels(packed_size(config.format, config.width, config.height));
     std::array<ImageView, kHeads> views;
@@ -89,7 +89,7 @@ class BlenderTest : public testing::Test {
     sets.collect();
     return sets.lent();
   }
-  void install(sets::InstalledPtr calibration) { ASSERT_TRUE(blender.tables_in().push(std::move(calibration))); }
+  void install(sets::BlendSetup calibration) { ASSERT_TRUE(blender.tables_in().push(std::move(calibration))); }
 
   std::array<std::vector<std::uint8_t>, kHeads> pictures;
   hal::sim::SimClock clock;

@@ -5,13 +5,14 @@
 
 #include "blender_fixture.h"
 #include "firmware/picture/seam_stage.h"
+#include "stitch/sets/blend_memory.h"
 #include "stitch/sets/seam_views.h"
 
 namespace nodal::firmware {
 namespace {
 
 /// Four heads with wide overlaps.
-sets::InstalledPtr with_placed_seams(std::uint8_t mark, double view_deg = 130) {
+sets::BlendSetup with_placed_seams(std::uint8_t mark, double view_deg = 130) {
   Calibration calibration;
   calibration.name = "wide";
   for (int i = 0; i < kHeads; ++i) {
@@ -26,7 +27,7 @@ sets::InstalledPtr with_placed_seams(std::uint8_t mark, double view_deg = 130) {
   auto views = sets::SeamViews::make(calibration, config, tables).value();
   Sha256 id{};
   id.fill(mark);
-  return sets::make_installed(id, calibration.name, std::move(tables), {}, {}, {}, std::move(views));
+  return sets::with_memory(sets::make_plan(id, calibration.name, std::move(tables), {}, {}, {}, std::move(views)));
 }
 
 class PlacedSeams : public BlenderTest {
@@ -42,9 +43,9 @@ class PlacedSeams : public BlenderTest {
 };
 
 TEST_F(PlacedSeams, AreInForceFromTheNextPeriodOn) {
-  const sets::InstalledPtr calibration = with_placed_seams(1);
+  const sets::BlendSetup calibration = with_placed_seams(1);
   install(calibration);
-  const LineVector fixed = whole(full_set(0), *calibration);
+  const LineVector fixed = whole(full_set(0), *calibration.plan);
   EXPECT_EQ(raymap_of(0), fixed);
   EXPECT_FALSE(stage.idle());
   EXPECT_TRUE(stage.step());
@@ -53,7 +54,8 @@ TEST_F(PlacedSeams, AreInForceFromTheNextPeriodOn) {
     EXPECT_EQ(raymap_of(set), fixed) << set;
     EXPECT_FALSE(stage.step()) << "one request a period";
   }
-  const sets::InstalledPtr placed = sets::place_seams(*calibration).installed;  // of the views that set 0 left there
+  const sets::PlanPtr placed = sets::place_seams(*calibration.plan, calibration.memory->seam_pictures)
+                                   .plan;  // of the views that set 0 left there
   ASSERT_TRUE(placed);
   const LineVector moved = whole(full_set(sets::kSeamPeriod), *placed);
   EXPECT_NE(moved, fixed);
@@ -61,7 +63,8 @@ TEST_F(PlacedSeams, AreInForceFromTheNextPeriodOn) {
   EXPECT_EQ(blender.counts().seams_moved.load(), 1u);
   const auto before = blender.tables_out().pop();
   ASSERT_TRUE(before);
-  EXPECT_EQ(*before, calibration) << "the keeper frees it";
+  EXPECT_EQ(before->plan, calibration.plan) << "the keeper frees it";
+  EXPECT_FALSE(before->memory) << "the blend goes on with it";
   EXPECT_FALSE(blender.tables_out().pop());
 }
 
@@ -83,9 +86,9 @@ TEST_F(PlacedSeams, OfTheSamePictures_StayAndCostNoTable) {
 
 /// The first placement takes longest: the fixed seams stay until it is done.
 TEST_F(PlacedSeams, AStageThatIsLate_LeavesTheOldSeamsAndIsCounted) {
-  const sets::InstalledPtr calibration = with_placed_seams(1);
+  const sets::BlendSetup calibration = with_placed_seams(1);
   install(calibration);
-  const LineVector fixed = whole(full_set(0), *calibration);
+  const LineVector fixed = whole(full_set(0), *calibration.plan);
   for (std::uint64_t set = 0; set < 2 * sets::kSeamPeriod + 3; ++set) EXPECT_EQ(raymap_of(set), fixed) << set;
   EXPECT_EQ(blender.counts().seams_late.load(), 2u) << "two further periods began";
   EXPECT_TRUE(stage.step());
@@ -96,9 +99,9 @@ TEST_F(PlacedSeams, AStageThatIsLate_LeavesTheOldSeamsAndIsCounted) {
 TEST_F(PlacedSeams, ACalibrationSwappedMeanwhile_IsBlendedWithItsOwnSeams) {
   install(with_placed_seams(1));
   raymap_of(0);
-  const sets::InstalledPtr other = with_placed_seams(2, 120);
+  const sets::BlendSetup other = with_placed_seams(2, 120);
   install(other);
-  const LineVector fixed = whole(full_set(1), *other);
+  const LineVector fixed = whole(full_set(1), *other.plan);
   EXPECT_EQ(raymap_of(1), fixed);
   EXPECT_TRUE(stage.step()) << "places seams for the calibration that is gone";
   EXPECT_EQ(raymap_of(2), fixed);
@@ -137,7 +140,7 @@ TEST_F(PlacedSeams, AreLoggedWithTheFirstSetThatIsBlendedWithThem) {
 
 TEST_F(PlacedSeams, WhileTheirLogIsFull_StayAndACalibrationsOwnAreLoggedLater) {
   blender.log_seams();
-  const sets::InstalledPtr calibration = with_placed_seams(1);
+  const sets::BlendSetup calibration = with_placed_seams(1);
   std::uint64_t set = 0;
   for (std::size_t k = 0; k < Blender::kSeamChangesWaiting + 3; ++k, ++set) {
     install(calibration);
@@ -177,11 +180,11 @@ TEST_F(PlacedSeams, WithoutATakeToLogThemFor_AreNotLogged) {
 
 /// As with a table compiler that has a fault.
 TEST_F(PlacedSeams, WhoseTableFailsItsProof_AreRefusedAndTheOldOnesStay) {
-  sets::InstalledCalibration broken = *with_placed_seams(1);
+  sets::BlendPlan broken = *with_placed_seams(1).plan;
   std::ranges::fill(broken.tables[0].cover[0].coordinates, std::int16_t{20'000});  // far outside of the pictures
-  const auto installed = std::make_shared<const sets::InstalledCalibration>(std::move(broken));
+  const sets::BlendSetup installed = sets::with_memory(std::make_shared<const sets::BlendPlan>(std::move(broken)));
   install(installed);
-  const LineVector fixed = whole(full_set(0), *installed);
+  const LineVector fixed = whole(full_set(0), *installed.plan);
   for (std::uint64_t set = 0; set < 3 * sets::kSeamPeriod; ++set) {
     EXPECT_EQ(raymap_of(set), fixed) << set;
     stage.step();

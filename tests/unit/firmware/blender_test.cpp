@@ -19,7 +19,7 @@ TEST_F(BlenderTest, WithoutACalibration_SetsGoBackAndAreCounted) {
 }
 
 TEST_F(BlenderTest, ASetInBands_IsTheRaymapInOnePiece) {
-  const sets::InstalledPtr calibration = installed("one", 1);
+  const sets::BlendSetup calibration = installed("one", 1);
   install(calibration);
   FrameSet set = full_set(7);
   set.sync.trigger = 9;
@@ -27,16 +27,16 @@ TEST_F(BlenderTest, ASetInBands_IsTheRaymapInOnePiece) {
   EXPECT_EQ(held(), 0u);
   const auto raymap = blender.raymaps_out().pop();
   ASSERT_TRUE(raymap);
-  EXPECT_EQ(*raymap->pixels, whole(set, *calibration));
+  EXPECT_EQ(*raymap->pixels, whole(set, *calibration.plan));
   EXPECT_EQ(reinterpret_cast<std::uintptr_t>(raymap->pixels->data()) % 64, 0U) << "they begin with a cache line";
   EXPECT_EQ(raymap->info.set, 7u);
   EXPECT_EQ(raymap->info.sync.trigger, 9u);
   EXPECT_EQ(raymap->info.heads, 0b1111u);
-  EXPECT_EQ(raymap->info.calibration, calibration->id);
+  EXPECT_EQ(raymap->info.calibration, calibration.plan->id);
 }
 
 TEST_F(BlenderTest, AHeadIsMissing_ItsBitIsTooAndTheOthersTakeItsRays) {
-  const sets::InstalledPtr calibration = installed("one", 1);
+  const sets::BlendSetup calibration = installed("one", 1);
   install(calibration);
   FrameSet set = full_set(0);
   set.mask &= ~head_bit(2);
@@ -44,11 +44,11 @@ TEST_F(BlenderTest, AHeadIsMissing_ItsBitIsTooAndTheOthersTakeItsRays) {
   const auto raymap = blender.raymaps_out().pop();
   ASSERT_TRUE(raymap);
   EXPECT_EQ(raymap->info.heads, 0b1011u);
-  EXPECT_EQ(*raymap->pixels, whole(set, *calibration));
+  EXPECT_EQ(*raymap->pixels, whole(set, *calibration.plan));
 }
 
 TEST_F(BlenderTest, AFrameOfAnotherSize_IsNotReadAndCounted) {
-  const sets::InstalledPtr calibration = installed("one", 1);
+  const sets::BlendSetup calibration = installed("one", 1);
   install(calibration);
   FrameSet set = full_set(0);
   set.frames[1].image = packed_image(PixelFormat::kRgb24, kSide / 2, kSide, std::as_const(pictures[1]).data());
@@ -59,30 +59,30 @@ TEST_F(BlenderTest, AFrameOfAnotherSize_IsNotReadAndCounted) {
   EXPECT_EQ(blender.counts().unfit_frames.load(), 1u);
   FrameSet without = full_set(0);
   without.mask &= ~head_bit(1);
-  EXPECT_EQ(*raymap->pixels, whole(without, *calibration));
+  EXPECT_EQ(*raymap->pixels, whole(without, *calibration.plan));
 }
 
 TEST_F(BlenderTest, ANewCalibration_IsAdoptedBetweenSetsAndTheOldOneHandedOut) {
-  const sets::InstalledPtr first = installed("one", 1);
-  const sets::InstalledPtr second = installed("two", 2);
+  const sets::BlendSetup first = installed("one", 1);
+  const sets::BlendSetup second = installed("two", 2);
   install(first);
   FrameSet set = full_set(0);
   lend(set);
   ASSERT_TRUE(blender.step());  // takes the first calibration and begins a raymap
   install(second);              // while the raymap is being blended
   while (blender.step()) {}
-  EXPECT_EQ(blender.raymaps_out().pop()->info.calibration, first->id);
-  EXPECT_EQ(blender.tables_out().pop(), first);
+  EXPECT_EQ(blender.raymaps_out().pop()->info.calibration, first.plan->id);
+  EXPECT_EQ(blender.tables_out().pop()->plan, first.plan);
   EXPECT_EQ(blender.counts().adopted.load(), 2u);
   FrameSet next = full_set(1);
   blend(next);
-  EXPECT_EQ(blender.raymaps_out().pop()->info.calibration, second->id);
+  EXPECT_EQ(blender.raymaps_out().pop()->info.calibration, second.plan->id);
   EXPECT_EQ(blender.sets_begun(), 2u);
   for (std::uint64_t from = 0; from < 2; ++from) {
     const auto adoption = blender.adoptions_out().pop();
     ASSERT_TRUE(adoption);
     EXPECT_EQ(adoption->first_set, from);
-    EXPECT_EQ(adoption->calibration, from == 0 ? first->id : second->id);
+    EXPECT_EQ(adoption->calibration, from == 0 ? first.plan->id : second.plan->id);
   }
 }
 
@@ -101,7 +101,7 @@ TEST_F(BlenderTest, NobodyTakesTheRaymaps_ItWaitsAndLosesNone) {
 }
 
 /// The ring's heads interlaced, the bottom field first.
-sets::InstalledPtr installed_by_field() {
+sets::BlendSetup installed_by_field() {
   const RaymapConfig config = raymap_config();
   const std::vector<PixelFormat> formats(kHeads, PixelFormat::kRgb24);
   std::vector<blend::BlendTable> tables;
@@ -111,11 +111,11 @@ sets::InstalledPtr installed_by_field() {
     const table::RaymapSpec spec{"equirectangular", config.width, config.height, config.format};
     tables.push_back(table::compile_blend_table(test::ring(kHeads, kSide, kSide), spec, formats, options).value());
   }
-  return sets::make_installed({}, "fields", std::move(tables));
+  return sets::with_memory(sets::make_plan({}, "fields", std::move(tables)));
 }
 
 TEST_F(BlenderTest, ATableAField_EachFieldIsBlendedAsIfItsRowsWereAPictureOfTheirOwn) {
-  const sets::InstalledPtr calibration = installed_by_field();
+  const sets::BlendSetup calibration = installed_by_field();
   install(calibration);
   FrameSet set = full_set(3);
   set.mid_exposure = Instant{} + Duration::milliseconds(100);
@@ -143,9 +143,9 @@ TEST_F(BlenderTest, ATableAField_EachFieldIsBlendedAsIfItsRowsWereAPictureOfThei
       }
       views[i] = packed_image(PixelFormat::kRgb24, kSide, kSide / 2, std::as_const(rows[i]).data());
     }
-    const blend::BlendTable& table = calibration->tables[static_cast<std::size_t>(number)];
+    const blend::BlendTable& table = calibration.plan->tables[static_cast<std::size_t>(number)];
     LineVector expected(packed_size(table.format, table.width, table.height));
-    blend::blend_rows(table, test::PreparedHeads(table, views).views(), calibration->tone,
+    blend::blend_rows(table, test::PreparedHeads(table, views).views(), calibration.plan->tone,
                       packed_image(table.format, table.width, table.height, expected.data()), 0, table.height);
     EXPECT_EQ(*raymap->pixels, expected) << "field " << number;
   }
@@ -206,7 +206,7 @@ TEST_F(BlenderTest, BuffersThatNeverComeBack_CostRaymapsAndNotMemory) {
 }
 
 TEST_F(BlenderTest, FourThreadsAtOnce_GiveTheSameBytesAndLoseNoSet) {
-  const std::array<sets::InstalledPtr, 2> calibrations = {installed("one", 1), installed("two", 2)};
+  const std::array<sets::BlendSetup, 2> calibrations = {installed("one", 1), installed("two", 2)};
   install(calibrations[0]);
   constexpr std::uint64_t kSets =
       1000;  // each of two rounds, heads prepared and bands blended: what one leaves behind harms the next
@@ -216,7 +216,7 @@ TEST_F(BlenderTest, FourThreadsAtOnce_GiveTheSameBytesAndLoseNoSet) {
     filled.back().mask &= ~(i == 0 ? 0U : head_bit(i % kHeads));
   }
   std::vector<LineVector> expected;
-  for (const FrameSet& set : filled) expected.push_back(whole(set, *calibrations[0]));
+  for (const FrameSet& set : filled) expected.push_back(whole(set, *calibrations[0].plan));
 
   std::atomic<bool> stop{false};
   std::vector<std::thread> threads;
@@ -235,7 +235,7 @@ TEST_F(BlenderTest, FourThreadsAtOnce_GiveTheSameBytesAndLoseNoSet) {
     while (blender.tables_out().pop()) {}
     while (blender.adoptions_out().pop()) {}
     if (given % 50 == 49) {
-      sets::InstalledPtr next = calibrations[(given / 50) % 2];
+      sets::BlendSetup next = calibrations[(given / 50) % 2];
       (void)blender.tables_in().push(std::move(next));  // both tables give the same picture
     }
     auto raymap = blender.raymaps_out().pop();

@@ -154,7 +154,7 @@ class CalibrationTrialTest : public testing::Test {
  protected:
   void prepare() { trial.prepare(Calibration{}, std::nullopt, before, Duration::seconds(60)); }
 
-  sets::InstalledPtr before = std::make_shared<sets::InstalledCalibration>();
+  sets::BlendSetup before{std::make_shared<sets::BlendPlan>(), nullptr};
   Instant start = Instant::from_ns(1'000'000'000);
   CalibrationTrial trial;
 };
@@ -171,15 +171,15 @@ TEST_F(CalibrationTrialTest, ItsTimeBeginsWhenItRuns) {
 TEST_F(CalibrationTrialTest, GoingBack_GivesWhatWasInForceAndANewTrialMayBegin) {
   prepare();
   trial.run(start);
-  EXPECT_EQ(trial.go_back(), before);
+  EXPECT_EQ(trial.go_back().plan, before.plan);
   EXPECT_EQ(trial.state(), CalibrationTrial::State::kNone);
   prepare();
   trial.give_up();
-  EXPECT_EQ(before.use_count(), 1) << "nothing of an ended trial is kept in memory";
+  EXPECT_EQ(before.plan.use_count(), 1) << "nothing of an ended trial is kept in memory";
   prepare();
   trial.run(start);
   trial.keep();
-  EXPECT_EQ(before.use_count(), 1);
+  EXPECT_EQ(before.plan.use_count(), 1);
   EXPECT_FALSE(trial.overdue(start + Duration::seconds(1000)));
 }
 

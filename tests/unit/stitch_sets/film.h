@@ -6,11 +6,9 @@
 #include <utility>
 #include <vector>
 
-#include "stitch/sets/placed_seams.h"
-#include "stitch/sets/seam_views.h"
+#include "stitch/sets/plan_job.h"
+#include "stitch/sets/seam_schedule.h"
 #include "stitch/sets/set_blend.h"
-#include "stitch/sets/table_job.h"
-#include "stitch/table/tone_compiler.h"
 #include "tests/support/rendered_rig.h"
 
 namespace nodal::sets {
@@ -27,16 +25,12 @@ inline RaymapConfig config_with(SeamPlacement seams) {
   return config;
 }
 
-inline InstalledPtr installed(const Calibration& rig, SeamPlacement seams) {
-  const RaymapConfig config = config_with(seams);
-  auto job = TableJob::make(rig, config, Fields::kProgressive,
-                            std::vector<PixelFormat>(rig.heads.size(), PixelFormat::kGrey8));
-  while (!job->done()) job->compile_some(64);
-  auto tables = std::move(*job).finish().value();
-  std::shared_ptr<const SeamViews> views;
-  if (seams == SeamPlacement::kPlaced) views = SeamViews::make(rig, config, tables).value();
-  return make_installed({}, "rig", std::move(tables), {}, table::compile_tone_table(rig, config.format, true), {},
-                        std::move(views));
+inline PlanPtr plan_of(const Calibration& rig, SeamPlacement seams) {
+  auto job = PlanJob::make(rig, config_with(seams), Fields::kProgressive,
+                           std::vector<PixelFormat>(rig.heads.size(), PixelFormat::kGrey8))
+                 .value();
+  while (!job.tables().done()) job.tables().compile_some(64);
+  return std::move(job).finish({}).value();
 }
 
 inline std::vector<SetFrame> set_of(const test::RenderedRig& seen) {
@@ -47,34 +41,36 @@ inline std::vector<SetFrame> set_of(const test::RenderedRig& seen) {
 
 class Film {
  public:
-  Film(const Calibration& rig, SeamPlacement seams) { blend_.adopt(installed(rig, seams)); }
+  Film(const Calibration& rig, SeamPlacement seams) { blend_.adopt(with_memory(plan_of(rig, seams))); }
 
   Bytes blend(const std::vector<SetFrame>& set) {
     const std::uint64_t number = next_++;
-    const bool first = number % kSeamPeriod == 0;
-    if (first && placed_) {
-      blend_.adopt(std::move(placed_));
-      ++moved;
+    if (schedule_.due(number)) {
+      if (PlanPtr placed = schedule_.take().plan) {
+        blend_.move_seams(std::move(placed));
+        ++moved;
+      }
     }
-    blend_.begin(set);
-    if (first && blend_.installed()->seams) {
-      blend_.begin_views();
-      for (std::size_t k = 0; k < blend_.to_view(); ++k) blend_.view(k);
-      placed_ = place_seams(*blend_.installed()).installed;
+    blend_.begin(set, blend_.plan()->seams && schedule_.wants(number));
+    blend_.run_rounds();
+    if (blend_.views()) {
+      newest_views = blend_.views();
+      schedule_.begin(number);
+      schedule_.placed(place_seams(*blend_.plan(), *newest_views));
     }
     Bytes raymap(std::size_t{kWidth} * kWidth / 2);
     blend_.begin_raymap(0, raymap.data());
-    for (std::size_t k = 0; k < blend_.to_prepare(); ++k) blend_.prepare(k);
-    blend_.blend(0, kWidth / 2);
+    blend_.run_rounds();
     return raymap;
   }
-  const InstalledCalibration& now() const { return *blend_.installed(); }
+  const BlendPlan& now() const { return *blend_.plan(); }
 
   int moved = 0;
+  std::shared_ptr<const SeamPictures> newest_views;
 
  private:
   SetBlend blend_;
-  InstalledPtr placed_;
+  SeamSchedule schedule_;
   std::uint64_t next_ = 0;
 };
 

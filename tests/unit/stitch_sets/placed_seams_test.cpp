@@ -7,6 +7,7 @@
 #include "film.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/raymap/layout.h"
+#include "stitch/sets/seam_views.h"
 
 namespace nodal::sets {
 namespace {
@@ -16,7 +17,7 @@ TEST(PlacedSeams, Views_AreWhatTheHeadsSee) {
   const test::RenderedRig seen = test::render_rig(test::six_fisheyes(160), town);
   Film film(seen.truth, SeamPlacement::kPlaced);
   film.blend(set_of(seen));
-  const SeamPictures& pictures = *film.now().seam_pictures;
+  const SeamPictures& pictures = *film.newest_views;
   EXPECT_EQ(pictures.heads, 0b111111U);
   const auto layout = geometry::make_layout("equirectangular", kSeamMapWidth, kSeamMapWidth / 2).value();
   const auto heads = geometry::make_heads(seen.truth).value();
@@ -52,7 +53,7 @@ TEST(PlacedSeams, HeadsWithOtherExposures_AreComparedAsIfTheyHadTheSame) {
     set[1].exposure = Exposure::microseconds(exposure_of_head_1_us);
     Film film(seen.truth, SeamPlacement::kPlaced);
     film.blend(set);
-    const SeamPictures& pictures = *film.now().seam_pictures;
+    const SeamPictures& pictures = *film.newest_views;
     double off = 0, count = 0;
     for (std::size_t p = 0; p < pictures.views[0].size(); ++p) {
       if (pictures.views[0][p] == 0 || pictures.views[1][p] == 0) continue;
@@ -70,15 +71,15 @@ TEST(PlacedSeams, ATableThatFailsItsProof_IsRefusedWithTheReason) {
   const test::RenderedRig seen = test::render_rig(test::six_fisheyes(160), hal::sim::town_square_scene(3));
   Film film(seen.truth, SeamPlacement::kPlaced);
   film.blend(set_of(seen));
-  const PlacedSeams good = place_seams(film.now());
-  ASSERT_TRUE(good.installed);
+  const PlacedSeams good = place_seams(film.now(), *film.newest_views);
+  ASSERT_TRUE(good.plan);
   EXPECT_EQ(good.refused, "");
-  InstalledCalibration broken = film.now();
+  BlendPlan broken = film.now();
   for (blend::PatchRecord& record : broken.tables[0].cover[0].records) {
     if (!record.listed()) record.x[0] = 20'000;  // far outside of the picture
   }
-  const PlacedSeams refused = place_seams(broken);
-  EXPECT_FALSE(refused.installed);
+  const PlacedSeams refused = place_seams(broken, *film.newest_views);
+  EXPECT_FALSE(refused.plan);
   EXPECT_NE(refused.refused.find("blend table"), std::string::npos) << refused.refused;
 }
 
