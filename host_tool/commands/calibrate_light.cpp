@@ -8,8 +8,7 @@
 #include "host_tool/commands/command.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
-#include "host_tool/input/pictures.h"
-#include "host_tool/input/registration_input.h"
+#include "host_tool/input/rig_pictures.h"
 
 namespace nodal::host {
 namespace {
@@ -95,30 +94,28 @@ void tell(Console& console, const cal::LightReport& report, const CalibrateLight
 }
 
 Status run_calibrate_light(Context& context, const CalibrateLightArgs& args) {
-  NODAL_TRY_ASSIGN(const std::string text, read_file(args.file, kMaxCalibrationBytes));
-  const Result<Calibration> rig = parse_calibration(text);
-  if (!rig) return fail(rig.error().in(args.file));
-  std::vector<std::string> names;
-  for (const HeadCalibration& head : rig->heads) names.push_back(head.name);
-  NODAL_TRY_ASSIGN(PictureSets pictures, interruptible(context.console(), [&] {
-                     return read_pictures(args.pictures, names, linear_heads(*rig));
-                   }));
-  if (!args.stops.empty() && args.stops.size() != pictures.sets.size()) {
+  std::vector<std::string> inputs{args.file};
+  inputs.insert(inputs.end(), args.pictures.begin(), args.pictures.end());
+  NODAL_TRY_ASSIGN(RigPictures rig, interruptible(context.console(), [&] { return read_all_pictures({}, inputs); }));
+  for (const std::string& note : rig.notes) context.console().note("note: " + note);
+  if (!args.stops.empty() && args.stops.size() != rig.sets.size()) {
     return fail(Errc::kBadValue, fmt::format("--stops has {} numbers for {} sets of pictures; give one for each",
-                                             args.stops.size(), pictures.sets.size()));
+                                             args.stops.size(), rig.sets.size()));
   }
+  std::vector<DecodedImage> colours;
   std::vector<cal::ExposedSet> sets;
-  for (std::size_t i = 0; i < pictures.sets.size(); ++i) {
+  for (std::size_t i = 0; i < rig.sets.size(); ++i) {
     cal::ExposedSet set{fmt::format("set {}", i + 1), {}, {}};
-    for (DecodedImage& picture : pictures.sets[i]) {
-      picture = media::convert_image(picture.view(), PixelFormat::kRgb24);
-      set.frames.push_back(picture.view());
+    for (HeadPicture& picture : rig.sets[i]) {
+      colours.push_back(in_format(picture.take(), PixelFormat::kRgb24));
+      set.frames.push_back(colours.back().view());
     }
     if (!args.stops.empty()) set.stops = args.stops[i];
     sets.push_back(std::move(set));
   }
-  NODAL_TRY_ASSIGN(const cal::LightReport report,
-                   interruptible(context.console(), [&] { return cal::calibrate_light(*rig, sets, args.options); }));
+  NODAL_TRY_ASSIGN(const cal::LightReport report, interruptible(context.console(), [&] {
+                     return cal::calibrate_light(rig.calibration, sets, args.options);
+                   }));
   NODAL_TRY(write_file(args.out, nodal::to_json(report.calibration)));
   tell(context.console(), report, args);
   return {};
@@ -136,7 +133,7 @@ void add_calibrate_light(CLI::App& group, CommandLine& line) {
       "under known exposures give the response too: the same calm scene, a stop or two apart. +1 is twice the\n"
       "light.\n");
   auto args = std::make_shared<CalibrateLightArgs>();
-  light->add_option("FILE", args->file, "The calibration, registered, JSON")->required()->type_name("");
+  light->add_option("FILE", args->file, "The calibration, registered")->required()->type_name("");
   light->add_option("PICTURES", args->pictures, "Folders with pictures named after the heads, or the pictures")
       ->required()
       ->type_name("");

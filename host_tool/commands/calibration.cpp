@@ -6,6 +6,7 @@
 #include "host_tool/commands/trial.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/quantities.h"
+#include "host_tool/input/calibration_file.h"
 #include "host_tool/input/live_frames.h"
 #include "host_tool/report/calibration_report.h"
 #include "host_tool/rig/not_recorded.h"
@@ -50,12 +51,13 @@ Result<std::string> parse_id(const std::string& text) {
   return bytes;
 }
 
-Result<Calibration> read_calibration(const std::string& file, std::string* content) {
-  NODAL_TRY_ASSIGN(std::string text, read_file(file, kMaxCalibrationBytes));
-  Result<Calibration> calibration = parse_calibration(text);
-  if (content != nullptr) *content = std::move(text);
-  if (!calibration) return fail(calibration.error().in(file));
-  return calibration;
+/// Sets `document` to what is uploaded: the file, or what `nodal import` makes of a project.
+Result<Calibration> read_to_upload(const std::string& file, Console& console, std::string& document) {
+  NODAL_TRY_ASSIGN(document, read_file(file, kMaxCalibrationFileBytes));
+  NODAL_TRY_ASSIGN(CalibrationFile read, parse_calibration_file(document, file));
+  for (const std::string& note : read.content.notes) console.note("note: " + note);
+  if (!read.own) document = to_json(read.content.calibration);
+  return std::move(read.content.calibration);
 }
 
 /// Reads the file that --signature names; without the option FILE.sig if it exists; else returns nothing.
@@ -68,7 +70,7 @@ Result<std::string> read_signature(const CalibrationArgs& args) {
 
 Status run_trial(Context& context, const CalibrationArgs& args) {
   std::string content;
-  NODAL_TRY_ASSIGN(const Calibration calibration, read_calibration(args.file, &content));
+  NODAL_TRY_ASSIGN(const Calibration calibration, read_to_upload(args.file, context.console(), content));
   NODAL_TRY_ASSIGN(const std::string signature, read_signature(args));
   NODAL_TRY_ASSIGN(const TrialVerdict verdict, try_out(context, calibration, kLiveSets,
                                                        {kTrialLimit, signature, args.allow_older}, std::move(content)));
@@ -79,9 +81,10 @@ Status run_trial(Context& context, const CalibrationArgs& args) {
 Status run_upload(Context& context, const CalibrationArgs& args) {
   if (args.trial) return run_trial(context, args);
   std::string content;
-  const Result<Calibration> calibration = read_calibration(args.file, &content);
+  const Result<Calibration> calibration = read_to_upload(args.file, context.console(), content);
   if (!calibration) {
-    if (content.empty() || !args.unchecked) return fail(calibration.error());
+    const bool possible = !content.empty() && content.size() <= kMaxCalibrationBytes;
+    if (!possible || !args.unchecked) return fail(calibration.error());
     context.console().warning(calibration.error().text() + "; sent nevertheless because of --unchecked");
   }
   NODAL_TRY_ASSIGN(const std::string signature, read_signature(args));
@@ -184,7 +187,7 @@ Status run_rollback(Context& context) {
 }
 
 Status run_check(Context& context, const CalibrationArgs& args) {
-  NODAL_TRY_ASSIGN(const Calibration calibration, read_calibration(args.file, nullptr));
+  NODAL_TRY_ASSIGN(const Calibration calibration, read_calibration(args.file, context.console()));
   const Result<CalibrationReport> report = report_on(calibration);
   if (!report) return fail(report.error().in(args.file));
   context.console().document(to_json(*report));
@@ -205,7 +208,7 @@ void add_calibration(CLI::App& app, CommandLine& line) {
   CLI::App* upload = add("upload", "Check a calibration, send it, and put it in force between two frame sets",
                          "  nodal calibration upload rig.json\n"
                          "An interrupted upload continues where it stopped, also in a second run of `nodal`.\n");
-  upload->add_option("FILE", args->file, "The calibration, JSON")->required()->type_name("");
+  upload->add_option("FILE", args->file, "The calibration, or another program's project")->required()->type_name("");
   CLI::Option* unchecked =
       upload->add_flag("--unchecked", args->unchecked, "Send it even if it is wrong; the rig checks it again");
   upload->add_flag("--trial", args->trial, "Keep it only if the heads differ by less with it; else the rig goes back")
@@ -236,7 +239,7 @@ void add_calibration(CLI::App& app, CommandLine& line) {
   CLI::App* check = add("check", "Check a calibration file and describe it; needs no rig",
                         "  nodal calibration check rig.json\n"
                         "  nodal calibration check rig.json --json | jq .unseen\n");
-  check->add_option("FILE", args->file, "The calibration, JSON")->required()->type_name("");
+  check->add_option("FILE", args->file, "The calibration, or another program's project")->required()->type_name("");
   line.on(check, [args](Context& context) { return run_check(context, *args); });
 
   add_calibration_diff(*group, line);

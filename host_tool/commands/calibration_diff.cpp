@@ -1,7 +1,7 @@
 #include <fmt/format.h>
 
 #include "host_tool/commands/command.h"
-#include "host_tool/console/files.h"
+#include "host_tool/input/calibration_file.h"
 #include "protocol/base/try.h"
 #include "protocol/calibration.h"
 #include "stitch/calibration/difference.h"
@@ -13,16 +13,9 @@ struct CalibrationDiffArgs {
   std::string a, b;
 };
 
-Result<Calibration> read(const std::string& file) {
-  NODAL_TRY_ASSIGN(const std::string text, read_file(file, kMaxCalibrationBytes));
-  Result<Calibration> calibration = parse_calibration(text);
-  if (!calibration) return fail(calibration.error().in(file));
-  return calibration;
-}
-
 Status run_calibration_diff(Context& context, const CalibrationDiffArgs& args) {
-  NODAL_TRY_ASSIGN(const Calibration a, read(args.a));
-  NODAL_TRY_ASSIGN(const Calibration b, read(args.b));
+  NODAL_TRY_ASSIGN(const Calibration a, read_calibration(args.a, context.console()));
+  NODAL_TRY_ASSIGN(const Calibration b, read_calibration(args.b, context.console()));
   NODAL_TRY_ASSIGN(const calibration::RigDifference difference, calibration::difference_of(a, b));
   Json heads = Json::array();
   const auto right = Table::Align::kRight;
@@ -76,7 +69,7 @@ void add_calibration_diff(CLI::App& group, CommandLine& line) {
       "Degrees are given as they are, and after the rotation of the whole rig that brings the two\n"
       "closest; pixels are the distance of a ray's images, for rotation and lens, and for the lens alone.\n");
   auto args = std::make_shared<CalibrationDiffArgs>();
-  diff->add_option("A", args->a, "The first calibration, JSON")->required()->type_name("");
+  diff->add_option("A", args->a, "The first calibration, or another program's project")->required()->type_name("");
   diff->add_option("B", args->b, "The second")->required()->type_name("");
   line.on(diff, [args](Context& context) { return run_calibration_diff(context, *args); });
 }

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/picture_places_option.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/input/live_frames.h"
@@ -23,24 +24,16 @@ struct DriftArgs {
   int sets = kLiveSets;
   registration::DriftOptions options;
   std::string out;
+  PicturePlaces places = PicturePlaces::kBesideProject;
 };
 
-struct DriftInput {
-  Calibration calibration;
-  PictureSets pictures;
-};
-
-Result<DriftInput> input_from_rig(Context& context, const DriftArgs& args) {
-  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
-  NODAL_TRY(require_feature(*rig, "frame-sets", "nodal drift"));
-  NODAL_TRY_ASSIGN(Calibration calibration, calibration_in_force(*rig));
-  NODAL_TRY_ASSIGN(PictureSets pictures, pull_frame_sets(*rig, calibration, args.sets, context.console()));
-  return DriftInput{std::move(calibration), std::move(pictures)};
-}
-
-Result<DriftInput> input_from_files(const DriftArgs& args) {
-  NODAL_TRY_ASSIGN(CalibratedPictures read, read_calibrated_pictures(args.inputs));
-  return DriftInput{std::move(read.calibration), std::move(read.pictures)};
+/// All pictures are decoded.
+Result<RigPictures> read_input(Context& context, const DriftArgs& args) {
+  if (args.inputs.empty()) {
+    NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
+    return pull_frame_sets(*rig, "nodal drift", args.sets, context.console());
+  }
+  return interruptible(context.console(), [&] { return read_all_pictures({}, args.inputs, args.places); });
 }
 
 /// The word of the JSON document.
@@ -127,30 +120,27 @@ std::string verdict(const DriftReport& report, bool live) {
                : "; `nodal register` registers it again");
 }
 
+Result<DriftReport> measured(Console& console, const RigPictures& rig, registration::DriftOptions options) {
+  Progress bar(console, "comparing", 1000);
+  options.progress = [&](const registration::Step& step, double done) {
+    bar.update(static_cast<std::uint64_t>(1000 * done), fmt::format("raymap {} wide", step.width));
+  };
+  return interruptible(console, [&] { return registration::measure_drift(rig.calibration, rig.frames(), options); });
+}
+
 Status run_drift(Context& context, const DriftArgs& args) {
-  const bool live = args.inputs.empty();
-  NODAL_TRY_ASSIGN(DriftInput input, live ? input_from_rig(context, args)
-                                          : interruptible(context.console(), [&] { return input_from_files(args); }));
-  registration::DriftOptions options = args.options;
-  Result<DriftReport> report = fail(Errc::kInternal, "");
-  {
-    Progress bar(context.console(), "comparing", 1000);
-    options.progress = [&](const registration::Step& step, double done) {
-      bar.update(static_cast<std::uint64_t>(1000 * done), fmt::format("raymap {} wide", step.width));
-    };
-    report = interruptible(context.console(), [&] {
-      return registration::measure_drift(input.calibration, input.pictures.frames(), options);
-    });
-  }
+  NODAL_TRY_ASSIGN(const RigPictures input, read_input(context, args));
+  for (const std::string& note : input.notes) context.console().note("note: " + note);
+  const Result<DriftReport> report = measured(context.console(), input, args.options);
   if (!report) return fail(with_advice(report.error(), false));
   if (!args.out.empty()) {
     NODAL_TRY(write_file(args.out, nodal::to_json(report->calibration)));
   }
-  context.console().document(drift_json(*report, options.tolerance_px));
+  context.console().document(drift_json(*report, args.options.tolerance_px));
   tell(context.console(), *report);
   for (const std::string& warning : report->warnings) context.console().warning(warning);
   if (!args.out.empty()) context.console().line("wrote the calibration with the current rotations to " + args.out);
-  if (const std::string moved = verdict(*report, live); !moved.empty()) {
+  if (const std::string moved = verdict(*report, input.origin == RigPictures::Origin::kRig); !moved.empty()) {
     context.console().warning(moved);
     context.answer = ExitCode::kJudged;
   } else if (const std::string unknown = uncertainty(*report); !unknown.empty()) {
@@ -185,6 +175,7 @@ void add_drift(CLI::App& app, CommandLine& line) {
   command->add_option("--threads", args->options.threads, "One a core when not given; the result is the same")
       ->type_name("N")
       ->check(CLI::Range(1, 256));
+  add_picture_places(*command, args->places);
   line.on(command, [args](Context& context) { return run_drift(context, *args); });
 }
 

@@ -7,6 +7,7 @@
 
 #include "host_tool/commands/command.h"
 #include "host_tool/console/files.h"
+#include "host_tool/input/calibration_file.h"
 #include "protocol/calibration.h"
 
 namespace nodal::host {
@@ -38,15 +39,13 @@ std::string path_of(const std::string& out, const interchange::ExportedFile& fil
 
 Status run_export(Context& context, const ExportArgs& args) {
   NODAL_TRY_ASSIGN(const interchange::ExportFormat format, interchange::export_format_named(args.format));
-  NODAL_TRY_ASSIGN(const std::string text, read_file(args.file, kMaxCalibrationBytes));
-  const Result<Calibration> rig = parse_calibration(text);
-  if (!rig) return fail(rig.error().in(args.file));
-  if (!args.images.empty() && args.images.size() != rig->heads.size()) {
+  NODAL_TRY_ASSIGN(const Calibration rig, read_calibration(args.file, context.console()));
+  if (!args.images.empty() && args.images.size() != rig.heads.size()) {
     return fail(Errc::kBadValue, fmt::format("--images names {} pictures; {} has {} heads", args.images.size(),
-                                             args.file, rig->heads.size()));
+                                             args.file, rig.heads.size()));
   }
   const Result<interchange::ExportResult> result =
-      interchange::export_calibration(*rig, format, {args.images, args.square_pixels});
+      interchange::export_calibration(rig, format, {args.images, args.square_pixels});
   if (!result) return fail(result.error().in(args.file));
   std::string out = args.out;
   if (out.empty()) out = fs::path(args.file).stem().string() + "-" + args.format + extension_of(args.format);
@@ -80,7 +79,7 @@ void add_export(CLI::App& app, CommandLine& line) {
                   "Formats: pto (Hugin), pts (PTGui), ptv (VideoStitch), surround360, opencv, kalibr. What a format\n"
                   "cannot represent is approximated; the error is printed for every head, in pixels.\n");
   auto args = std::make_shared<ExportArgs>();
-  command->add_option("FILE", args->file, "The calibration, JSON")->required()->type_name("");
+  command->add_option("FILE", args->file, "The calibration, or another program's project")->required()->type_name("");
   command->add_option("--format", args->format, "pto, pts, ptv, surround360, opencv or kalibr")
       ->required()
       ->type_name("pto|pts|ptv|surround360|opencv|kalibr")

@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/picture_places_option.h"
 #include "host_tool/commands/replay_toml.h"
 #include "host_tool/console/files.h"
 #include "host_tool/input/project_pictures.h"
@@ -26,8 +27,7 @@ struct ImportArgs {
   std::string out = "calibration.json";
   std::string name;
   std::string rig_toml;
-  bool pictures_anywhere = false;
-  PicturePlaces places() const { return pictures_anywhere ? PicturePlaces::kAnywhere : PicturePlaces::kBesideProject; }
+  PicturePlaces places = PicturePlaces::kBesideProject;
 };
 
 /// How well the project's control points agree under the imported calibration, per pair of heads.
@@ -75,7 +75,7 @@ Result<std::string> rig_toml_of(interchange::ImportResult& imported, const Impor
                                                    args.files.front(), imported.calibration.heads[i].name));
     }
   }
-  NODAL_TRY_ASSIGN(const FoundPictures pictures, project_pictures(args.files.front(), imported.images, args.places()));
+  NODAL_TRY_ASSIGN(const FoundPictures pictures, project_pictures(args.files.front(), imported.images, args.places));
   imported.notes.insert(imported.notes.end(), pictures.notes.begin(), pictures.notes.end());
   return replay_rig_toml(imported.calibration, pictures.files, fs::path(args.files.front()).filename().string(),
                          args.rig_toml);
@@ -90,7 +90,7 @@ std::vector<std::string> picture_warnings(const interchange::ImportResult& impor
     const HeadCalibration& head = imported.calibration.heads[i];
     const std::string& image = imported.images[i];
     if (image.empty()) continue;  // files of cameras name none
-    const Result<ProjectPicture> picture = project_picture(args.files.front(), image, args.places());
+    const Result<ProjectPicture> picture = project_picture(args.files.front(), image, args.places);
     if (!picture) {
       warnings.push_back(picture.error().message);
       continue;
@@ -197,7 +197,7 @@ void add_import(CLI::App& app, CommandLine& line) {
       ->type_name("NAME");
   command->add_option("--rig-toml", args->rig_toml, "Write a rig.toml, too, with heads that replay the pictures")
       ->type_name("FILE");
-  command->add_flag(kPicturesAnywhere, args->pictures_anywhere, kPicturesAnywhereHelp);
+  add_picture_places(*command, args->places);
   line.on(command, [args](Context& context) { return run_import(context, *args); });
 }
 

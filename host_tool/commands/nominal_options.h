@@ -5,7 +5,7 @@
 #include <CLI/Validators.hpp>
 
 #include "host_tool/commands/command.h"
-#include "host_tool/input/registration_input.h"
+#include "host_tool/input/nominal_rig.h"
 
 namespace nodal::host {
 

@@ -6,6 +6,7 @@
 #include "host_tool/commands/command.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
+#include "host_tool/input/calibration_file.h"
 #include "host_tool/input/pairs_file.h"
 
 namespace nodal::host {
@@ -54,20 +55,18 @@ void tell(Console& console, const registration::PairFit& fit, const PairsArgs& a
 }
 
 Status run_pairs(Context& context, const PairsArgs& args) {
-  NODAL_TRY_ASSIGN(const std::string text, read_file(args.calibration, kMaxCalibrationBytes));
-  const Result<Calibration> prior = parse_calibration(text);
-  if (!prior) return fail(prior.error().in(args.calibration));
+  NODAL_TRY_ASSIGN(const Calibration prior, read_calibration(args.calibration, context.console()));
   if (!args.cpfind && args.inputs.size() != 1) {
     return fail(Errc::kBadValue, "give one file with point pairs, or --cpfind and a picture of each head");
   }
   NODAL_TRY_ASSIGN(const auto pairs,
-                   args.cpfind ? find_pairs(args.inputs, *prior) : read_pairs(args.inputs.front(), *prior));
+                   args.cpfind ? find_pairs(args.inputs, prior) : read_pairs(args.inputs.front(), prior));
   if (!args.csv.empty()) {
-    NODAL_TRY(write_file(args.csv, pairs_csv(pairs, *prior)));
+    NODAL_TRY(write_file(args.csv, pairs_csv(pairs, prior)));
   }
   NODAL_TRY_ASSIGN(const registration::PairFit fit, interruptible(context.console(), [&] {
                      return registration::fit_to_pairs(
-                         *prior, pairs, args.focals ? registration::Free::kFocals : registration::Free::kRotations);
+                         prior, pairs, args.focals ? registration::Free::kFocals : registration::Free::kRotations);
                    }));
   NODAL_TRY(write_file(args.out, to_json(fit.calibration)));
   tell(context.console(), fit, args);
@@ -84,7 +83,9 @@ void add_pairs(CLI::App& app, CommandLine& line) {
                   "  nodal pairs rig.json --cpfind cam*.png --csv points.csv\n"
                   "A start for `nodal register`, which is much more accurate.\n");
   auto args = std::make_shared<PairsArgs>();
-  command->add_option("CALIBRATION", args->calibration, "The heads and their lenses")->required()->type_name("");
+  command->add_option("CALIBRATION", args->calibration, "The calibration: the heads and their lenses")
+      ->required()
+      ->type_name("");
   command
       ->add_option("INPUT", args->inputs, "Point pairs (CSV, .pto, .pts, .ptv); with --cpfind a picture of each head")
       ->required()

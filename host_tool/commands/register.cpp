@@ -6,10 +6,12 @@
 #include <chrono>
 #include <cmath>
 #include <ctime>
+#include <utility>
 
 #include "host_tool/commands/command.h"
 #include "host_tool/commands/layout_option.h"
 #include "host_tool/commands/nominal_options.h"
+#include "host_tool/commands/picture_places_option.h"
 #include "host_tool/commands/replay_toml.h"
 #include "host_tool/commands/trial.h"
 #include "host_tool/console/files.h"
@@ -19,7 +21,6 @@
 #include "host_tool/input/own_pictures.h"
 #include "host_tool/input/pairs_file.h"
 #include "host_tool/input/registration_advice.h"
-#include "host_tool/input/registration_input.h"
 #include "host_tool/report/registration_report.h"
 #include "stitch/registration/pairs.h"
 
@@ -38,18 +39,20 @@ struct RegisterArgs {
   bool no_search = false;
   int sets = kLiveSets;
   bool trial = false;
+  PicturePlaces places = PicturePlaces::kBesideProject;
   std::string limit = "60s";
   Options options;
 };
 
 template <class Value>
 using Choices = std::map<std::string, Value>;
-// With "light" all geometry is held; the value here has no effect.
-const Choices<registration::Free> kFree{{"light", registration::Free::kRotations},
-                                        {"rotations", registration::Free::kRotations},
-                                        {"distance", registration::Free::kRotations},
-                                        {"focals", registration::Free::kFocals},
-                                        {"lens", registration::Free::kLens}};
+/// What a word changes in Options, which hold nothing but rotations to be free.
+const Choices<void (*)(Options&)> kFree{
+    {"light", [](Options& options) { options.geometry = false; }},
+    {"rotations", [](Options&) {}},
+    {"distance", [](Options& options) { options.distance = true; }},
+    {"focals", [](Options& options) { options.free = registration::Free::kFocals; }},
+    {"lens", [](Options& options) { options.free = registration::Free::kLens; }}};
 const Choices<registration::Norm> kNorm{{"sum", registration::Norm::kSum}, {"max", registration::Norm::kMax}};
 const Choices<registration::Colour> kColour{{"luminance", registration::Colour::kLuminance},
                                             {"rgb", registration::Colour::kRgb}};
@@ -67,67 +70,38 @@ CLI::IsMember one_of(const Choices<Value>& choices) {
   return CLI::IsMember(names);
 }
 
-struct RegisterInput : CalibratedPictures {
-  std::vector<std::string> files;  ///< of the first set; empty for a running rig
-  bool matched = false;            ///< the calibration is from the pictures themselves
-};
+/// Tells what is to be told of the pictures, once.
+void tell_notes(Console& console, RigPictures& rig) {
+  for (const std::string& note : std::exchange(rig.notes, {})) console.note("note: " + note);
+}
 
-/// Pictures without a calibration.
-Result<RegisterInput> input_from_pictures(Context& context, const RegisterArgs& args) {
+/// Pictures without a calibration: one set of them, calibrated.
+Result<RigPictures> pictures_alone(Console& console, const RegisterArgs& args) {
+  NODAL_TRY_ASSIGN(RigPictures rig, own_pictures(args.inputs));
+  tell_notes(console, rig);
+  Progress bar(console, "matching", 1000);
+  NODAL_TRY(interruptible(console, [&] {
+    return calibrate_by_pictures(
+        rig, [&](double done, const std::string& what) { bar.update(static_cast<std::uint64_t>(1000 * done), what); });
+  }));
+  std::vector<HeadPicture> matched = std::move(rig.sets[rig.match->set]);
+  rig.sets.clear();
+  rig.sets.push_back(std::move(matched));
+  rig.match->set = 0;
+  return rig;
+}
+
+/// All pictures are decoded.
+Result<RigPictures> read_input(Context& context, const RegisterArgs& args) {
   Console& console = context.console();
-  NODAL_TRY_ASSIGN(const OwnPictureSets own, own_pictures(args.inputs));
-  for (const std::string& note : own.notes) console.note("note: " + note);
-  Result<FirstCalibration> first = fail(Errc::kInternal, "");
-  {
-    Progress bar(console, "matching", 1000);
-    first = interruptible(console, [&] {
-      return first_calibration(own.sets[own.sets.size() / 2], own.names, [&](double done, const std::string& what) {
-        bar.update(static_cast<std::uint64_t>(1000 * done), what);
-      });
-    });
-  }
-  if (!first) return fail(first.error());
-  for (const std::string& note : first->notes) console.note("note: " + note);
-  console.note(first->confidence);
-  RegisterInput input;
-  input.calibration = std::move(first->calibration);
-  input.pictures.sets.push_back(std::move(first->images));
-  input.files = std::move(first->placed);
-  input.matched = true;
-  return input;
-}
-
-Result<RegisterInput> input_from_rig(Context& context, const RegisterArgs& args) {
-  NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
-  NODAL_TRY(require_feature(*rig, "frame-sets", "registering a running rig"));
-  NODAL_TRY_ASSIGN(Calibration prior, calibration_in_force(*rig));
-  NODAL_TRY_ASSIGN(PictureSets pictures, pull_frame_sets(*rig, prior, args.sets, context.console()));
-  RegisterInput input;
-  input.calibration = std::move(prior);
-  input.pictures = std::move(pictures);
-  return input;
-}
-
-Result<RegisterInput> read_register_input(Context& context, const RegisterArgs& args) {
   if (args.inputs.empty() && !args.nominal.rig.empty())
     return fail(Errc::kMissingField, "no pictures; give one a head");
-  if (args.inputs.empty()) return input_from_rig(context, args);
-  if (args.nominal.rig.empty() && is_picture(args.inputs.front())) return input_from_pictures(context, args);
-  NODAL_TRY_ASSIGN(CalibratedPictures read, interruptible(context.console(), [&] {
-                     return args.nominal.rig.empty() ? read_calibrated_pictures(args.inputs)
-                                                     : read_nominal_pictures(args.nominal, args.inputs);
-                   }));
-  RegisterInput input;
-  static_cast<CalibratedPictures&>(input) = std::move(read);
-  if (args.rig_toml.empty()) return input;
-  std::vector<std::string> names;
-  for (const HeadCalibration& head : input.calibration.heads) names.push_back(head.name);
-  const std::size_t others = args.nominal.rig.empty() ? 1 : 0;  // the calibration is the first argument
-  NODAL_TRY_ASSIGN(
-      const auto sets,
-      picture_files({args.inputs.begin() + static_cast<std::ptrdiff_t>(others), args.inputs.end()}, names));
-  input.files = sets.front();
-  return input;
+  if (args.inputs.empty()) {
+    NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
+    return pull_frame_sets(*rig, "registering a running rig", args.sets, console);
+  }
+  if (args.nominal.rig.empty() && is_picture(args.inputs.front())) return pictures_alone(console, args);
+  return interruptible(console, [&] { return read_all_pictures(args.nominal, args.inputs, args.places); });
 }
 
 // JSON has no infinity; null means "unknown".
@@ -207,59 +181,65 @@ void tell(Console& console, const Report& report, bool focals, const std::string
   console.line("wrote " + out);
 }
 
+/// The options that the words of the command line mean.
+Options options_of(const RegisterArgs& args, RigPictures::Origin origin) {
+  Options options = args.options;
+  kFree.at(args.free)(options);
+  options.norm = kNorm.at(args.norm);
+  options.colour = kColour.at(args.colour);
+  options.vignetting = kVignetting.at(args.vignetting);
+  // On a running rig, the heads that have not moved must not be rotated because of the one that has.
+  options.gauge = !args.gauge.empty()                   ? kGauge.at(args.gauge)
+                  : origin == RigPictures::Origin::kRig ? registration::Gauge::kMost
+                                                        : registration::Gauge::kFirstHead;
+  options.search = !args.no_search && origin != RigPictures::Origin::kPictures;
+  // A data sheet gives a field of view, but no lens.
+  options.lens_far_off = origin == RigPictures::Origin::kDataSheet;
+  return options;
+}
+
+Result<Report> registered(Console& console, const RigPictures& rig, Options options) {
+  Progress bar(console, "registering", 1000);
+  options.progress = [&](const registration::Step& step, double done) {
+    bar.update(static_cast<std::uint64_t>(1000 * done),
+               fmt::format("raymap {} wide, differ by {:.3f} levels", step.width, std::sqrt(step.objective)));
+  };
+  return interruptible(console, [&] { return registration::register_heads(rig.calibration, rig.frames(), options); });
+}
+
 Status run_register(Context& context, const RegisterArgs& args) {
+  Console& console = context.console();
   const Result<Duration> limit = parse_duration(args.limit);
   if (!limit) return fail(limit.error().in("--limit"));
   if (!args.rig_toml.empty() && args.inputs.empty()) {
     return fail(Errc::kMissingField, "--rig-toml: heads replay picture files; give pictures");
   }
-  NODAL_TRY_ASSIGN(RegisterInput input, read_register_input(context, args));
+  NODAL_TRY_ASSIGN(RigPictures input, read_input(context, args));
+  tell_notes(console, input);
+  if (input.match) console.note(input.match->confidence);
   if (!args.pairs.empty()) {
     NODAL_TRY_ASSIGN(const auto pairs, read_pairs(args.pairs, input.calibration));
-    Result<registration::PairFit> fit = interruptible(context.console(), [&] {
-      return registration::fit_to_pairs(input.calibration, pairs, registration::Free::kRotations);
-    });
+    Result<registration::PairFit> fit = interruptible(
+        console, [&] { return registration::fit_to_pairs(input.calibration, pairs, registration::Free::kRotations); });
     if (!fit) return fail(fit.error().in(args.pairs));
     input.calibration = std::move(fit->calibration);
-    for (const std::string& warning : fit->warnings) context.console().note(args.pairs + ": " + warning);
+    for (const std::string& warning : fit->warnings) console.note(args.pairs + ": " + warning);
   }
-  Options options = args.options;
-  options.free = kFree.at(args.free);
-  options.geometry = args.free != "light";
-  options.distance = args.free == "distance";
-  options.norm = kNorm.at(args.norm);
-  options.colour = kColour.at(args.colour);
-  options.vignetting = kVignetting.at(args.vignetting);
-  // On a running rig, the heads that have not moved must not be rotated because of the one that has.
-  options.gauge = !args.gauge.empty()   ? kGauge.at(args.gauge)
-                  : args.inputs.empty() ? registration::Gauge::kMost
-                                        : registration::Gauge::kFirstHead;
-  options.search = !args.no_search && !input.matched;
-  options.lens_far_off = !args.nominal.rig.empty();  // a data sheet gives a field of view, but no lens
-  Result<Report> report = fail(Errc::kInternal, "");
+  const Options options = options_of(args, input.origin);
   const auto wall = std::chrono::steady_clock::now();
   const std::clock_t cpu = std::clock();
-  {
-    Progress bar(context.console(), "registering", 1000);
-    options.progress = [&](const registration::Step& step, double done) {
-      bar.update(static_cast<std::uint64_t>(1000 * done),
-                 fmt::format("raymap {} wide, differ by {:.3f} levels", step.width, std::sqrt(step.objective)));
-    };
-    report = interruptible(context.console(), [&] {
-      return registration::register_heads(input.calibration, input.pictures.frames(), options);
-    });
-  }
+  const Result<Report> report = registered(console, input, options);
   if (!report) return fail(with_advice(report.error(), !args.nominal.rig.empty()));
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall).count();
   NODAL_TRY(write_file(args.out, to_json(report->calibration)));
   if (!args.rig_toml.empty()) {
     NODAL_TRY_ASSIGN(const std::string toml,
-                     replay_rig_toml(report->calibration, input.files, args.out, args.rig_toml));
+                     replay_rig_toml(report->calibration, input.files().front(), args.out, args.rig_toml));
     NODAL_TRY(write_file(args.rig_toml, toml));
   }
   if (!args.report.empty()) {
-    NODAL_TRY_ASSIGN(const std::string page, interruptible(context.console(), [&] {
-                       return registration_report(input.calibration, input.pictures.frames().front(), *report);
+    NODAL_TRY_ASSIGN(const std::string page, interruptible(console, [&] {
+                       return registration_report(input.calibration, input.frames(0), *report);
                      }));
     NODAL_TRY(write_file(args.report, page));
   }
@@ -267,8 +247,8 @@ Status run_register(Context& context, const RegisterArgs& args) {
   document["out"] = args.out;
   document["seconds"] = seconds;
   document["cpu_seconds"] = static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC;
-  context.console().document(document);
-  tell(context.console(), *report, options.free != registration::Free::kRotations, args.out, seconds);
+  console.document(document);
+  tell(console, *report, options.free != registration::Free::kRotations, args.out, seconds);
   if (!args.trial) return {};
   NODAL_TRY_ASSIGN(const TrialVerdict verdict, try_out(context, report->calibration, args.sets, {*limit}));
   tell_verdict(context, verdict);
@@ -289,9 +269,11 @@ void add_register(CLI::App& app, CommandLine& line) {
       "rotation.\n");
   auto args = std::make_shared<RegisterArgs>();
   command
-      ->add_option("INPUT", args->inputs,
-                   "The calibration to start from, and the pictures; pictures alone: where heads are and which "
-                   "lens they have is found in them; nothing: the running rig's")
+      ->add_option(
+          "INPUT", args->inputs,
+          "The calibration to start from, or another program's project, and the pictures; pictures alone: where heads\n"
+          "are and which "
+          "lens they have is found in them; nothing: the running rig's")
       ->type_name("");
   command->add_option("-o,--out", args->out, "The calibration found (calibration.json when not given)")
       ->type_name("FILE");
@@ -345,6 +327,7 @@ void add_register(CLI::App& app, CommandLine& line) {
       ->type_name("DURATION")
       ->needs(trial)
       ->check(checked_by(parse_duration));
+  add_picture_places(*command, args->places);
   add_nominal_options(*command, args->nominal);
   line.on(command, [args](Context& context) { return run_register(context, *args); });
 }

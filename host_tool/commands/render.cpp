@@ -16,6 +16,7 @@
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
+#include "host_tool/input/calibration_file.h"
 #include "host_tool/rig/wire_json.h"
 #include "protocol/base/file_ending.h"
 #include "protocol/base/stops.h"
@@ -191,10 +192,7 @@ Status run_render(Context& context, RenderArgs args) {
   options.raymap = raymap;
   options.threads = args.threads;
   if (!args.calibration.empty()) {
-    NODAL_TRY_ASSIGN(const std::string text, read_file(args.calibration, kMaxCalibrationBytes));
-    Result<Calibration> calibration = parse_calibration(text);
-    if (!calibration) return fail(calibration.error().in(args.calibration));
-    options.calibration = std::move(*calibration);
+    NODAL_TRY_ASSIGN(options.calibration, read_calibration(args.calibration, console));
   }
   if (!args.from.empty()) options.from = *parse_duration(args.from);
   if (!args.to.empty()) options.to = *parse_duration(args.to);

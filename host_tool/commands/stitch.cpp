@@ -11,11 +11,11 @@
 #include "host_tool/commands/layout_option.h"
 #include "host_tool/commands/nominal_options.h"
 #include "host_tool/commands/picture_file.h"
+#include "host_tool/commands/picture_places_option.h"
 #include "host_tool/commands/result_file.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/input/own_pictures.h"
-#include "host_tool/input/stitch_input.h"
 #include "host_tool/report/registration_report.h"
 #include "protocol/base/try.h"
 #include "stitch/geometry/raymap/layout.h"
@@ -32,19 +32,26 @@ struct StitchArgs {
   std::string layout = "equirectangular";
   int width = 0;
   int bits = 8;
-  std::string quality = "92";
+  std::string blend = "rig";
+  std::string quality;  ///< of JPEGs; empty: the blend's
   std::string transition = "two-band";
   double seam_width_deg = table::TableOptions().seam_width_deg;
   double feather = table::TableOptions().feather;
   int threads = 0;
   double distance = 0;  ///< 0: the calibration's
-  bool pictures_anywhere = false;
+  PicturePlaces places = PicturePlaces::kBesideProject;
 };
 
-constexpr int kBestJpegQuality = 98;
+/// The value of --quality that chose the blend before there was --blend.
+constexpr const char* kBestAsQuality = "best";
 
-bool best(const StitchArgs& args) { return args.quality == "best"; }
-int jpeg_quality(const StitchArgs& args) { return best(args) ? kBestJpegQuality : std::stoi(args.quality); }
+bool best(const StitchArgs& args) { return args.blend == "best"; }
+
+int jpeg_quality(const StitchArgs& args) {
+  constexpr int kUsual = 92, kBest = 98;
+  if (!args.quality.empty()) return std::stoi(args.quality);
+  return best(args) ? kBest : kUsual;
+}
 
 table::TableOptions table_options(const StitchArgs& args) {
   table::TableOptions options;
@@ -61,10 +68,8 @@ struct Job {
   StitchArgs args;
   RaymapFormat format = RaymapFormat::kJpg;
   geometry::RaymapSize size;
-  StitchInput input;
-  std::string confidence;  ///< of a calibration that was found in the pictures; else empty
-  FoundLens lens;          ///< of that calibration
-  bool reported = false;   ///< there is a page that says how well it fits
+  RigPictures rig;
+  bool reported = false;  ///< there is a page that says how well a calibration from the pictures fits
 };
 
 /// Unlike CLI::Range it refuses NaN.
@@ -105,58 +110,53 @@ Status check_names(const std::string& out, const std::vector<std::vector<std::st
 
 /// Pictures without a calibration: finds one, and writes it and its report beside the raymap.
 Status calibrate(Console& console, Job& job) {
-  NODAL_TRY_ASSIGN(const OwnPictureSets own, own_pictures(job.args.inputs));
-  NODAL_TRY(check_names(job.args.out, own.sets));
-  const std::vector<std::string>& files = own.sets[own.sets.size() / 2];
+  NODAL_TRY_ASSIGN(job.rig, own_pictures(job.args.inputs));
+  RigPictures& rig = job.rig;
+  const std::vector<std::vector<std::string>> files = rig.files();
+  NODAL_TRY(check_names(job.args.out, files));
   Progress bar(console, "calibrating", 1000);
   // Matching takes about as long as the registration.
   const auto show = [&](double from, double done, const std::string& what) {
     bar.update(static_cast<std::uint64_t>(1000 * (from + done / 2)), what);
   };
-  Result<FirstCalibration> first =
-      first_calibration(files, own.names, [&](double done, const std::string& what) { show(0, done, what); });
-  if (!first) {
-    for (const std::string& note : own.notes) console.note("note: " + note);
-    return fail(first.error());
+  const auto matched = calibrate_by_pictures(rig, [&](double done, const std::string& what) { show(0, done, what); });
+  if (!matched) {
+    for (const std::string& note : rig.notes) console.note("note: " + note);
+    return fail(matched.error());
   }
-  job.confidence = first->confidence;
-  job.lens = first->lens;
-  job.input.notes = own.notes;
-  job.input.notes.insert(job.input.notes.end(), first->notes.begin(), first->notes.end());
-  if (own.sets.size() > 1) {
-    job.input.notes.push_back(fmt::format("the calibration is from set {} of {}, with {}", own.sets.size() / 2 + 1,
-                                          own.sets.size(), files.front()));
+  const PointMatch& match = *rig.match;
+  if (files.size() > 1) {
+    rig.notes.push_back(fmt::format("the calibration is from set {} of {}, with {}", match.set + 1, files.size(),
+                                    files[match.set].front()));
   }
   Result<registration::Report> report =
-      refined(*first, [&](double done, const std::string& what) { show(0.5, done, what); });
+      refined(rig, [&](double done, const std::string& what) { show(0.5, done, what); });
   if (report) {
-    if (!first->lens.note.empty()) report->warnings.push_back(first->lens.note);
-    registration::FrameSet frames;
-    for (const DecodedImage& image : first->images) frames.push_back(image.view());
+    if (!match.lens.note.empty()) report->warnings.push_back(match.lens.note);
     job.reported = true;
-    NODAL_TRY_ASSIGN(const std::string page, registration_report(first->calibration, frames, *report));
+    NODAL_TRY_ASSIGN(const std::string page, registration_report(rig.calibration, rig.frames(match.set), *report));
     NODAL_TRY(write_file(beside(job.args.out, ".report.html"), page));
+    rig.calibration = std::move(report->calibration);
   } else {
-    job.input.notes.push_back("the pictures' light is not matched: " + report.error().message);
+    rig.notes.push_back("the pictures' light is not matched: " + report.error().message);
   }
-  job.input.calibration = report ? report->calibration : first->calibration;
-  for (const std::vector<std::string>& set : own.sets) {
-    job.input.sets.emplace_back();
-    for (const std::size_t head : first->heads) job.input.sets.back().push_back(set[head]);
+  // They are stitched next, or else would be kept in memory while other sets are stitched.
+  if (match.set > 0) {
+    for (HeadPicture& picture : rig.sets[match.set]) picture.release();
   }
-  return write_file(beside(job.args.out, ".rig.json"), to_json(job.input.calibration));
+  return write_file(beside(job.args.out, ".rig.json"), to_json(rig.calibration));
 }
 
 /// Linear numbers need a response. A data sheet and most projects have none, and their pictures are files for people to look
 /// at: sRGB.
-void take_for_srgb(StitchInput& input) {
+void take_for_srgb(RigPictures& rig) {
   bool taken = false;
-  for (HeadCalibration& head : input.calibration.heads) {
+  for (HeadCalibration& head : rig.calibration.heads) {
     if (head.response.curve != Response::Curve::kLinear) continue;
     head.response.curve = Response::Curve::kSrgb;
     taken = true;
   }
-  if (taken) input.notes.push_back("the calibration does not say how numbers follow from light; sRGB is taken");
+  if (taken) rig.notes.push_back("the calibration does not say how numbers follow from light; sRGB is taken");
 }
 
 Result<Job> make_job(Console& console, const StitchArgs& args) {
@@ -174,17 +174,16 @@ Result<Job> make_job(Console& console, const StitchArgs& args) {
   if (args.nominal.rig.empty() && is_picture(args.inputs.front())) {
     NODAL_TRY(calibrate(console, job));
   } else {
-    const auto places = args.pictures_anywhere ? PicturePlaces::kAnywhere : PicturePlaces::kBesideProject;
-    NODAL_TRY_ASSIGN(StitchInput input, read_stitch_input(args.nominal, args.inputs, places));
-    job.input = std::move(input);
-    if (args.bits == 16 && job.input.imported) take_for_srgb(job.input);
+    NODAL_TRY_ASSIGN(job.rig, read_rig_pictures(args.nominal, args.inputs, args.places));
+    const bool imported = job.rig.origin != RigPictures::Origin::kCalibration;
+    if (args.bits == 16 && imported) take_for_srgb(job.rig);
   }
   if (args.distance > 0) {
-    job.input.calibration.distance = args.distance;
-    if (const Status good = check_calibration(job.input.calibration); !good) return fail(good.error().in("--distance"));
+    job.rig.calibration.distance = args.distance;
+    if (const Status good = check_calibration(job.rig.calibration); !good) return fail(good.error().in("--distance"));
   }
-  NODAL_TRY(check_names(args.out, job.input.sets));
-  const Result<double> resolution = offline::resolution_of(job.input.calibration);
+  NODAL_TRY(check_names(args.out, job.rig.files()));
+  const Result<double> resolution = offline::resolution_of(job.rig.calibration);
   if (!resolution) return fail(resolution.error().in(args.inputs.front()));
   const double natural = layout->width_for_resolution(*resolution);
   job.size = layout->size_for_width(args.width > 0 ? args.width : natural);
@@ -196,8 +195,8 @@ Result<std::vector<std::uint8_t>> encode(const Job& job, const DecodedImage& ray
   ResultFile file;
   file.format = job.format;
   file.quality = jpeg_quality(job.args);
-  file.comment = fmt::format("nodal stitch heads={} calibration={}", job.input.calibration.heads.size(),
-                             to_hex(calibration_id(job.input.calibration)));
+  file.comment = fmt::format("nodal stitch heads={} calibration={}", job.rig.calibration.heads.size(),
+                             to_hex(calibration_id(job.rig.calibration)));
   file.whole_sphere = job.args.layout == "equirectangular";
   file.kept = kept_metadata(of.metadata, Keep::kPlaceAndTime);
   return encode_result(raymap, file);
@@ -220,11 +219,11 @@ class Stitcher {
     const table::RaymapSpec spec{job_.args.layout, job_.size.width, job_.size.height,
                                  raymap_format(format, job_.args.bits)};
     if (best(job_.args)) {
-      auto made = offline::BestBlend::make(job_.input.calibration, spec, job_.args.threads);
+      auto made = offline::BestBlend::make(job_.rig.calibration, spec, job_.args.threads);
       if (!made) return fail(made.error().in(job_.args.inputs.front()));
       best_.emplace(std::move(*made));
     } else {
-      auto made = offline::OfflineBlend::make(job_.input.calibration, spec, table_options(job_.args), format,
+      auto made = offline::OfflineBlend::make(job_.rig.calibration, spec, table_options(job_.args), format,
                                               job_.args.threads, progress);
       if (!made) return fail(made.error().in(job_.args.inputs.front()));
       board_.emplace(std::move(*made));
@@ -240,10 +239,10 @@ class Stitcher {
 };
 
 /// Masks that other programs keep in alpha are not used: a calibration's region says what of a picture is.
-void tell_alpha(Console& console, const std::vector<std::string>& files, const std::vector<DecodedImage>& pictures) {
+void tell_alpha(Console& console, const std::vector<HeadPicture>& set, const std::vector<DecodedImage>& pictures) {
   for (std::size_t h = 0; h < pictures.size(); ++h) {
     if (!pictures[h].meaning.alpha) continue;
-    console.note(fmt::format("note: {} has an alpha channel, which is not used", files[h]));
+    console.note(fmt::format("note: {} has an alpha channel, which is not used", set[h].file()));
     return;
   }
 }
@@ -251,9 +250,9 @@ void tell_alpha(Console& console, const std::vector<std::string>& files, const s
 Status run_stitch(Context& context, const StitchArgs& args) {
   Console& console = context.console();
   const auto begin = std::chrono::steady_clock::now();
-  NODAL_TRY_ASSIGN(const Job job, interruptible(console, [&] { return make_job(console, args); }));
-  for (const std::string& note : job.input.notes) console.note("note: " + note);
-  const std::size_t count = job.input.sets.size();
+  NODAL_TRY_ASSIGN(Job job, interruptible(console, [&] { return make_job(console, args); }));
+  for (const std::string& note : job.rig.notes) console.note("note: " + note);
+  const std::size_t count = job.rig.sets.size();
   Stitcher stitcher(job);
   std::string last;
   {
@@ -264,9 +263,8 @@ Status run_stitch(Context& context, const StitchArgs& args) {
     for (std::size_t i = 0; i < count; ++i) {
       if (interrupted()) return fail(Errc::kCancelled, fmt::format("stopped after {} of {} raymaps", i, count));
       const bool rgb = args.bits == 16 || best(args);
-      NODAL_TRY_ASSIGN(auto pictures,
-                       interruptible(console, [&] { return read_set(job.input.sets[i], job.input.calibration, rgb); }));
-      if (i == 0) tell_alpha(console, job.input.sets[i], pictures);
+      NODAL_TRY_ASSIGN(auto pictures, interruptible(console, [&] { return take_set(job.rig, i, rgb); }));
+      if (i == 0) tell_alpha(console, job.rig.sets[i], pictures);
       NODAL_TRY_ASSIGN(const std::string name, numbered_name(args.out, i));
       NODAL_TRY_ASSIGN(auto file, interruptible(console, [&]() -> Result<std::vector<std::uint8_t>> {
                          std::vector<ImageView> views;
@@ -282,11 +280,11 @@ Status run_stitch(Context& context, const StitchArgs& args) {
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   Json document{{"raymaps", count},          {"out", last},
                 {"layout", job.args.layout}, {"width", job.size.width},
-                {"height", job.size.height}, {"calibration", to_hex(calibration_id(job.input.calibration))},
+                {"height", job.size.height}, {"calibration", to_hex(calibration_id(job.rig.calibration))},
                 {"seconds", seconds}};
-  if (!job.confidence.empty()) {
-    document["confidence"] = job.confidence;
-    const FoundLens& lens = job.lens;
+  if (job.rig.match) {
+    document["confidence"] = job.rig.match->confidence;
+    const FoundLens& lens = job.rig.match->lens;
     document["lens"] = {{"seen_px", {lens.seen.from_px, lens.seen.to_px}},
                         {"seen_deg", {lens.seen.from_deg, lens.seen.to_deg}},
                         {"known_px", {lens.known.from_px, lens.known.to_px}},
@@ -294,16 +292,16 @@ Status run_stitch(Context& context, const StitchArgs& args) {
                         {"known_everywhere", lens.whole},
                         {"assumed_elsewhere", lens.family}};
     document["calibration_file"] = beside(args.out, ".rig.json");
-    document["notes"] = job.input.notes;
+    document["notes"] = job.rig.notes;
   }
   console.document(document);
-  if (!job.confidence.empty()) {
-    console.line(job.confidence);
+  if (job.rig.match) {
+    console.line(job.rig.match->confidence);
     const std::string report = job.reported ? ", how well it fits: " + beside(args.out, ".report.html") : "";
     console.line(fmt::format("calibration: {}{}", beside(args.out, ".rig.json"), report));
   }
   console.line(fmt::format("{}: {}x{}, {}, from {} heads ({:.1f} s)", count == 1 ? last : args.out, job.size.width,
-                           job.size.height, job.args.layout, job.input.calibration.heads.size(), seconds));
+                           job.size.height, job.args.layout, job.rig.calibration.heads.size(), seconds));
   return {};
 }
 
@@ -320,12 +318,12 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       "  nodal stitch front/ back/ -o s-%04d.jpg                  the same, calibrated by the middle of it\n"
       "  nodal stitch rig.json cam*.png --layout cube --bits 16 -o light.png\n"
       "  nodal stitch --nominal 2x190 front.jpg back.jpg          two fisheyes of 190 degrees, back to back\n"
-      "  nodal stitch rig.json cam*.png --quality best            seams placed where the pictures agree\n"
+      "  nodal stitch rig.json cam*.png --blend best              seams placed where the pictures agree\n"
       "Without a calibration, the pictures must be of equal lenses at one place and overlap; the calibration\n"
       "that is found (sphere.rig.json) and a report (sphere.report.html) are written beside the result.\n"
       "A calibration is Nodal's own, or a project of Hugin (.pto), PTGui (.pts), VideoStitch (.ptv),\n"
       "Surround360, OpenCV or Kalibr. The pixels are those that the rig's board makes of these pictures;\n"
-      "with --quality best they are better, and sets are taken as a film: seams stay in place where they can.\n");
+      "with --blend best they are better, and sets are taken as a film: seams stay in place where they can.\n");
   auto args = std::make_shared<StitchArgs>();
   command
       ->add_option("INPUT", args->inputs,
@@ -343,17 +341,19 @@ void add_stitch(CLI::App& app, CommandLine& line) {
   command->add_option("--bits", args->bits, "8 (when not given), or 16: numbers proportional to light")
       ->type_name("8|16")
       ->check(CLI::IsMember({8, 16}));
-  command
-      ->add_option("--quality", args->quality,
-                   "JPEG quality, 1 to 100 (92 when not given); or best: seams where the pictures agree, blended in\n"
-                   "many bands, cubic interpolation. Slower; takes 60 bytes of memory a pixel")
-      ->type_name("N|best")
-      ->check(checked_by([](const std::string& text) -> Result<double> {
-        if (text == "best") return kBestJpegQuality;
+  CLI::Option* const blend = command->add_option(
+      "--blend", args->blend,
+      "rig (when not given); or best: seams where the pictures agree, blended in many bands, cubic interpolation.\n"
+      "Slower; takes 60 bytes of memory a pixel");
+  blend->type_name("rig|best")->check(CLI::IsMember({"rig", "best"}));
+  command->add_option("--quality", args->quality, "JPEG quality, 1 to 100 (92 when not given; 98 with --blend best)")
+      ->type_name("N")
+      ->check(checked_by([](const std::string& text) -> Status {
         int value = 0;
         const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-        if (error == std::errc() && end == text.data() + text.size() && value >= 1 && value <= 100) return value;
-        return fail(Errc::kBadValue, fmt::format("'{}': it must be a whole number from 1 to 100, or best", text));
+        if (error == std::errc() && end == text.data() + text.size() && value >= 1 && value <= 100) return {};
+        if (text == kBestAsQuality) return {};
+        return fail(Errc::kBadValue, fmt::format("'{}': it must be a whole number from 1 to 100", text));
       }));
   CLI::Option* const transition = command->add_option(
       "--transition", args->transition,
@@ -375,13 +375,20 @@ void add_stitch(CLI::App& app, CommandLine& line) {
                    "Metres to where the pictures meet; needs a calibration in which heads have positions")
       ->type_name("M")
       ->check(number_between(0.01, kLongestDistance));
-  command->add_flag(kPicturesAnywhere, args->pictures_anywhere, kPicturesAnywhereHelp);
+  add_picture_places(*command, args->places);
   add_nominal_options(*command, args->nominal);
   command->parse_complete_callback([=] {
+    if (args->quality == kBestAsQuality) {
+      if (!blend->empty() && !best(*args)) {
+        throw CLI::ValidationError(blend->get_name(), "--quality best is an older word for --blend best; leave it out");
+      }
+      args->blend = "best";
+      args->quality.clear();
+    }
     for (const CLI::Option* other : {transition, seam_width, feather}) {
       if (!best(*args) || other->empty()) continue;
       throw CLI::ValidationError(other->get_name(),
-                                 "--quality best passes from head to head in many bands; leave one of the two out");
+                                 "--blend best passes from head to head in many bands; leave one of the two out");
     }
   });
   line.on(command, [args](Context& context) { return run_stitch(context, *args); });

@@ -62,7 +62,7 @@ Result<TrialVerdict> try_out(Context& context, const Calibration& tried, int set
   const Reconnect connect = [&context] { return context.connect(); };
   NODAL_TRY(upload(connect, {document.begin(), document.end()}, kTrialUploadAttempts, context.console(), terms));
   TrialUnderWay trial(*rig, tried);
-  NODAL_TRY_ASSIGN(const PictureSets pictures, pull_frame_sets(*rig, tried, sets, context.console()));
+  NODAL_TRY_ASSIGN(const RigPictures pictures, pull_frame_sets(*rig, tried, sets, context.console()));
   // A signal here ends the program; for the rig that is a lost link, and the rig reverts by itself.
   NODAL_TRY_ASSIGN(const auto objectives, interruptible(context.console(), [&] {
                      return registration::objectives_of({before, tried}, pictures.frames(), {});

@@ -175,13 +175,13 @@ class Missed {
 };
 
 /// The pictures in the calibration's order; the set has all heads.
-Result<std::vector<DecodedImage>> pictures_of(const ReceivedSet& set, const Calibration& calibration) {
-  std::vector<DecodedImage> pictures;
+Result<std::vector<HeadPicture>> pictures_of(const ReceivedSet& set, const Calibration& calibration) {
+  std::vector<HeadPicture> pictures;
   for (const HeadCalibration& head : calibration.heads) {
     const wire::HeadPicture* const found = picture_named(set.header, head.name);
     NODAL_ASSERT(found != nullptr);
     NODAL_TRY_ASSIGN(DecodedImage picture, picture_of(set, *found));
-    pictures.push_back(std::move(picture));
+    pictures.emplace_back(std::move(picture));
   }
   return pictures;
 }
@@ -229,11 +229,14 @@ Result<Calibration> calibration_in_force(RigConnection& rig) {
   return calibration;
 }
 
-Result<PictureSets> pull_frame_sets(RigConnection& rig, const Calibration& calibration, int sets, Console& console) {
+Result<RigPictures> pull_frame_sets(RigConnection& rig, const Calibration& calibration, int sets, Console& console) {
   const Sha256 id = calibration_id(calibration);
   const std::string wanted(id.begin(), id.end());
   NODAL_TRY_ASSIGN(const Duration within, patience_for_sets(rig));
-  PictureSets pictures;
+  RigPictures pictures;
+  pictures.origin = RigPictures::Origin::kRig;
+  pictures.calibration = calibration;
+  for (const HeadCalibration& head : calibration.heads) pictures.heads.push_back(head.name);
   Missed missed(calibration);
   while (pictures.sets.size() < static_cast<std::size_t>(sets)) {
     if (missed.sets() > 0 || !pictures.sets.empty()) {
@@ -247,13 +250,19 @@ Result<PictureSets> pull_frame_sets(RigConnection& rig, const Calibration& calib
       if (missed.sets() < kTries) continue;
       return fail(missed.error());
     }
-    NODAL_TRY_ASSIGN(std::vector<DecodedImage> all, pictures_of(set, calibration));
+    NODAL_TRY_ASSIGN(std::vector<HeadPicture> all, pictures_of(set, calibration));
     pictures.sets.push_back(std::move(all));
     console.progress(fmt::format("frame set {} of {}", pictures.sets.size(), sets));
     missed = Missed(calibration);
   }
   console.finish_progress();
   return pictures;
+}
+
+Result<RigPictures> pull_frame_sets(RigConnection& rig, const std::string& what, int sets, Console& console) {
+  NODAL_TRY(require_feature(rig, "frame-sets", what));
+  NODAL_TRY_ASSIGN(const Calibration calibration, calibration_in_force(rig));
+  return pull_frame_sets(rig, calibration, sets, console);
 }
 
 }  // namespace nodal::host

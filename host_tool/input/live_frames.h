@@ -6,7 +6,7 @@
 #include <string>
 
 #include "host_tool/console/console.h"
-#include "host_tool/input/registration_input.h"
+#include "host_tool/input/rig_pictures.h"
 #include "host_tool/rig/rig_connection.h"
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
@@ -24,7 +24,10 @@ Result<Calibration> calibration_in_force(RigConnection& rig);
 /// Sets that lack a head are passed over.
 /// Errors: kDeviceGone for a head that delivers no pictures; kOverload if no set has all heads, or if the rig has no time;
 /// kWrongState if another calibration came into force; those of the connection.
-Result<PictureSets> pull_frame_sets(RigConnection& rig, const Calibration& calibration, int sets, Console& console);
+Result<RigPictures> pull_frame_sets(RigConnection& rig, const Calibration& calibration, int sets, Console& console);
+
+/// The same with the calibration in force. `what`: the command, for require_feature().
+Result<RigPictures> pull_frame_sets(RigConnection& rig, const std::string& what, int sets, Console& console);
 
 /// One frame of a head.
 struct HeadSample {

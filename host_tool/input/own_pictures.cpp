@@ -10,13 +10,13 @@
 #include <utility>
 
 #include "host_tool/input/picture_folders.h"
-#include "host_tool/input/pictures.h"
 #include "protocol/base/angles.h"
 #include "protocol/base/try.h"
 #include "stitch/autocalibration/autocalibration.h"
 #include "stitch/geometry/lens/lens.h"
 #include "stitch/media/exif/exif.h"
 #include "stitch/media/image_file.h"
+#include "stitch/media/picture_bytes.h"
 #include "stitch/media/picture_folder.h"
 
 namespace nodal::host {
@@ -133,27 +133,41 @@ Status leave_out_copies(std::vector<std::string>& files, std::vector<std::string
   return {};
 }
 
-}  // namespace
+/// Leaves only these heads in every set, in this order.
+void keep_heads(RigPictures& rig, const std::vector<std::size_t>& places) {
+  std::vector<std::string> names;
+  for (const std::size_t place : places) names.push_back(std::move(rig.heads[place]));
+  rig.heads = std::move(names);
+  for (std::vector<HeadPicture>& set : rig.sets) {
+    std::vector<HeadPicture> kept;
+    for (const std::size_t place : places) kept.push_back(std::move(set[place]));
+    set = std::move(kept);
+  }
+}
 
-double FoundLens::may_be_wrong_percent() const { return std::ceil(100 * unsure); }
+}  // namespace
 
 bool is_picture(const std::string& path) {
   // A folder is never a calibration, and a file that only claims to be a picture is refused as one.
-  return is_folder(path) || media::named_like_a_picture(path) || read_picture_header(path).has_value() ||
-         is_foreign_picture(path);
+  if (is_folder(path) || media::named_like_a_picture(path)) return true;
+  if (const media::FileKind* other = media::kind_of_file(path)) return other->pictures;
+  Result<media::PictureBytes> file = media::PictureBytes::open(path);
+  return file && read_picture_header(*file);
 }
 
-Result<OwnPictureSets> own_pictures(const std::vector<std::string>& arguments) {
+Result<RigPictures> own_pictures(const std::vector<std::string>& arguments) {
   const bool sequences = arguments.size() > 1 && std::ranges::all_of(arguments, is_folder);
-  OwnPictureSets own;
+  RigPictures own;
+  own.origin = RigPictures::Origin::kPictures;
   std::vector<std::string> files;
+  OpenPictures opened;
   for (const std::string& argument : arguments) {
     if (!is_folder(argument)) {
-      NODAL_TRY(read_picture_header(argument));
+      NODAL_TRY(opened.header_of(argument));
       files.push_back(argument);
       continue;
     }
-    NODAL_TRY_ASSIGN(const PictureFolder found, sequences ? sequence_in(argument) : pictures_in(argument));
+    NODAL_TRY_ASSIGN(const PictureFolder found, sequences ? sequence_in(argument) : pictures_in(argument, opened));
     const std::vector<std::string>& inside = found.files;
     if (!found.left_out.empty()) own.notes.push_back(found.left_out);
     if (!sequences) {
@@ -167,76 +181,76 @@ Result<OwnPictureSets> own_pictures(const std::vector<std::string>& arguments) {
                               "for each set",
                               argument, inside.size(), arguments.front(), own.sets.size()));
     }
-    for (std::size_t n = 0; n < inside.size(); ++n) own.sets[n].push_back(inside[n]);
+    for (std::size_t n = 0; n < inside.size(); ++n) own.sets[n].emplace_back(inside[n]);
   }
   if (!sequences) {
     NODAL_TRY(leave_out_copies(files, own.notes));
+    own.sets.resize(1);
+    for (const std::string& file : files) own.sets.front().emplace_back(file, opened.take(file));
   }
-  own.names = head_names(sequences ? arguments : files);
-  if (!sequences) own.sets = {std::move(files)};
+  own.heads = head_names(sequences ? arguments : files);
   return own;
 }
 
-Result<FirstCalibration> first_calibration(const std::vector<std::string>& files, const std::vector<std::string>& names,
-                                           const OwnProgress& progress) {
-  NODAL_TRY_ASSIGN(std::vector<DecodedImage> read, read_all(files, [&](std::size_t n) {
-                     progress(0.3 * static_cast<double>(n) / static_cast<double>(files.size()), "reading " + files[n]);
-                   }));
-  std::vector<DecodedImage> images = std::move(read), grey;
-  for (const DecodedImage& image : images) grey.push_back(media::convert_image(image.view(), PixelFormat::kGrey8));
+Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const OwnProgress& progress) {
+  PointMatch match;
+  match.set = rig.sets.size() / 2;
+  std::vector<HeadPicture>& pictures = rig.sets[match.set];
   autocalibration::Options options;
-  options.files = files;
+  for (const HeadPicture& picture : pictures) options.files.push_back(picture.file());
+  const std::vector<std::string>& files = options.files;
+  NODAL_TRY(decode_all(pictures, {}, [&](std::size_t n) {
+    progress(0.3 * static_cast<double>(n) / static_cast<double>(files.size()), "reading " + files[n]);
+  }));
+  std::vector<DecodedImage> grey;
   std::vector<std::string> turned;
-  for (std::size_t n = 0; n < files.size(); ++n) {
-    const media::Exif exif = media::read_exif(files[n]);
+  for (const HeadPicture& picture : pictures) {
+    const DecodedImage& image = picture.pixels();
+    grey.push_back(media::convert_image(image.view(), PixelFormat::kGrey8));
     std::optional<double> focal_px;
-    if (exif.focal_35mm) {
-      focal_px = *exif.focal_35mm / media::kFilmDiagonalMm * std::hypot(images[n].width, images[n].height);
+    if (picture.focal_35mm()) {
+      focal_px = *picture.focal_35mm() / media::kFilmDiagonalMm * std::hypot(image.width, image.height);
     }
     options.focal_px.push_back(focal_px);
-    options.up.push_back(up_of(exif.orientation));
-    if (exif.orientation != 1) turned.push_back(files[n]);
+    options.up.push_back(up_of(picture.orientation()));
+    if (picture.orientation() != 1) turned.push_back(picture.file());
   }
   options.progress = [&](double done) { progress(0.3 + 0.7 * done, "matching the pictures"); };
-  NODAL_TRY_ASSIGN(autocalibration::Found found, autocalibration::autocalibrate(grey, names, options));
-  FirstCalibration first;
-  first.calibration = std::move(found.calibration);
-  std::vector<bool> used(files.size());
-  for (const std::size_t n : found.placed) {
-    used[n] = true;
-    first.heads.push_back(n);
-    first.placed.push_back(files[n]);
-    first.images.push_back(std::move(images[n]));
-  }
+  NODAL_TRY_ASSIGN(autocalibration::Found found, autocalibration::autocalibrate(grey, rig.heads, options));
+  rig.calibration = std::move(found.calibration);
+  std::vector<std::string> placed;
+  for (const std::size_t n : found.placed) placed.push_back(files[n]);
   for (std::size_t n = 0; n < files.size(); ++n) {
-    if (used[n]) continue;
-    first.notes.push_back(fmt::format("{} is left out: it shares too little with the other pictures", files[n]));
+    if (std::ranges::find(found.placed, n) != found.placed.end()) continue;
+    rig.notes.push_back(fmt::format("{} is left out: it shares too little with the other pictures", files[n]));
   }
   if (!turned.empty()) {
-    first.notes.push_back(
+    rig.notes.push_back(
         fmt::format("{} of {} pictures are marked as turned (Exif orientation), {} first; their pixels are used as the "
                     "file stores them, and the calibration is for those",
                     turned.size(), files.size(), turned.front()));
   }
   for (const auto& [a, b] : found.doubtful) {
-    first.notes.push_back(
+    rig.notes.push_back(
         fmt::format("{} and {} overlap, but what they show there does not line up: one of them may be turned by some "
                     "degrees, or they see near things from different places",
-                    first.placed[a], first.placed[b]));
+                    placed[a], placed[b]));
   }
-  first.points = std::make_shared<const std::vector<autocalibration::Match>>(std::move(found.points));
-  first.lens = lens_of(found, first.calibration.heads.front());
-  first.lens.note = lens_note(first.lens);
-  if (!first.lens.note.empty()) {
-    first.notes.push_back(first.lens.note);
-    first.calibration.comment = "Lens and rotations from the pictures alone: " + first.lens.note + ".";
+  match.points = std::make_shared<const std::vector<autocalibration::Match>>(std::move(found.points));
+  match.lens = lens_of(found, rig.calibration.heads.front());
+  match.lens.note = lens_note(match.lens);
+  if (!match.lens.note.empty()) {
+    rig.notes.push_back(match.lens.note);
+    rig.calibration.comment = "Lens and rotations from the pictures alone: " + match.lens.note + ".";
   }
-  if (const std::string note = up_note(found.up); !note.empty()) first.notes.push_back(note);
-  first.confidence = fmt::format(
+  if (const std::string note = up_note(found.up); !note.empty()) rig.notes.push_back(note);
+  match.confidence = fmt::format(
       "{} of {} pictures placed by {} points that two of them show; the points, which are {}, agree within {:.1f} px "
       "(median)",
-      first.placed.size(), files.size(), found.matches, text_of(first.lens.seen), found.error_px);
-  return first;
+      placed.size(), files.size(), found.matches, text_of(match.lens.seen), found.error_px);
+  rig.match = std::move(match);
+  keep_heads(rig, found.placed);
+  return std::move(found.placed);
 }
 
 }  // namespace nodal::host

@@ -27,24 +27,24 @@ Calibration with_aspect(Calibration rig, double by) {
 /// The attempts that together register one set of pictures.
 class Attempts {
  public:
-  Attempts(const FirstCalibration& first, const registration::LitFrames& lit, std::vector<double> points,
+  Attempts(const RigPictures& rig, const registration::LitFrames& lit, std::vector<double> points,
            const OwnProgress& progress)
-      : first_(first), lit_(lit), points_(std::move(points)), progress_(progress) {}
+      : rig_(rig), lit_(lit), points_(std::move(points)), progress_(progress) {}
 
   Result<Report> light() {
-    return run(first_.calibration, Free::kRotations, false, kTriedWidth, 0.2, "matching the light");
+    return run(rig_.calibration, Free::kRotations, false, kTriedWidth, 0.2, "matching the light");
   }
   /// Whether a result places every head and agrees with the points as well as the first calibration.
   bool good(const Result<Report>& report) const {
     if (!report) return false;
     const bool placed = std::ranges::all_of(report->heads, [](const auto& head) { return head.placed; });
-    const auto after = autocalibration::point_errors(report->calibration, *first_.points);
+    const auto after = autocalibration::point_errors(report->calibration, *rig_.match->points);
     return placed && after && autocalibration::agrees_as_well(points_, *after);
   }
   /// At the width of trials.
   Result<Report> tried(Free free) {
     begun_ = 0.2;
-    return run(first_.calibration, free, true, kTriedWidth, 0.1, "trying lenses");
+    return run(rig_.calibration, free, true, kTriedWidth, 0.1, "trying lenses");
   }
   /// At the width of results.
   Result<Report> fine(const Calibration& from, Free free) {
@@ -70,7 +70,7 @@ class Attempts {
     return report;
   }
 
-  const FirstCalibration& first_;
+  const RigPictures& rig_;
   const registration::LitFrames& lit_;
   std::vector<double> points_;  ///< errors with the first calibration
   const OwnProgress& progress_;
@@ -102,17 +102,16 @@ Report Attempts::with_best_aspect(Report best, Free free) {
 
 }  // namespace
 
-Result<Report> refined(const FirstCalibration& first, const OwnProgress& progress) {
-  registration::FrameSet frames;
-  for (const DecodedImage& image : first.images) frames.push_back(image.view());
-  NODAL_TRY_ASSIGN(const registration::LitFrames lit,
-                   registration::LitFrames::of(first.calibration, {frames}, registration::Colour::kLuminance, 0));
-  NODAL_TRY_ASSIGN(std::vector<double> points, autocalibration::point_errors(first.calibration, *first.points));
-  Attempts attempts(first, lit, std::move(points), progress);
+Result<Report> refined(const RigPictures& rig, const OwnProgress& progress) {
+  NODAL_TRY_ASSIGN(
+      const registration::LitFrames lit,
+      registration::LitFrames::of(rig.calibration, {rig.frames(rig.match->set)}, registration::Colour::kLuminance, 0));
+  NODAL_TRY_ASSIGN(std::vector<double> points, autocalibration::point_errors(rig.calibration, *rig.match->points));
+  Attempts attempts(rig, lit, std::move(points), progress);
   NODAL_TRY_ASSIGN(Report light, attempts.light());
-  const bool anamorphic = first.calibration.heads.front().aspect != 1;
+  const bool anamorphic = rig.calibration.heads.front().aspect != 1;
   for (const Free free : {Free::kLens, Free::kFocals, Free::kRotations}) {
-    if (!first.lens.mostly && free != Free::kRotations) continue;
+    if (!rig.match->lens.mostly && free != Free::kRotations) continue;
     const Result<Report> tried = attempts.tried(free);
     if (!attempts.better(tried, light)) continue;
     Result<Report> fine = attempts.fine(tried->calibration, free);

@@ -11,7 +11,9 @@
 #include <string_view>
 
 #include "host_tool/input/pictures.h"
+#include "protocol/base/try.h"
 #include "protocol/files/open_file.h"
+#include "stitch/media/picture_bytes.h"
 #include "stitch/media/picture_folder.h"
 
 namespace nodal::host {
@@ -34,25 +36,35 @@ bool same_bytes(const std::string& a, const std::string& b) {
 
 }  // namespace
 
+Result<ImageHeader> OpenPictures::header_of(const std::string& file) {
+  NODAL_TRY_ASSIGN(media::PictureBytes bytes, media::PictureBytes::open(file));
+  NODAL_TRY_ASSIGN(ImageHeader header, read_picture_header(bytes));
+  if (files_.size() < kMaxOpen) files_.emplace(file, std::make_shared<media::PictureBytes>(std::move(bytes)));
+  return header;
+}
+
+std::shared_ptr<media::PictureBytes> OpenPictures::take(const std::string& file) {
+  auto found = files_.extract(file);
+  return found ? std::move(found.mapped()) : nullptr;
+}
+
+Result<PictureFolder> pictures_in(const std::string& folder, OpenPictures& opened) {
+  return media::pictures_in(
+      folder, [&](const fs::path& file) { return opened.header_of(file.string()); }, true);
+}
+
 Result<PictureFolder> pictures_in(const std::string& folder) {
   return media::pictures_in(
-      folder, [](const fs::path& file) { return read_picture_header(file.string()); }, true);
+      folder, [](const fs::path& file) { return OpenPictures().header_of(file.string()); }, true);
 }
 
 Result<PictureFolder> sequence_in(const std::string& folder) {
   Result<PictureFolder> pictures = pictures_in(folder);
   if (!pictures || pictures->broken.empty()) return pictures;
-  const Result<ImageHeader> header = read_picture_header(pictures->broken.front());
+  const Result<ImageHeader> header = OpenPictures().header_of(pictures->broken.front());
   const std::string why = header ? "it changed while it was read" : header.error().message;
   return fail(Errc::kBadFormat,
               why + "; in a sequence every picture counts: replace it, or take its set out of all folders");
-}
-
-bool is_foreign_picture(const std::string& file) {
-  std::error_code error;
-  if (!fs::is_regular_file(file, error)) return false;
-  const media::FileKind* kind = media::kind_of_file(file);
-  return kind != nullptr && kind->pictures;
 }
 
 std::vector<std::pair<std::size_t, std::size_t>> same_files(const std::vector<std::string>& files) {

@@ -1,24 +1,43 @@
 // Folders of pictures as people have them, with other files in them.
 #pragma once
 
+#include <map>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "protocol/base/decoded_image.h"
 #include "protocol/base/picture_folder.h"
 #include "protocol/base/result.h"
 
+namespace nodal::media {
+class PictureBytes;
+}
+
 namespace nodal::host {
 
-/// media::pictures_in() with every format that nodal reads.
+/// Files that were opened to see whether they are pictures, so that their pixels need not open them again.
+class OpenPictures {
+ public:
+  /// Opens the file, and keeps it open if it is a picture; of many files only the first kMaxOpen.
+  /// Errors: those of read_picture_header().
+  Result<ImageHeader> header_of(const std::string& file);
+  /// Null if the file is not open.
+  std::shared_ptr<media::PictureBytes> take(const std::string& file);
+
+ private:
+  static constexpr std::size_t kMaxOpen = 64;  // a process may have 1024 files open
+  std::map<std::string, std::shared_ptr<media::PictureBytes>> files_;
+};
+
+/// media::pictures_in() with every format that nodal reads. With `opened`, pictures stay open there.
 Result<PictureFolder> pictures_in(const std::string& folder);
+Result<PictureFolder> pictures_in(const std::string& folder, OpenPictures& opened);
 
 /// The same for a sequence, in which a missing picture would move all later ones to another set.
 /// Errors: also those of the first file that is called like a picture and cannot be read.
 Result<PictureFolder> sequence_in(const std::string& folder);
-
-/// Whether a file holds pictures or a film in a format that is not read: what is given in place of a picture.
-bool is_foreign_picture(const std::string& file);
 
 /// For every file that has the same bytes as another one with a shorter name, or an earlier one with a name as long: its index
 /// and the other's.

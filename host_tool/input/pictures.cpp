@@ -7,6 +7,7 @@
 #include "stitch/media/colour/colour.h"
 #include "stitch/media/exif/exif.h"
 #include "stitch/media/image_file.h"
+#include "stitch/media/picture_bytes.h"
 #include "stitch/media/tiff/tiff_reader.h"
 #include "stitch/parallel/workers.h"
 
@@ -15,11 +16,10 @@ namespace nodal::host {
 namespace {
 
 /// A file's picture with its own numbers; with 16 bits a sample if it has them.
-Result<DecodedImage> decode_as_stored(const std::string& file) {
-  const bool tiff = media::is_tiff(file);
-  NODAL_TRY_ASSIGN(const ImageHeader header, tiff ? media::read_tiff_header(file) : media::read_image_header(file));
-  NODAL_TRY_ASSIGN(DecodedImage picture,
-                   tiff ? media::read_tiff(file, header.deep) : media::read_image(file, header.deep));
+Result<DecodedImage> decode_as_stored(media::PictureBytes& file) {
+  NODAL_TRY_ASSIGN(const ImageHeader header, read_picture_header(file));
+  NODAL_TRY_ASSIGN(DecodedImage picture, media::is_tiff(file) ? media::decode_tiff(file, header.deep)
+                                                              : media::decode_image(file, header.deep));
   const SampleMeaning& said = picture.meaning;
   if (said.icc.empty() && said.curve == SampleMeaning::Curve::kUnsaid && media::exif_of(picture.metadata).adobe_rgb) {
     picture.meaning = media::adobe_rgb();
@@ -35,6 +35,14 @@ Result<DecodedImage> as_srgb(DecodedImage&& picture, const std::string& file) {
   return std::move(picture);
 }
 
+/// In 8 bits.
+Result<DecodedImage> shown(DecodedImage&& stored, bool of_linear_head, const std::string& file) {
+  if (of_linear_head && stored.meaning.is_linear()) stored.meaning.curve = SampleMeaning::Curve::kUnsaid;
+  NODAL_TRY_ASSIGN(DecodedImage picture, as_srgb(std::move(stored), file));
+  if (is_linear16(picture.format)) picture = media::shown_in_8_bits(picture);
+  return picture;
+}
+
 }  // namespace
 
 DecodedImage in_format(DecodedImage picture, PixelFormat format) {
@@ -46,19 +54,22 @@ DecodedImage in_format(DecodedImage picture, PixelFormat format) {
 }
 
 Result<DecodedImage> read_deep_picture(const std::string& file) {
-  NODAL_TRY_ASSIGN(DecodedImage stored, decode_as_stored(file));
+  NODAL_TRY_ASSIGN(media::PictureBytes bytes, media::PictureBytes::open(file));
+  NODAL_TRY_ASSIGN(DecodedImage stored, decode_as_stored(bytes));
   const bool coded = has_chroma(stored.format);
   return as_srgb(coded ? in_format(std::move(stored), PixelFormat::kRgb24) : std::move(stored), file);
 }
 
-Result<DecodedImage> read_picture(const std::string& file, std::optional<PixelFormat> as, bool of_linear_head) {
-  NODAL_TRY_ASSIGN(DecodedImage stored, decode_as_stored(file));
-  if (of_linear_head && stored.meaning.is_linear()) stored.meaning.curve = SampleMeaning::Curve::kUnsaid;
-  Result<DecodedImage> picture = as_srgb(std::move(stored), file);
-  if (!picture) return picture;
-  if (is_linear16(picture->format)) picture = media::shown_in_8_bits(*picture);
-  if (as) picture = in_format(std::move(*picture), *as);
+Result<DecodedImage> read_picture(const std::string& file, std::optional<PixelFormat> as) {
+  NODAL_TRY_ASSIGN(media::PictureBytes bytes, media::PictureBytes::open(file));
+  NODAL_TRY_ASSIGN(DecodedImage stored, decode_as_stored(bytes));
+  NODAL_TRY_ASSIGN(DecodedImage picture, shown(std::move(stored), false, file));
+  if (as) picture = in_format(std::move(picture), *as);
   return picture;
+}
+
+Result<ImageHeader> read_picture_header(media::PictureBytes& file) {
+  return media::is_tiff(file) ? media::tiff_header(file) : media::image_header(file);
 }
 
 std::vector<bool> linear_heads(const Calibration& calibration) {
@@ -69,30 +80,62 @@ std::vector<bool> linear_heads(const Calibration& calibration) {
   return linear;
 }
 
-Result<std::vector<DecodedImage>> read_all(const std::vector<std::string>& files,
-                                           const std::function<void(std::size_t n)>& begin,
-                                           const std::vector<bool>& of_linear_heads) {
-  const parallel::Workers workers(0);
-  std::vector<DecodedImage> images;
-  while (images.size() < files.size()) {
-    begin(images.size());
-    const std::size_t at_once = std::min(files.size() - images.size(), static_cast<std::size_t>(workers.threads()));
-    std::vector<std::optional<Result<DecodedImage>>> read(at_once);
-    workers.run(static_cast<int>(at_once), [&](int i) {
-      const auto k = static_cast<std::size_t>(i);
-      const std::size_t n = images.size() + k;
-      read[k] = read_picture(files[n], std::nullopt, n < of_linear_heads.size() && of_linear_heads[n]);
-    });
-    for (std::optional<Result<DecodedImage>>& one : read) {
-      if (!*one) return fail(one->error());
-      images.push_back(std::move(**one));
-    }
+HeadPicture::HeadPicture(std::string file, std::shared_ptr<media::PictureBytes> opened)
+    : file_(std::move(file)), opened_(std::move(opened)) {}
+
+HeadPicture::HeadPicture(DecodedImage pixels) : pixels_(std::move(pixels)) {}
+
+Status HeadPicture::decode(bool of_linear_head) {
+  const bool same = !says_linear_ || of_linear_head == of_linear_head_;
+  if (pixels_ && (same || file_.empty())) return {};
+  pixels_.reset();
+  std::shared_ptr<media::PictureBytes> bytes = std::exchange(opened_, nullptr);
+  if (!bytes) {
+    NODAL_TRY_ASSIGN(media::PictureBytes opened, media::PictureBytes::open(file_));
+    bytes = std::make_shared<media::PictureBytes>(std::move(opened));
   }
-  return images;
+  if (!media::is_tiff(*bytes)) {
+    NODAL_TRY_ASSIGN(const auto start, bytes->first(media::kExifBytes));
+    const media::Exif exif = media::parse_exif(start);
+    focal_35mm_ = exif.focal_35mm;
+    orientation_ = exif.orientation;
+  }
+  NODAL_TRY_ASSIGN(DecodedImage stored, decode_as_stored(*bytes));
+  bytes.reset();
+  says_linear_ = stored.meaning.is_linear();
+  of_linear_head_ = of_linear_head;
+  NODAL_TRY_ASSIGN(DecodedImage picture, shown(std::move(stored), of_linear_head, file_));
+  pixels_ = std::move(picture);
+  return {};
 }
 
-Result<ImageHeader> read_picture_header(const std::string& file) {
-  return media::is_tiff(file) ? media::read_tiff_header(file) : media::read_image_header(file);
+DecodedImage HeadPicture::take() {
+  DecodedImage taken = std::move(*pixels_);
+  pixels_.reset();
+  return taken;
+}
+
+void HeadPicture::release() {
+  if (!file_.empty()) pixels_.reset();
+}
+
+Status decode_all(std::vector<HeadPicture>& pictures, const std::vector<bool>& of_linear_heads,
+                  const std::function<void(std::size_t n)>& begin) {
+  const parallel::Workers workers(0);
+  const auto at_once = static_cast<std::size_t>(workers.threads());
+  for (std::size_t from = 0; from < pictures.size(); from += at_once) {
+    begin(from);
+    std::vector<Status> done(std::min(pictures.size() - from, at_once));
+    workers.run(static_cast<int>(done.size()), [&](int i) {
+      const auto k = static_cast<std::size_t>(i);
+      const std::size_t n = from + k;
+      done[k] = pictures[n].decode(n < of_linear_heads.size() && of_linear_heads[n]);
+    });
+    for (const Status& one : done) {
+      NODAL_TRY(one);
+    }
+  }
+  return {};
 }
 
 }  // namespace nodal::host

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -10,24 +11,22 @@
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
 
+namespace nodal::media {
+class PictureBytes;
+}
+
 namespace nodal::host {
 
 /// A picture in sRGB's numbers (media::in_srgb): GREY, I420 or RGB24 as its file suits; `as`: GREY or RGB24 instead.
-/// `of_linear_head`: numbers that the file calls proportional to light stay so, as the head's response has them.
 /// Errors: those of the readers and of in_srgb(); each names the file.
-Result<DecodedImage> read_picture(const std::string& file, std::optional<PixelFormat> as = std::nullopt,
-                                  bool of_linear_head = false);
+Result<DecodedImage> read_picture(const std::string& file, std::optional<PixelFormat> as = std::nullopt);
 
 /// The same with all 16 bits, as GREY16 or RGB48, if the file has them, and otherwise as GREY or RGB24. Numbers of 16 bits
 /// that are proportional to light stay so; meaning.is_linear() says it.
 Result<DecodedImage> read_deep_picture(const std::string& file);
 
-/// Several pictures in their natural formats, on all cores. `begin(n)` is called on the caller's thread before pictures n
-/// and later are read. `of_linear_heads[n]`: as for read_picture(); empty: none.
-/// Errors: that of the first file, in their order, that has one.
-Result<std::vector<DecodedImage>> read_all(
-    const std::vector<std::string>& files, const std::function<void(std::size_t n)>& begin = [](std::size_t) {},
-    const std::vector<bool>& of_linear_heads = {});
+/// Size and natural format of an open file, without decoding it.
+Result<ImageHeader> read_picture_header(media::PictureBytes& file);
 
 /// The same picture in another format of 8 bits: media::convert_image() with meaning and metadata.
 DecodedImage in_format(DecodedImage picture, PixelFormat format);
@@ -35,7 +34,48 @@ DecodedImage in_format(DecodedImage picture, PixelFormat format);
 /// The heads whose response is linear.
 std::vector<bool> linear_heads(const Calibration& calibration);
 
-/// Its size and natural format, without decoding it.
-Result<ImageHeader> read_picture_header(const std::string& file);
+/// One head's picture: a file that is opened and decoded at most once while its pixels are kept, or pixels that a running rig
+/// sent.
+///
+/// Threading: thread-bound; several may be decoded at a time.
+/// Ownership: owns the file until it is decoded, and the pixels.
+class HeadPicture {
+ public:
+  /// `opened`: the file, if something of it was read already.
+  explicit HeadPicture(std::string file, std::shared_ptr<media::PictureBytes> opened = nullptr);
+  explicit HeadPicture(DecodedImage pixels);
+
+  /// Empty if it is from a running rig.
+  const std::string& file() const { return file_; }
+  /// Decodes the file in its natural format: GREY, I420 or RGB24 in sRGB's numbers, except that numbers which the file calls
+  /// proportional to light stay so with `of_linear_head`. Nothing is done if the pixels are there.
+  /// Errors: those of read_picture().
+  Status decode(bool of_linear_head);
+  /// After decode().
+  const DecodedImage& pixels() const { return *pixels_; }
+  /// What the camera says of its lens and attitude (media::Exif). After decode().
+  std::optional<double> focal_35mm() const { return focal_35mm_; }
+  int orientation() const { return orientation_; }
+  /// Moves the pixels out.
+  DecodedImage take();
+  /// Frees the pixels of a file; decode() reads it again.
+  void release();
+
+ private:
+  std::string file_;
+  std::shared_ptr<media::PictureBytes> opened_;
+  std::optional<DecodedImage> pixels_;
+  std::optional<double> focal_35mm_;
+  int orientation_ = 1;
+  bool says_linear_ = false;     ///< the file's numbers are proportional to light
+  bool of_linear_head_ = false;  ///< how it was decoded
+};
+
+/// Decodes a set's pictures on all cores. `begin(n)` is called on the caller's thread before pictures n and later are decoded.
+/// `of_linear_heads[n]`: as for HeadPicture::decode(); empty: none.
+/// Errors: that of the first picture, in their order, that has one.
+Status decode_all(
+    std::vector<HeadPicture>& pictures, const std::vector<bool>& of_linear_heads = {},
+    const std::function<void(std::size_t n)>& begin = [](std::size_t) {});
 
 }  // namespace nodal::host

@@ -15,8 +15,6 @@ enum class PicturePlaces { kBesideProject, kAnywhere };
 /// The option that allows kAnywhere, of every command that reads projects.
 inline constexpr const char* kPicturesAnywhere = "--pictures-anywhere";
 
-inline constexpr const char* kPicturesAnywhereHelp = "A project may name pictures outside its own folder";
-
 struct ProjectPicture {
   std::string file;
   bool moved = false;  ///< not where the project says, but of this name beside it

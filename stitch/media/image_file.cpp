@@ -2,18 +2,14 @@
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
-#include <memory>
 #include <string>
 #include <string_view>
 
 #include "protocol/base/limits.h"
 #include "protocol/base/try.h"
-#include "protocol/files/open_file.h"
 #include "stitch/media/file_kind.h"
 #include "stitch/media/jpeg_reader.h"
+#include "stitch/media/picture_bytes.h"
 #include "stitch/media/png_reader.h"
 
 namespace nodal::media {
@@ -58,27 +54,6 @@ Result<ImageHeader> header_of(std::span<const std::uint8_t> bytes, const std::st
   return header;
 }
 
-/// At most `limit` bytes from the beginning.
-Result<std::vector<std::uint8_t>> read_file(const std::filesystem::path& file, std::size_t limit) {
-  const Result<FilePtr> in = open_to_read(file);
-  if (!in) {
-    const bool wrong_kind = in.error().code == Errc::kBadFormat;
-    return fail(in.error().code,
-                "picture '" + file.string() + "': " + (wrong_kind ? "" : "cannot be opened: ") + in.error().message);
-  }
-  std::vector<std::uint8_t> bytes;
-  std::array<std::uint8_t, 65536> piece;
-  while (bytes.size() < limit) {
-    const std::size_t got = std::fread(piece.data(), 1, std::min(piece.size(), limit - bytes.size()), in->get());
-    if (got == 0) break;
-    bytes.insert(bytes.end(), piece.begin(), piece.begin() + static_cast<std::ptrdiff_t>(got));
-  }
-  if (std::ferror(in->get()) != 0) {
-    return fail(Errc::kIo, "picture '" + file.string() + "': cannot be read: " + std::strerror(errno));
-  }
-  return bytes;
-}
-
 }  // namespace
 
 Result<DecodedImage> decode_image(std::span<const std::uint8_t> bytes, const std::string& name,
@@ -109,25 +84,34 @@ Result<DecodedImage> decode_image(std::span<const std::uint8_t> bytes, const std
   return converted;
 }
 
-Result<DecodedImage> read_image(const std::filesystem::path& file, std::optional<PixelFormat> as) {
-  NODAL_TRY_ASSIGN(auto bytes, read_file(file, kMaxImageFileBytes + 1));
+Result<DecodedImage> decode_image(PictureBytes& file, std::optional<PixelFormat> as) {
+  NODAL_TRY_ASSIGN(const auto bytes, file.first(kMaxImageFileBytes + 1));
   if (bytes.size() > kMaxImageFileBytes) {
     return fail(Errc::kTooLarge,
-                "picture '" + file.string() + "': is over " + std::to_string(kMaxImageFileBytes >> 20) + " MiB");
+                "picture '" + file.name() + "': is over " + std::to_string(kMaxImageFileBytes >> 20) + " MiB");
   }
-  return decode_image(bytes, file.string(), as);
+  return decode_image(bytes, file.name(), as);
+}
+
+Result<ImageHeader> image_header(PictureBytes& file) {
+  // Most headers are within these first bytes, but a JPEG may have megabytes of metadata before its header.
+  constexpr std::size_t kFirst = 64 * 1024;
+  NODAL_TRY_ASSIGN(const auto bytes, file.first(kFirst));
+  const std::size_t read = bytes.size();
+  auto header = header_of(bytes, file.name());
+  if (header || read < kFirst) return header;
+  NODAL_TRY_ASSIGN(const auto all, file.first(kMaxImageFileBytes));
+  return header_of(all, file.name());
+}
+
+Result<DecodedImage> read_image(const std::filesystem::path& file, std::optional<PixelFormat> as) {
+  NODAL_TRY_ASSIGN(PictureBytes bytes, PictureBytes::open(file));
+  return decode_image(bytes, as);
 }
 
 Result<ImageHeader> read_image_header(const std::filesystem::path& file) {
-  // Most headers are within these first bytes, but a JPEG may have megabytes of metadata before its header.
-  constexpr std::size_t kFirst = 64 * 1024;
-  auto bytes = read_file(file, kFirst);
-  if (!bytes) return fail(bytes.error());
-  auto header = header_of(*bytes, file.string());
-  if (header || bytes->size() < kFirst) return header;
-  bytes = read_file(file, kMaxImageFileBytes);
-  if (!bytes) return fail(bytes.error());
-  return header_of(*bytes, file.string());
+  NODAL_TRY_ASSIGN(PictureBytes bytes, PictureBytes::open(file));
+  return image_header(bytes);
 }
 
 }  // namespace nodal::media

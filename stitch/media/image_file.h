@@ -13,6 +13,8 @@
 
 namespace nodal::media {
 
+class PictureBytes;
+
 inline constexpr std::uint64_t kMaxImageFileBytes = std::uint64_t{256} << 20;
 inline constexpr int kMaxImageSide = 32768;
 /// Limit of decoded bytes per byte of file. Deflate expands at most 1032 times (zlib's technical details), baseline
@@ -35,6 +37,10 @@ Result<DecodedImage> read_image(const std::filesystem::path& file, std::optional
 
 /// Reads the header of a file, without decoding the picture.
 Result<ImageHeader> read_image_header(const std::filesystem::path& file);
+
+/// The same for a file that is open.
+Result<DecodedImage> decode_image(PictureBytes& file, std::optional<PixelFormat> as = std::nullopt);
+Result<ImageHeader> image_header(PictureBytes& file);
 
 /// Converts a picture to another format (neither may be kMjpeg, Bayer or of 16 bits): RGB and YUV by full-range BT.601; chroma is
 /// interpolated or averaged when its resolution changes. Slow: for opening files, not for the frame path.

@@ -5,6 +5,7 @@
 
 #include "protocol/base/try.h"
 #include "stitch/media/image_file.h"
+#include "stitch/media/picture_bytes.h"
 #include "stitch/media/srgb_profile.h"
 #include "stitch/media/tiff_directory.h"
 
@@ -58,8 +59,10 @@ Result<ImageHeader> read_plain_header(const std::filesystem::path& file) {
 }
 
 Result<DecodedImage> read_plain_image(const std::filesystem::path& file, std::optional<PixelFormat> as) {
-  NODAL_TRY(read_plain_header(file));
-  return read_image(file, as);
+  NODAL_TRY_ASSIGN(PictureBytes bytes, PictureBytes::open(file));
+  NODAL_TRY_ASSIGN(const ImageHeader header, image_header(bytes));
+  NODAL_TRY(check_plain(header, file));
+  return decode_image(bytes, as);
 }
 
 }  // namespace nodal::media

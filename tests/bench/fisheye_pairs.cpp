@@ -8,9 +8,9 @@
 #include <optional>
 #include <random>
 
+#include "host_tool/input/nominal_rig.h"
 #include "host_tool/input/own_pictures.h"
 #include "host_tool/input/pictures.h"
-#include "host_tool/input/registration_input.h"
 #include "protocol/base/angles.h"
 #include "stitch/autocalibration/matches.h"
 #include "stitch/geometry/lens/lens.h"
@@ -148,26 +148,27 @@ test::RenderedRig rendered_pair(const FisheyePair& pair, const Calibration& trut
 PairVerdict judged_alone(const FisheyePair& pair, const Calibration& truth, const std::vector<std::string>& files) {
   const host::OwnProgress silent = [](double, const std::string&) {};
   PairVerdict verdict;
-  const Result<host::FirstCalibration> first = host::first_calibration(files, {"cam0", "cam1"}, silent);
-  if (!first) {
-    verdict.refused = first.error().message;
+  Result<host::RigPictures> rig = host::own_pictures(files);
+  const auto placed = rig ? host::calibrate_by_pictures(*rig, silent) : fail(rig.error());
+  if (!placed) {
+    verdict.refused = placed.error().message;
     return verdict;
   }
-  if (first->heads.size() < 2) {
+  if (placed->size() < 2) {
     verdict.refused = "one head is left out";
     return verdict;
   }
-  const Result<registration::Report> report = host::refined(*first, silent);
-  const host::FoundLens& lens = first->lens;
+  const Result<registration::Report> report = host::refined(*rig, silent);
+  const host::FoundLens& lens = rig->match->lens;
   const auto known = [&](double px) { return lens.whole || (px > lens.known.from_px && px < lens.known.to_px); };
-  verdict.errors = errors_of(pair, truth, report ? report->calibration : first->calibration, known);
-  verdict.points = first->points->size();
+  verdict.errors = errors_of(pair, truth, report ? report->calibration : rig->calibration, known);
+  verdict.points = rig->match->points->size();
   verdict.known_from_px = lens.known.from_px;
   verdict.known_to_px = lens.known.to_px;
   verdict.whole = lens.whole;
   verdict.family = lens.family;
   verdict.unsure_percent = lens.may_be_wrong_percent();
-  verdict.notes = first->notes;
+  verdict.notes = rig->notes;
   return verdict;
 }
 
@@ -175,18 +176,21 @@ PairVerdict judged_nominal(const FisheyePair& pair, const Calibration& truth, co
                            bool lenses) {
   PairVerdict verdict;
   const auto nowhere = [](double) { return false; };
-  Result<std::vector<DecodedImage>> images = host::read_all(files, [](std::size_t) {});
+  std::vector<host::HeadPicture> pictures(files.begin(), files.end());
+  const Status decoded = host::decode_all(pictures);
+  registration::FrameSet frames;
+  for (const host::HeadPicture& picture : pictures) {
+    if (decoded) frames.push_back(picture.pixels().view());
+  }
   host::Nominal nominal;
   nominal.heads = 2;
   nominal.view_deg = pair.view_deg;
   const Result<Calibration> prior =
-      images ? host::nominal_rig(nominal, *images) : Result<Calibration>(fail(images.error()));
+      decoded ? host::nominal_rig(nominal, frames) : Result<Calibration>(fail(decoded.error()));
   if (!prior) {
     verdict.refused = prior.error().message;
     return verdict;
   }
-  registration::FrameSet frames;
-  for (const DecodedImage& image : *images) frames.push_back(image.view());
   registration::Options options;
   options.lens_far_off = true;
   options.free = lenses ? registration::Free::kLens : registration::Free::kRotations;

@@ -113,15 +113,16 @@ void hands(Range range, const fs::path& folder, bool beside_hugin) {
     std::printf("%3d %5.2f %4d %3d %2zu", n, set.moved, set.near, set.own_lenses, names.size());
     const std::clock_t begun = std::clock();
     const host::OwnProgress silent = [](double, const std::string&) {};
-    const Result<host::FirstCalibration> first = host::first_calibration(files, names, silent);
-    if (!first) {
-      std::printf(" | %s\n", first.error().text().c_str());
+    Result<host::RigPictures> rig = host::own_pictures(files);
+    const auto heads = rig ? host::calibrate_by_pictures(*rig, silent) : fail(rig.error());
+    if (!heads) {
+      std::printf(" | %s\n", heads.error().text().c_str());
       continue;
     }
-    const Result<registration::Report> report = host::refined(*first, silent);
+    const Result<registration::Report> report = host::refined(*rig, silent);
     const double seconds = static_cast<double>(std::clock() - begun) / CLOCKS_PER_SEC;
-    const Placed by_points = in_order(first->calibration, first->heads, files.size());
-    const Placed by_pictures = in_order(report ? report->calibration : first->calibration, first->heads, files.size());
+    const Placed by_points = in_order(rig->calibration, *heads, files.size());
+    const Placed by_pictures = in_order(report ? report->calibration : rig->calibration, *heads, files.size());
     const Result<Placed> hugin =
         beside_hugin ? placed_by_hugin(files, kHandViewDeg, folder) : Result<Placed>(by_points);
     const Placed& other = hugin ? *hugin : by_points;

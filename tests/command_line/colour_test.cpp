@@ -105,16 +105,16 @@ TEST_F(ColourCommand, SixteenBitsOfHeadsWithSrgb_AreProportionalToLight) {
   write("srgb.json", to_json(rig));
   for (const auto& [level, light] : {std::pair(64, 0.05126945), {128, 0.21586050}}) {  // IEC 61966-2-1
     test::write_bytes(path("grey.png"), test::png_of(Bytes(96 * 96, static_cast<std::uint8_t>(level)), 96, 96, 1));
-    for (const std::string quality : {"92", "best"}) {
+    for (const std::string blend : {"rig", "best"}) {
       Words words{"stitch", path("srgb.json")};
       for (int h = 0; h < 6; ++h) words.push_back(path("grey.png"));
-      words.insert(words.end(), {"--bits", "16", "--width", "64", "--quality", quality, "-o", path("o.png")});
+      words.insert(words.end(), {"--bits", "16", "--width", "64", "--blend", blend, "-o", path("o.png")});
       run(words);
       const DecodedImage image = media::read_image(path("o.png"), PixelFormat::kRgb48).value();
       EXPECT_TRUE(image.meaning.is_linear());
-      for (const double got : samples("o.png")) ASSERT_NEAR(got, light, 0.0006) << level << " " << quality;
+      for (const double got : samples("o.png")) ASSERT_NEAR(got, light, 0.0006) << level << " " << blend;
       run({"convert", path("o.png"), "-o", path("o.jpg")});
-      for (const double got : samples("o.jpg")) ASSERT_NEAR(255 * got, level, 1.5) << quality;
+      for (const double got : samples("o.jpg")) ASSERT_NEAR(255 * got, level, 1.5) << blend;
     }
   }
 }

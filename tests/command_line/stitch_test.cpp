@@ -84,12 +84,12 @@ TEST_F(StitchCommand, PicturesAndACalibration_GiveASphereThatShowsTheScene) {
       << "two pictures are exchanged; a measure that does not see it is none";
 }
 
-TEST_F(StitchCommand, BestQuality_ShowsTheSceneAtLeastAsWell) {
+TEST_F(StitchCommand, BestBlend_ShowsTheSceneAtLeastAsWell) {
   write_pictures("pictures");
   Words words{"stitch", path("rig.json"), path("pictures"), "-o", path("sphere.png")};
   ASSERT_EQ(nodal(words).code, 0);
   const double usual = correlation_with_town(media::read_image(path("sphere.png"), PixelFormat::kRgb24).value());
-  words.insert(words.end(), {"--quality", "best"});
+  words.insert(words.end(), {"--blend", "best"});
   ASSERT_EQ(nodal(words).code, 0);
   EXPECT_GT(correlation_with_town(media::read_image(path("sphere.png"), PixelFormat::kRgb24).value()), usual - 0.001);
 }
@@ -382,8 +382,9 @@ TEST_F(StitchCommand, WhatCannotBeDone_IsSaidInOneSentence) {
   expect_refused({rig, pictures, "--seam-width", "181"}, "--seam-width");
   expect_refused({rig, pictures, "--seam-width", "nan"}, "--seam-width");
   expect_refused({rig, pictures, "--transition", "cut"}, "--transition");
-  expect_refused({rig, pictures, "--quality", "better"}, "from 1 to 100, or best");
-  expect_refused({rig, pictures, "--quality", "best", "--feather", "0.2"}, "--feather: --quality best");
+  expect_refused({rig, pictures, "--quality", "better"}, "from 1 to 100");
+  expect_refused({rig, pictures, "--quality", "best", "--feather", "0.2"}, "--feather: --blend best");
+  expect_refused({rig, pictures, "--quality", "best", "--blend", "rig"}, "--blend: --quality best is an older word");
   expect_refused({rig, pictures, "-o", path("no/such/folder/out.jpg")}, "no/such/folder");
   test::write_bytes(path("pictures/cam3.png"), test::png_of(std::vector<std::uint8_t>(64 * 64 * 3), 64, 64, 3));
   expect_refused({rig, pictures, "-o", path("out.jpg")}, "cam3.png: the picture has 64x64 pixels");

@@ -43,10 +43,11 @@ double degrees_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b)) * 180 / std::numbers::pi;
 }
 
-Result<FirstCalibration> calibrated(const std::vector<std::string>& files) {
-  const auto own = own_pictures(files);
-  if (!own) return fail(own.error());
-  return first_calibration(own->sets.at(0), own->names, kSilent);
+Result<RigPictures> calibrated(const std::vector<std::string>& files) {
+  Result<RigPictures> own = own_pictures(files);
+  if (!own) return own;
+  if (const auto placed = calibrate_by_pictures(*own, kSilent); !placed) return fail(placed.error());
+  return own;
 }
 
 TEST_F(OwnPictures, Synthetic10head_RotationsFromNothing) {
@@ -59,7 +60,7 @@ TEST_F(OwnPictures, Synthetic10head_RotationsFromNothing) {
   for (const std::string& image : truth->images) files.push_back((folder / image).string());
   const auto first = calibrated(files);
   ASSERT_TRUE(first) << first.error().text();
-  ASSERT_EQ(first->placed, files);
+  ASSERT_EQ(first->files().at(0), files);
   // Every head has a lens of its own there, up to 1 % apart, and matching knows only one for all.
   EXPECT_LT(test::rotation_error(truth->calibration, first->calibration).max_deg, 1.5);
   const auto report = refined(*first, kSilent);
@@ -77,7 +78,7 @@ TEST_F(OwnPictures, APictureOfSomethingElse_IsLeftOutAndNamed) {
   files.insert(files.begin() + 4, other.string());
   const auto first = calibrated(files);
   ASSERT_TRUE(first) << first.error().text();
-  EXPECT_EQ(first->placed.size(), 10U);
+  EXPECT_EQ(first->heads.size(), 10U);
   ASSERT_EQ(first->notes.size(), 2U) << "the picture, and no edges to tell what is up";
   EXPECT_NE(first->notes[0].find("input-00.jpg is left out"), std::string::npos) << first->notes[0];
 }
@@ -92,7 +93,7 @@ TEST_F(OwnPictures, Stitchem3cam_StandsUprightAsItsOwnersLevelledIt) {
   for (int h = 0; h < 3; ++h) files.push_back((folder / ("input-0" + std::to_string(h) + ".jpg")).string());
   const auto first = calibrated(files);
   ASSERT_TRUE(first) << first.error().text();
-  ASSERT_EQ(first->placed.size(), 3U);
+  ASSERT_EQ(first->heads.size(), 3U);
   for (std::size_t h = 0; h < 3; ++h) {
     EXPECT_LT(degrees_between(up_in_head(first->calibration.heads[h]), up_in_head(owners->calibration.heads[h])), 4)
         << h;
@@ -112,17 +113,17 @@ TEST_F(OwnPictures, GoproFusion_FieldOfViewAndHorizon) {
   if (IsSkipped()) return;
   const auto first = calibrated({front.string(), back.string()});
   ASSERT_TRUE(first) << first.error().text();
-  ASSERT_EQ(first->placed.size(), 2U);
+  ASSERT_EQ(first->heads.size(), 2U);
   const HeadCalibration& head = first->calibration.heads[0];
   // The maker's parameters: 190 degrees at a radius of 765 px about (779, 742).
   const double at_circle = *geometry::Lens::make(head.lens).value().angle(765) * 360 / std::numbers::pi;
   EXPECT_NEAR(at_circle, 190, 5);
   // The pictures share some degrees at their rims: nothing else of the lens counts as known.
-  const FoundLens& lens = first->lens;
+  const FoundLens& lens = first->match->lens;
   EXPECT_FALSE(lens.whole);
   EXPECT_GT(lens.known.from_deg, 75);
   EXPECT_LT(lens.known.to_px, 760) << "no point is farther out than 740 px";
-  EXPECT_NE(first->confidence.find("° from the lens's axis"), std::string::npos) << first->confidence;
+  EXPECT_NE(first->match->confidence.find("° from the lens's axis"), std::string::npos) << first->match->confidence;
   EXPECT_NE(first->calibration.comment.find("elsewhere it is assumed to be equidistant"), std::string::npos);
   EXPECT_EQ(std::ranges::count(first->notes, lens.note), 1);
   EXPECT_NEAR(head.center_x, 779, 15);

@@ -7,7 +7,7 @@
 
 #include "host_tool/commands/picture_file.h"
 #include "host_tool/console/files.h"
-#include "host_tool/input/registration_input.h"
+#include "host_tool/input/nominal_rig.h"
 #include "host_tool/rig/rig_address.h"
 #include "memory_limit.h"
 
@@ -50,7 +50,7 @@ void parse_all(const std::string& text) {
   if (const auto nominal = host::parse_nominal(text)) {
     DecodedImage black{PixelFormat::kGrey8, 16, 12, {}};
     black.bytes.resize(packed_size(black.format, black.width, black.height));
-    const std::vector<DecodedImage> pictures(static_cast<std::size_t>(nominal->heads), black);
+    const std::vector<ImageView> pictures(static_cast<std::size_t>(nominal->heads), black.view());
     (void)host::nominal_rig(*nominal, pictures);  // may be refused
   }
   if (const auto circle = host::parse_circle(text)) NODAL_ASSERT(circle->radius > 1);

@@ -31,6 +31,7 @@ void expect_rule(const std::vector<std::string>& folders, const Rule& rule) {
       EXPECT_TRUE(may) << file.path << ":" << i + 1 << " calls " << rule.call << ": " << rule.why;
     }
   }
+  if (rule.places.empty()) return;
   EXPECT_GT(allowed, 0) << rule.call << " is called nowhere; is the rule still right?";
 }
 
@@ -52,10 +53,12 @@ TEST(HostRules, ProgramsAreStarted_WhereTheirRightsAreKnown) {
 }
 
 TEST(HostRules, PicturesAreReadAndWritten_WhereTheirColoursAreKept) {
-  const std::vector<std::string> readers{"host_tool/input/pictures.cpp"};
+  const std::vector<std::string> readers{"host_tool/input/pictures.cpp"}, none;
   const std::string read = "read_picture() converts to sRGB whatever the file says that its numbers stand for";
-  expect_rule({"host_tool/"}, {"media::read_image(", readers, read});
-  expect_rule({"host_tool/"}, {"media::read_tiff(", readers, read});
+  expect_rule({"host_tool/"}, {"media::read_image(", none, read});
+  expect_rule({"host_tool/"}, {"media::read_tiff(", none, read});
+  expect_rule({"host_tool/"}, {"media::decode_image(", readers, read});
+  expect_rule({"host_tool/"}, {"media::decode_tiff(", readers, read});
   const std::string written = "encode_result() writes what numbers stand for, and the metadata that is kept";
   expect_rule({"host_tool/"}, {"media::tiff_file(", {"host_tool/commands/result_file.cpp"}, written});
   expect_rule({"host_tool/"},

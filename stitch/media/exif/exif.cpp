@@ -4,12 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <memory>
 #include <vector>
-
-#include "protocol/files/open_file.h"
 
 namespace nodal::media {
 namespace {
@@ -90,14 +87,6 @@ Exif exif_of(const FileMetadata& metadata) {
   std::vector<std::uint8_t> block{'E', 'x', 'i', 'f', 0, 0};
   block.insert(block.end(), metadata.exif.begin(), metadata.exif.end());
   return parse_exif(block);
-}
-
-Exif read_exif(const std::filesystem::path& file) {
-  const Result<FilePtr> in = open_to_read(file);
-  if (!in) return {};
-  std::vector<std::uint8_t> start(kExifBytes);
-  start.resize(std::fread(start.data(), 1, start.size(), in->get()));
-  return parse_exif(start);
 }
 
 }  // namespace nodal::media

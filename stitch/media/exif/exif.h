@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <optional>
 #include <span>
 
@@ -35,8 +34,5 @@ Exif parse_exif(std::span<const std::uint8_t> start);
 
 /// The same for a block of metadata.
 Exif exif_of(const FileMetadata& metadata);
-
-/// The same for a file; nothing if it cannot be read.
-Exif read_exif(const std::filesystem::path& file);
 
 }  // namespace nodal::media

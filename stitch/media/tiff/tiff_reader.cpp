@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <memory>
 #include <optional>
@@ -16,9 +15,9 @@
 
 #include "protocol/base/limits.h"
 #include "protocol/base/try.h"
-#include "protocol/files/open_file.h"
 #include "stitch/media/file_kind.h"
 #include "stitch/media/linear_words.h"
+#include "stitch/media/picture_bytes.h"
 #include "stitch/media/tiff/colorimetry.h"
 #include "stitch/media/tiff/exif_block.h"
 #include "stitch/media/tiff/memory.h"
@@ -81,42 +80,28 @@ Status check_size(Reader& reader) {
   return {};
 }
 
-Result<FilePtr> open_file(const std::filesystem::path& file, const Reader& reader) {
-  Result<FilePtr> in = open_to_read(file);
-  if (!in) return fail(reader.error(in.error().code, "cannot be opened: " + in.error().message));
-  return in;
-}
-
 Error too_large(const Reader& reader) {
   return reader.error(Errc::kTooLarge, "is over " + std::to_string(kMaxTiffFileBytes >> 20) + " MiB");
 }
 
-Status open(const std::filesystem::path& file, Reader& reader) {
-  NODAL_TRY_ASSIGN(const FilePtr in, open_file(file, reader));
-  std::vector<std::uint8_t>& bytes = reader.memory.bytes;
-  std::vector<std::uint8_t> piece(std::size_t{1} << 16);
-  while (const std::size_t got = std::fread(piece.data(), 1, piece.size(), in.get())) {
-    bytes.insert(bytes.end(), piece.begin(), piece.begin() + static_cast<std::ptrdiff_t>(got));
-    if (bytes.size() > kMaxTiffFileBytes) return fail(too_large(reader));
-  }
-  if (std::ferror(in.get()) != 0) {
-    return fail(reader.error(Errc::kIo, std::string("cannot be read: ") + std::strerror(errno)));
-  }
-  reader.file_bytes = bytes.size();
+Status open(PictureBytes& file, Reader& reader) {
+  NODAL_TRY(file.first(kMaxTiffFileBytes + 1));
+  reader.memory.bytes = file.take();
+  reader.file_bytes = reader.memory.bytes.size();
+  if (reader.file_bytes > kMaxTiffFileBytes) return fail(too_large(reader));
   reader.tiff = open_tiff(reader.memory, "r");
   if (!reader.tiff) return fail(reader.broken(Errc::kBadFormat, "is broken"));
   return check_size(reader);
 }
 
 /// Reads only the file's directory.
-Status open_directory(const std::filesystem::path& file, Reader& reader) {
-  NODAL_TRY_ASSIGN(const FilePtr in, open_file(file, reader));
-  std::error_code unknown;
-  reader.file_bytes = std::filesystem::file_size(file, unknown);
-  if (unknown) return fail(reader.error(Errc::kIo, "cannot be read: " + unknown.message()));
+Status open_directory(const PictureBytes& file, Reader& reader) {
+  reader.file_bytes = file.size();
   if (reader.file_bytes > kMaxTiffFileBytes) return fail(too_large(reader));
-  const int descriptor = ::dup(fileno(in.get()));
-  if (descriptor < 0) return fail(reader.error(Errc::kIo, std::string("cannot be read: ") + std::strerror(errno)));
+  const int descriptor = ::dup(file.descriptor());
+  if (descriptor < 0 || ::lseek(descriptor, 0, SEEK_SET) != 0) {
+    return fail(reader.error(Errc::kIo, std::string("cannot be read: ") + std::strerror(errno)));
+  }
   reader.tiff = open_tiff_file(descriptor, reader.memory);
   if (!reader.tiff) return fail(reader.broken(Errc::kBadFormat, "is broken"));
   return check_size(reader);
@@ -332,22 +317,19 @@ Status decode(Reader& reader, std::vector<std::uint8_t>& bytes) {
 
 }  // namespace
 
-bool is_tiff(const std::filesystem::path& file) {
-  const Result<FilePtr> in = open_to_read(file);
-  if (!in) return false;
-  std::vector<std::uint8_t> head(kFileKindBytes);
-  head.resize(std::fread(head.data(), 1, head.size(), in->get()));
-  return begins_like_tiff(head) && file_kind(head, file.string()) == nullptr;
+bool is_tiff(PictureBytes& file) {
+  const auto head = file.first(kFileKindBytes);
+  return head && begins_like_tiff(*head) && file_kind(*head, file.name()) == nullptr;
 }
 
-Result<ImageHeader> read_tiff_header(const std::filesystem::path& file) {
-  Reader reader{file.string()};
+Result<ImageHeader> tiff_header(const PictureBytes& file) {
+  Reader reader{file.name()};
   NODAL_TRY(open_directory(file, reader));
   return reader.header;
 }
 
-Result<DecodedImage> read_tiff(const std::filesystem::path& file, std::optional<PixelFormat> as) {
-  Reader reader{file.string()};
+Result<DecodedImage> decode_tiff(PictureBytes& file, std::optional<PixelFormat> as) {
+  Reader reader{file.name()};
   NODAL_TRY(open(file, reader));
   const ImageHeader& header = reader.header;
   if (as && as != header.deep) {
@@ -374,6 +356,21 @@ Result<DecodedImage> read_tiff(const std::filesystem::path& file, std::optional<
   if (!decoded) return fail(decoded.error());
   read_notes(reader, picture);
   return picture;
+}
+
+bool is_tiff(const std::filesystem::path& file) {
+  Result<PictureBytes> bytes = PictureBytes::open(file);
+  return bytes && is_tiff(*bytes);
+}
+
+Result<DecodedImage> read_tiff(const std::filesystem::path& file, std::optional<PixelFormat> as) {
+  NODAL_TRY_ASSIGN(PictureBytes bytes, PictureBytes::open(file));
+  return decode_tiff(bytes, as);
+}
+
+Result<ImageHeader> read_tiff_header(const std::filesystem::path& file) {
+  NODAL_TRY_ASSIGN(const PictureBytes bytes, PictureBytes::open(file));
+  return tiff_header(bytes);
 }
 
 }  // namespace nodal::media

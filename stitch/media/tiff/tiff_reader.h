@@ -10,6 +10,8 @@
 
 namespace nodal::media {
 
+class PictureBytes;
+
 inline constexpr std::uint64_t kMaxTiffFileBytes = std::uint64_t{2} << 30;
 
 /// Whether the file begins as a TIFF or BigTIFF of either byte order, and is not a camera's raw file, whose first picture is
@@ -29,5 +31,10 @@ Result<DecodedImage> read_tiff(const std::filesystem::path& file, std::optional<
 
 /// Its size and format, without decoding it. Errors: as read_tiff(), except those of its pixels.
 Result<ImageHeader> read_tiff_header(const std::filesystem::path& file);
+
+/// The same for a file that is open. decode_tiff() takes the bytes out of it.
+bool is_tiff(PictureBytes& file);
+Result<DecodedImage> decode_tiff(PictureBytes& file, std::optional<PixelFormat> as = std::nullopt);
+Result<ImageHeader> tiff_header(const PictureBytes& file);
 
 }  // namespace nodal::media

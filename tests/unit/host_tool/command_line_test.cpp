@@ -102,6 +102,7 @@ TEST(CommandLine, WithJson_EveryUsageErrorIsOneDocument_WhereverTheFlagStands) {
                                                     {"head", "set", "cam0", "--wb", "x"},
                                                     {"exposure", "set", "--longest", "5"},
                                                     {"stitch", "a.png", "b.png", "--quality", "bst"},
+                                                    {"stitch", "a.png", "b.png", "--blend", "bst"},
                                                     {"raymap", "pull", "-n", "0"},
                                                     {"status", "--interval", "5"},
                                                     {"--timeout", "-1s", "status"},

@@ -8,8 +8,7 @@
 
 #include "host_tool/commands/picture_file.h"
 #include "host_tool/input/own_pictures.h"
-#include "host_tool/input/registration_input.h"
-#include "host_tool/input/stitch_input.h"
+#include "host_tool/input/rig_pictures.h"
 #include "protocol/base/file_ending.h"
 #include "run_nodal.h"
 #include "tests/support/pictures.h"
@@ -94,7 +93,7 @@ TEST_F(FolderOfPictures, TheSamePictureTwice_IsLeftOutByItsName) {
   const auto own = own_pictures({photos()});
   ASSERT_TRUE(own) << own.error().text();
   ASSERT_EQ(own->sets.size(), 1u);
-  EXPECT_EQ(own->sets[0], (std::vector<std::string>{photos() + "/IMG 1.jpg", photos() + "/IMG 2.jpg"}));
+  EXPECT_EQ(own->files()[0], (std::vector<std::string>{photos() + "/IMG 1.jpg", photos() + "/IMG 2.jpg"}));
   ASSERT_EQ(own->notes.size(), 1u);
   EXPECT_TRUE(says(own->notes[0], "IMG 1 copy.jpg is left out: it is the same picture as "));
   EXPECT_TRUE(says(own->notes[0], "IMG 1.jpg")) << own->notes[0];
@@ -103,17 +102,37 @@ TEST_F(FolderOfPictures, TheSamePictureTwice_IsLeftOutByItsName) {
   EXPECT_TRUE(says(only.error().message, "are the same picture")) << only.error().message;
 }
 
+TEST_F(FolderOfPictures, PicturesOfOneSet_AreOpenedOnceAndDecodedOnce) {
+  write_picture("a.jpg", 1);
+  write_picture("b.jpg", 2);
+  for (const std::vector<std::string>& words :
+       {std::vector<std::string>{photos()}, {photos() + "/a.jpg", photos() + "/b.jpg"}}) {
+    auto own = own_pictures(words);
+    ASSERT_TRUE(own) << own.error().text();
+    fs::rename(folder_ / "photos", folder_ / "away");  // what is open stays readable, and nothing else
+    for (HeadPicture& picture : own->sets[0]) EXPECT_TRUE(picture.decode(false));
+    for (const std::string& name : own->heads) {
+      own->calibration.heads.emplace_back().name = name;
+      own->calibration.heads.back().width = 64;
+      own->calibration.heads.back().height = 48;
+    }
+    EXPECT_TRUE(take_set(*own, 0, false)) << "their pixels are there";
+    EXPECT_FALSE(take_set(*own, 0, false)) << "and then they are not kept";
+    fs::rename(folder_ / "away", folder_ / "photos");
+  }
+}
+
 TEST_F(FolderOfPictures, TheSamePictureForTwoHeads_IsTold) {
   write_picture("a.jpg", 1);
   fs::copy_file(folder_ / "photos/a.jpg", folder_ / "photos/b.jpg");
   write("rig.pto", "i w64 h48 f0 v60 n\"a.jpg\"\ni w64 h48 f0 v60 y40 n\"b.jpg\"\n");
-  const auto input = read_stitch_input({}, {photos() + "/rig.pto"});
+  const auto input = read_rig_pictures({}, {photos() + "/rig.pto"});
   ASSERT_TRUE(input) << input.error().text();
   ASSERT_EQ(input->notes.size(), 1u);
   EXPECT_TRUE(says(input->notes[0], "b.jpg and ") && says(input->notes[0], "are the same picture")) << input->notes[0];
   // One file with both heads' pictures is no mistake.
   write("one.pto", "i w64 h48 f0 v60 S0,32,0,48 n\"a.jpg\"\ni w64 h48 f0 v60 y40 S32,64,0,48 n\"a.jpg\"\n");
-  EXPECT_TRUE(read_stitch_input({}, {photos() + "/one.pto"})->notes.empty());
+  EXPECT_TRUE(read_rig_pictures({}, {photos() + "/one.pto"})->notes.empty());
 }
 
 TEST_F(FolderOfPictures, InASequence_APictureThatCannotBeReadIsAnError) {

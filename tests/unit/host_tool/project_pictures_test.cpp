@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "host_tool/input/stitch_input.h"
+#include "host_tool/input/rig_pictures.h"
 #include "run_nodal.h"
 #include "tests/support/pictures.h"
 
@@ -77,10 +77,10 @@ TEST_F(ProjectPictures, StitchAProjectOfAnotherMachine_SaysWhereItsPicturesAre) 
   std::ofstream(project) << "i w640 h480 f0 v60 r0 p0 y0 n\"C:\\rig\\b.png\"\n"
                             "i w640 h480 f0 v60 r0 p0 y40 n\"C:\\rig\\a.png\"\n";
   std::ofstream(folder_ / "project/b.png") << "y";
-  const auto input = read_stitch_input({}, {project});
+  const auto input = read_rig_pictures({}, {project});
   ASSERT_TRUE(input) << input.error().text();
-  EXPECT_EQ(input->sets, (std::vector<std::vector<std::string>>{
-                             {(folder_ / "project/b.png").string(), (folder_ / "project/a.png").string()}}));
+  EXPECT_EQ(input->files(), (std::vector<std::vector<std::string>>{
+                                {(folder_ / "project/b.png").string(), (folder_ / "project/a.png").string()}}));
   ASSERT_EQ(input->notes.size(), 1u);
   EXPECT_NE(input->notes[0].find("2 of 2 pictures"), std::string::npos) << input->notes[0];
   EXPECT_NE(input->notes[0].find("b.png"), std::string::npos) << input->notes[0];
@@ -88,6 +88,29 @@ TEST_F(ProjectPictures, StitchAProjectOfAnotherMachine_SaysWhereItsPicturesAre) 
       {"import", project, "-o", (folder_ / "c.json").string(), "--rig-toml", (folder_ / "rig.toml").string()});
   EXPECT_EQ(imported.code, ExitCode::kOk) << imported.err;
   EXPECT_NE(imported.err.find("2 of 2 pictures are not where the project says"), std::string::npos) << imported.err;
+}
+
+TEST_F(ProjectPictures, EveryCommandWithACalibration_TakesAProject) {
+  const std::string project = (folder_ / "project/rig.pto").string();
+  std::ofstream(project) << "i w640 h480 f0 v60 r0 p0 y0 n\"a.png\"\n"
+                            "i w640 h480 f0 v60 r0 p0 y40 n\"inner/b.png\"\n";
+  const std::string out = (folder_ / "out").string();
+  for (const std::vector<std::string>& words : {std::vector<std::string>{"calibration", "check", project},
+                                                {"calibration", "diff", project, project},
+                                                {"export", project, "--format", "pts", "-o", out}}) {
+    const Outcome outcome(words);
+    EXPECT_EQ(outcome.code, ExitCode::kOk) << words[0] << ": " << outcome.err;
+  }
+  // The others get as far as their pictures, which these are not.
+  for (const std::vector<std::string>& words :
+       {std::vector<std::string>{"register", project},
+        {"drift", project},
+        {"stitch", project},
+        {"calibrate", "light", project, (folder_ / "project/a.png").string()}}) {
+    const Outcome outcome(words);
+    EXPECT_EQ(outcome.code, ExitCode::kBadInput);
+    EXPECT_NE(outcome.err.find("picture"), std::string::npos) << words[0] << ": " << outcome.err;
+  }
 }
 
 TEST_F(ProjectPictures, AFolderWithTheSameBeginning_IsAnother) {
