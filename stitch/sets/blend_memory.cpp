@@ -28,7 +28,7 @@ BlendMemory::BlendMemory(const BlendPlan& plan) : prepared(prepared_bytes(plan))
   decoders.reserve(plan.delivered.size());
   for (std::size_t i = 0; i < plan.delivered.size(); ++i) {
     const blend::BlendTable::Source& source = plan.tables[0].sources[i];
-    const int rows = source.field ? 2 * source.height : source.height;  // of the whole frame
+    const int rows = source.field ? 2 * source.height : source.height;  // rows of the whole frame
     decoders.emplace_back(plan.delivered[i], source.format, source.width, rows);
   }
   if (plan.seams) seam_pictures = plan.seams->empty_pictures();

@@ -24,8 +24,8 @@ struct SeamPictures {
   std::vector<std::vector<std::uint8_t>> views;  ///< by head, packed
 };
 
-/// Made with a calibration's tables. A view is blended like a raymap, with a table of that head alone, so that gain, exposure
-/// and vignetting are undone; luma, or R G B, is compared.
+/// Made with a calibration's tables. A view is blended like a raymap, with a table of that head alone, so that gain,
+/// exposure and vignetting are undone; luma, or R G B, is compared.
 ///
 /// Threading: immutable; any thread.
 /// Errors: those of table::TableCompiler.
@@ -45,7 +45,8 @@ class SeamViews {
 
   /// The seams of least cost; they stay where `previous` has them unless others are clearly better. Empty: none before.
   seams::Labels place(const SeamPictures& pictures, const seams::Labels& previous) const;
-  /// `tables` with these seams, proven. They are those of make() (`before` is empty), or made by this with the labels `before`.
+  /// `tables` with these seams, proven. They are those of make() (`before` is empty), or made by this with the labels
+  /// `before`.
   Result<std::vector<blend::BlendTable>> tables(std::span<const blend::BlendTable> tables, const seams::Labels& before,
                                                 const seams::Labels& labels) const;
 
@@ -54,7 +55,7 @@ class SeamViews {
 
   std::vector<blend::BlendTable> views_;    ///< by head; each has all sources, and tiles of its head only
   std::vector<std::vector<float>> scores_;  ///< by head, on the map
-  std::vector<table::SeamedTable> seamed_;  ///< of each table
+  std::vector<table::SeamedTable> seamed_;  ///< one for each table
 };
 
 }  // namespace nodal::sets

@@ -28,7 +28,7 @@ struct SetFrame {
   bool there = false;  ///< the head has a frame in the set
   ImageView image{};   ///< without data: the frame cannot be blended, but its exposure counts
   Fields fields = Fields::kProgressive;
-  Exposure exposure;  ///< in effect, as gain and gamma
+  Exposure exposure;  ///< exposure in effect, as gain and gamma
   Gain gain;
   std::int32_t gamma = 0;  ///< thousandths; 0: the calibrated response
 };
@@ -154,7 +154,7 @@ class SetBlend {
   };
   std::array<ToPrepare, kMaxHeads> to_prepare_;
   std::size_t heads_to_prepare_ = 0;
-  std::array<ImageView, kMaxHeads * blend::kMaxPictures> pictures_;  ///< in the order of blend::Pictures
+  std::array<ImageView, kMaxHeads * blend::kMaxPictures> pictures_;  ///< pictures in the order of blend::Pictures
   blend::SetTone tone_;
   MutableImageView into_;
 };

@@ -58,7 +58,7 @@ class TableJob {
   table::RaymapSpec spec_;
   table::TableOptions options_;
   std::vector<std::optional<FieldParity>> fields_;  ///< one per table; empty: whole frames
-  std::optional<table::TableCompiler> compiler_;    ///< of the table being compiled
+  std::optional<table::TableCompiler> compiler_;    ///< compiler of the current table
   int rows_done_ = 0;
   std::vector<blend::BlendTable> tables_;
   Status status_;
