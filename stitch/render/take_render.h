@@ -36,12 +36,12 @@ Result<RaymapConfig> raymap_of(const media::TakeFolder& folder);
 
 struct RenderedRaymap {
   DecodedImage pixels;
-  Instant mid_exposure;                        ///< of this field
+  Instant mid_exposure;                        ///< middle of this field's exposure
   std::uint32_t heads = 0;                     ///< bit i: head i of the take is in it
-  std::optional<blend::LinearScale> linear{};  ///< of 16 bits
-  std::optional<int> field{};                  ///< 0: of the set's earlier field, 1: of the later one
-  FieldParity parity{};                        ///< of that field
-  std::size_t undecodable_heads = 0;           ///< of the set: pictures that could not be decoded
+  std::optional<blend::LinearScale> linear{};  ///< scale of raymaps of 16 bits
+  std::optional<int> field{};                  ///< 0: the set's earlier field, 1: the later one; empty: a whole frame
+  FieldParity parity{};                        ///< parity of that field
+  std::size_t undecodable_heads = 0;           ///< heads of the set whose pictures could not be decoded
 };
 
 /// With the take's calibrations, each for the sets that the rig blended with it, and pictures as the heads delivered
@@ -91,19 +91,19 @@ class TakeRender {
   const media::TakeFolder& folder_;
   RenderOptions options_;
   std::vector<Used> calibrations_;  ///< at least one, in order
-  const Used* used_;                ///< for the newest set
+  const Used* used_;                ///< calibration of the newest set
   parallel::Workers workers_;
   media::TakeSets sets_;
   media::TakeSet set_;
   std::optional<Instant> first_;          ///< middle of the take's first set
-  std::optional<std::uint32_t> segment_;  ///< number of the one that the tables were compared with
-  const Used* compiled_ = nullptr;        ///< that the tables are for
-  std::vector<PixelFormat> formats_;      ///< that the tables are for
-  std::optional<Fields> fields_;          ///< that the tables are for
+  std::optional<std::uint32_t> segment_;  ///< number of the segment that the tables were compared with
+  const Used* compiled_ = nullptr;        ///< calibration of the tables
+  std::vector<PixelFormat> formats_;      ///< formats that the tables are for
+  std::optional<Fields> fields_;          ///< field order that the tables are for
   sets::SetBlend blend_;
   sets::PlanPtr own_seams_;     ///< the plan as compiled
   sets::SeamSchedule seams_;    ///< the seams of this plan
-  std::size_t next_field_ = 0;  ///< of the set that was read; 0: the next set comes first
+  std::size_t next_field_ = 0;  ///< next field of the set that was read; 0: the next set comes first
   std::size_t undecodable_ = 0;
   bool of_take_ = true;
 };
