@@ -19,13 +19,14 @@ namespace nodal::offline {
 class Parallax;
 
 /// Blends sets of pictures, one after the other. Each head's picture is projected onto an equirectangular sphere in
-/// floating point, with cubic interpolation; what heads see from different places is moved together (parallax.h). Seams are
-/// placed on a map of at most kMapWidth columns (stitch/seams), and the pictures are blended there by stitch/bands. Other
-/// layouts are sampled from that sphere. Sets are taken as a film: seams stay where they were unless another place is clearly
-/// better.
+/// floating point, with cubic interpolation; what heads see from different places is moved together (parallax.h). Seams
+/// are placed on a map of at most kMapWidth columns (stitch/seams), and the pictures are blended there by stitch/bands.
+/// Other layouts are sampled from that sphere. Sets are taken as a film: seams stay where they were unless another
+/// place is clearly better.
 ///
 /// Threading: thread-bound; starts its own threads and waits for them.
-/// Memory: about 60 bytes a pixel of the sphere, and the pictures, 1.3 times; before that, up to 25 MB a thread for flows.
+/// Memory: about 60 bytes a pixel of the sphere, and the pictures, 1.3 times; before that, up to 25 MB a thread for
+/// flows.
 /// Ownership: does not refer to the calibration after make().
 class BestBlend {
  public:
@@ -58,9 +59,9 @@ class BestBlend {
   bool equirectangular_ = true;
   bands::Grid sphere_, map_;
   double power_ = 1;
-  double full_ = 255;  ///< of linear light: the blended number of 65535
+  double full_ = 255;  ///< number at which 65535 of linear light is blended; 255 if light is not linear
   std::vector<HeadView> heads_;
-  std::vector<bands::Window> windows_;  ///< of the heads, on sphere_
+  std::vector<bands::Window> windows_;  ///< windows of the heads, on sphere_
   int threads_ = 0;
   seams::Labels labels_;
 };

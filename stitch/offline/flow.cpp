@@ -15,13 +15,13 @@ constexpr float kSmooth = 60;          ///< the cost of the flow's change, relat
 constexpr float kLeastChange = 0.05F;  ///< changes of the flow below this cost little, px
 constexpr float kLeastOff = 1;         ///< differences of gradients below this are noise, levels
 constexpr float kRelaxation = 1.8F;
-constexpr int kWarps = 4;          ///< of each level
-constexpr int kReweightings = 2;   ///< of each warp
-constexpr int kSweeps = 20;        ///< of each reweighting
-constexpr int kLeastSide = 10;     ///< of the coarsest level, px
-constexpr float kLongestStep = 1;  ///< of one warp, px: gradients tell nothing about what is farther off
-/// Flow up to the first length is noise and becomes 0, from the second on it stays as it is, px: pictures without parallax are
-/// best left as they are.
+constexpr int kWarps = 4;          ///< warps per level
+constexpr int kReweightings = 2;   ///< reweightings per warp
+constexpr int kSweeps = 20;        ///< sweeps per reweighting
+constexpr int kLeastSide = 10;     ///< shortest side of the coarsest level, px
+constexpr float kLongestStep = 1;  ///< longest step of a warp, px: gradients say nothing about what is farther away
+/// Flow up to the first length is noise and becomes 0, from the second on it stays as it is, px: pictures without
+/// parallax are best left as they are.
 constexpr float kNoise = 0.15F, kSure = 0.45F;
 
 Field derivative(const Field& in, bool down) {
@@ -84,7 +84,7 @@ struct Level {
   Field levels, seen;
   Field known;                                    ///< 1 where the pixels around are seen, too
   std::array<Field, 2> gradient;                  ///< across, down
-  std::array<std::array<Field, 2>, 2> curvature;  ///< of each gradient: across, down
+  std::array<std::array<Field, 2>, 2> curvature;  ///< derivatives of each gradient: across, down
 
   void derive() {
     known = eroded(eroded(seen));

@@ -27,13 +27,14 @@ struct Flow {
 };
 
 /// The flow f for which a view between two pictures shows at p what `a` shows at p - (1 - share(p)) f(p) and `b` at
-/// p + share(p) f(p). What is shorter than half a pixel is reduced, down to 0 for 0.15 px; what would fold a picture is shortened
-/// (flow_limit.h).
+/// p + share(p) f(p). What is shorter than half a pixel is reduced, down to 0 for 0.15 px; what would fold a picture is
+/// shortened (flow_limit.h).
 ///
-/// The pictures' gradients are compared, not their levels: two heads show a surface with different brightness. The flow is that
-/// of least cost: the difference of the gradients, plus the flow's own change from pixel to pixel, both as absolute values,
-/// so that occlusions and edges of objects count little (Brox, Bruhn, Papenberg and Weickert, "High Accuracy Optical Flow
-/// Estimation Based on a Theory for Warping", 2004); from coarse to fine pictures, by over-relaxation.
+/// The pictures' gradients are compared, not their levels: two heads show a surface with different brightness. The flow
+/// is that of least cost: the difference of the gradients, plus the flow's own change from pixel to pixel, both as
+/// absolute values, so that occlusions and edges of objects count little (Brox, Bruhn, Papenberg and Weickert, "High
+/// Accuracy Optical Flow Estimation Based on a Theory for Warping", 2004); from coarse to fine pictures, by
+/// over-relaxation.
 ///
 /// share: of `a`, 0 .. 1, one number a pixel; changes little from pixel to pixel.
 /// Memory: about 200 bytes a pixel.

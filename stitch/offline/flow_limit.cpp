@@ -8,14 +8,14 @@
 namespace nodal::offline {
 namespace {
 
-/// Changes of the move are taken over twice so many px. A move may jump at the edge of a near object: only jumps that tear or
-/// cover more than this are too large.
+/// Changes of the move are taken over twice so many px. A move may jump at the edge of a near object: only jumps that
+/// tear or cover more than this are too large.
 constexpr int kReach = 4;
-/// The change of a picture's move per pixel, as a Frobenius norm: up to the first it is kept, from the second on it is 0. A
-/// picture folds where its move changes by 1 a pixel or more.
+/// The change of a picture's move per pixel, as a Frobenius norm: up to the first it is kept, from the second on it is
+/// 0. A picture folds where its move changes by 1 a pixel or more.
 constexpr float kKept = 1.0F, kFolded = 1.4F;
-constexpr float kGrowth =
-    0.1F;  ///< of the longest flow, per pixel of the distance from a fold: turns edges by 6 degrees
+/// Growth per pixel of the distance from a fold, as a share of the longest flow: turns edges by 6 degrees.
+constexpr float kGrowth = 0.1F;
 
 /// What each pixel's flow moves the two pictures by.
 struct Moves {

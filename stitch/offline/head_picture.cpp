@@ -24,9 +24,10 @@ table::TableOptions seam_options() {
   return options;
 }
 
-/// Weights of the four samples around a position, `t` from the second one towards the third, by Mitchell and Netravali's
-/// cubic ("Reconstruction Filters in Computer Graphics", 1988) with B = 0.2, C = 0.4. On synthetic_10head, whose heads have
-/// noise, it is 0.3 dB better than Catmull and Rom's (B = 0), which keeps more of the noise; larger B lose detail.
+/// Weights of the four samples around a position, `t` from the second one towards the third, by Mitchell and
+/// Netravali's cubic ("Reconstruction Filters in Computer Graphics", 1988) with B = 0.2, C = 0.4. On synthetic_10head,
+/// whose heads have noise, it is 0.3 dB better than Catmull and Rom's (B = 0), which keeps more of the noise; larger B
+/// lose detail.
 std::array<float, 4> head_weights(double t) {
   constexpr double B = 0.2, C = 0.4;
   const auto near = [](double x) {

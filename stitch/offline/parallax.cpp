@@ -10,8 +10,8 @@
 namespace nodal::offline {
 namespace {
 
-constexpr double kHighestDeg = 75;  ///< of a chart
-constexpr double kFadeDeg = 10;     ///< at its upper and lower edge
+constexpr double kHighestDeg = 75;  ///< highest latitude of a chart
+constexpr double kFadeDeg = 10;     ///< width of the fade at its upper and lower edge
 constexpr int kProbe = 4;           ///< px between the rays that are tried first
 constexpr int kLeastOverlap = 24;   ///< px; smaller ones are left alone
 constexpr int kTurned = 32;         ///< px that a whole circle is continued by at its ends
@@ -148,7 +148,8 @@ Eigen::Vector3d Parallax::moved(std::size_t head, const Eigen::Vector3d& ray) co
     const double fade = smooth_step(from_edge / (kFadeDeg / 180 * std::numbers::pi));
     const double sign = overlap.a == head ? -1 : 1;
     sum += seen->score;
-    // The share of the other head is divided out below; moves are along the chart, so that large ones stay on the sphere.
+    // The share of the other head is divided out below; moves are along the chart, so that large ones stay on the
+    // sphere.
     const double share = seen->score / (own->score + seen->score) * fade * sign;
     by += (overlap.chart.ray(u + share * dx, v + share * dy) - ray) * (own->score + seen->score);
   }

@@ -1,5 +1,5 @@
-// Takes away the parallax between heads: each head's picture is moved, where others see the same, to where a point between
-// the heads would see it.
+// Takes away the parallax between heads: each head's picture is moved, where others see the same, to where a point
+// between the heads would see it.
 #pragma once
 
 #include <Eigen/Core>
@@ -37,9 +37,9 @@ class OverlapChart {
 
 /// The flow between all heads whose views overlap.
 ///
-/// At a ray, let w be the heads' scores (Sighting::score) divided by their sum. A head's picture is sampled along the ray,
-/// moved by the sum over the other heads of w times the flow to them. Where one head has all the weight it is not moved, so
-/// that nothing jumps at the edge of an overlap.
+/// At a ray, let w be the heads' scores (Sighting::score) divided by their sum. A head's picture is sampled along the
+/// ray, moved by the sum over the other heads of w times the flow to them. Where one head has all the weight it is not
+/// moved, so that nothing jumps at the edge of an overlap.
 ///
 /// Threading: immutable; any thread.
 /// Ownership: keeps the heads by reference.
@@ -56,14 +56,14 @@ class Parallax {
   struct Overlap {
     std::size_t a, b;
     OverlapChart chart;
-    int left = 0, top = 0;  ///< of the flow's first pixel in the chart
+    int left = 0, top = 0;  ///< place of the flow's first pixel in the chart
     Flow flow;
   };
   void find(Overlap& overlap, std::span<const HeadPicture* const> pictures) const;
 
   const std::vector<HeadView>& heads_;
   std::vector<Overlap> overlaps_;
-  std::vector<std::vector<std::size_t>> of_head_;  ///< of each head, its overlaps
+  std::vector<std::vector<std::size_t>> of_head_;  ///< overlaps of each head
 };
 
 }  // namespace nodal::offline

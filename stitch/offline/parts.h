@@ -22,8 +22,8 @@ struct Blocks {
 };
 
 struct Part {
-  std::vector<std::size_t> heads;  ///< that may see one of the part's rays, rising
-  std::vector<bool> blocks;        ///< which it holds, row by row
+  std::vector<std::size_t> heads;  ///< heads that may see one of the part's rays, rising
+  std::vector<bool> blocks;        ///< blocks that it holds, row by row
 };
 
 /// Cuts a raymap into parts of at most `most` heads; every block that a head may see is in exactly one part.
