@@ -9,7 +9,7 @@ namespace {
 
 struct NamedPrimaries {
   std::uint8_t code;
-  std::array<double, 8> xy;  ///< of white, red, green, blue (H.273, table 2)
+  std::array<double, 8> xy;  ///< chromaticities of white, red, green, blue (H.273, table 2)
 };
 constexpr std::array kCodedPrimaries{NamedPrimaries{4, {0.310, 0.316, 0.67, 0.33, 0.21, 0.71, 0.14, 0.08}},
                                      NamedPrimaries{5, {0.3127, 0.3290, 0.64, 0.33, 0.29, 0.60, 0.15, 0.06}},

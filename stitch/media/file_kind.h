@@ -19,8 +19,8 @@ struct FileKind {
   bool pictures = false;    ///< it holds pictures or a film, which people give in place of a picture
 };
 
-/// `head`: the file's first bytes, all of them or kFileKindBytes; `name`: its name or path. Null for a JPEG, a PNG, and a
-/// TIFF that is not a camera's raw file.
+/// `head`: the file's first bytes, all of them or kFileKindBytes; `name`: its name or path. Null for a JPEG, a PNG, and
+/// a TIFF that is not a camera's raw file.
 const FileKind* file_kind(std::span<const std::uint8_t> head, std::string_view name);
 
 /// Whether a file with these first bytes is a TIFF or BigTIFF of either byte order, a camera's raw file among them.

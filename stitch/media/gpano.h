@@ -36,14 +36,14 @@ std::string xmp_packet(const XmpProperties& properties);
 
 /// The part of the sphere that a picture shows, px of the size that it had when this was written. All 0: not said.
 struct SphereArea {
-  std::int64_t full_width = 0, full_height = 0;  ///< of the whole sphere
+  std::int64_t full_width = 0, full_height = 0;  ///< size of the whole sphere
   std::int64_t left = 0, top = 0;
-  std::int64_t width = 0, height = 0;  ///< of the part
+  std::int64_t width = 0, height = 0;  ///< size of the part
 };
 
-/// The whole sphere, black where `part` does not show it; `part` itself if it is whole, or if its area is not said. An area that
-/// reaches over the right edge goes on at the left one. One that is too high or too low by no more than rounding (kAreaSlack)
-/// is moved or cut. Errors: kBadFormat for an area that is not a part of a sphere; kTooLarge.
+/// The whole sphere, black where `part` does not show it; `part` itself if it is whole, or if its area is not said. An
+/// area that reaches over the right edge goes on at the left one. One that is too high or too low by no more than
+/// rounding (kAreaSlack) is moved or cut. Errors: kBadFormat for an area that is not a part of a sphere; kTooLarge.
 Result<DecodedImage> whole_sphere(DecodedImage part, const SphereArea& area);
 
 /// Pixels by which an area may not fit on its sphere, or this part of the sphere, whichever is more.

@@ -24,7 +24,8 @@ inline constexpr std::uint64_t kSmallImageBytes = std::uint64_t{1} << 20;
 
 /// Decodes a JPEG or PNG, recognized by its first bytes. Without `as`, a 4:2:0 JPEG gives I420, a grey picture GREY,
 /// everything else RGB24 (alpha is dropped, 16 bits are rounded to 8). `as` selects another format; kMjpeg gives the
-/// bytes of a JPEG as they are, and RGB48 or GREY16 are only for files whose header has it as `deep`. YUV is full-range BT.601, as in JPEG.
+/// bytes of a JPEG as they are, and RGB48 or GREY16 are only for files whose header has it as `deep`. YUV is full-range
+/// BT.601, as in JPEG.
 ///
 /// Threading: thread-safe.
 /// Errors: each names the picture: kBadFormat when it is neither kind or is broken, kTruncated when it ends early (even
@@ -42,8 +43,8 @@ Result<ImageHeader> read_image_header(const std::filesystem::path& file);
 Result<DecodedImage> decode_image(PictureBytes& file, std::optional<PixelFormat> as = std::nullopt);
 Result<ImageHeader> image_header(PictureBytes& file);
 
-/// Converts a picture to another format (neither may be kMjpeg, Bayer or of 16 bits): RGB and YUV by full-range BT.601; chroma is
-/// interpolated or averaged when its resolution changes. Slow: for opening files, not for the frame path.
+/// Converts a picture to another format (neither may be kMjpeg, Bayer or of 16 bits): RGB and YUV by full-range BT.601;
+/// chroma is interpolated or averaged when its resolution changes. Slow: for opening files, not for the frame path.
 DecodedImage convert_image(const ImageView& image, PixelFormat to);
 
 }  // namespace nodal::media

@@ -33,8 +33,8 @@ bool is_interleaved(PixelFormat format) {
          format == PixelFormat::kYuv411;
 }
 
-/// The components of a kYuv411 picture, each in a plane of its own in `out`, which has the picture's bytes. Rows are whole groups
-/// of 4 pixels, which TurboJPEG reads, too, where the width is not a multiple of 4.
+/// The components of a kYuv411 picture, each in a plane of its own in `out`, which has the picture's bytes. Rows are
+/// whole groups of 4 pixels, which TurboJPEG reads, too, where the width is not a multiple of 4.
 ImageView apart_411(const ImageView& picture, std::uint8_t* out) {
   constexpr std::array<std::ptrdiff_t, 4> kLuma{1, 2, 4, 5};  ///< places in a group
   const int groups = yuv411_row_bytes(picture.width) / 6;

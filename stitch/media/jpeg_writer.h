@@ -26,8 +26,8 @@ struct JpegSpec {
   std::span<const std::uint8_t> exif{};  ///< FileMetadata::exif, written into an APP1 segment; empty: none. Copied
 };
 
-/// Compresses pictures of one size, many times, with TurboJPEG. I420 and NV12 are coded as 4:2:0; I422, YUYV and UYVY as 4:2:2;
-/// YUV411 as 4:1:1, RGB as 4:4:4.
+/// Compresses pictures of one size, many times, with TurboJPEG. I420 and NV12 are coded as 4:2:0; I422, YUYV and UYVY
+/// as 4:2:2; YUV411 as 4:1:1, RGB as 4:4:4.
 ///
 /// Threading: thread-bound.
 /// Ownership: keeps a scratch buffer for the largest JPEG that such a picture can give.
@@ -43,8 +43,8 @@ class JpegWriter {
 
   /// Of the next files.
   void set_quality(int quality) { quality_ = quality; }
-  /// Writes a whole file with `comment` (at most 65533 bytes; empty: none) in its comment segment. Replaces the content of `into`
-  /// but keeps its capacity, so that nothing is allocated once it has held the largest file.
+  /// Writes a whole file with `comment` (at most 65533 bytes; empty: none) in its comment segment. Replaces the content
+  /// of `into` but keeps its capacity, so that nothing is allocated once it has held the largest file.
   Status write(const ImageView& picture, std::string_view comment, std::vector<std::uint8_t>& into);
 
  private:
@@ -58,7 +58,7 @@ class JpegWriter {
   const std::optional<FieldParity> field_;
   void* handle_;
   std::vector<std::uint8_t> metadata_;       ///< the whole APP1 segments of Exif and XMP, or empty
-  std::vector<std::uint8_t> planes_;         ///< for NV12, YUYV, UYVY and YUV411
+  std::vector<std::uint8_t> planes_;         ///< planar copy of NV12, YUYV, UYVY and YUV411 pictures
   std::unique_ptr<std::uint8_t[]> scratch_;  ///< not cleared, so pages that no JPEG reaches stay unmapped
   std::size_t scratch_bytes_ = 0;
 };

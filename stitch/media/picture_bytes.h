@@ -12,7 +12,8 @@
 
 namespace nodal::media {
 
-/// An open file that is read from its beginning as far as its readers ask. Readers of headers and of pixels share the bytes.
+/// An open file that is read from its beginning as far as its readers ask. Readers of headers and of pixels share the
+/// bytes.
 ///
 /// Threading: thread-bound.
 /// Ownership: owns the descriptor, and the bytes that were read and not taken.

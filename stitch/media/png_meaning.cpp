@@ -18,7 +18,7 @@ namespace {
 /// Chunks that libpng leaves to us: the second it does not know.
 constexpr png_byte kChunkNames[] = {'i', 'C', 'C', 'P', '\0', 'c', 'I', 'C', 'P', '\0'};
 constexpr std::string_view kIccpName = "iCCP", kCicpName = "cICP";
-constexpr int kSrgbGamma = 45455, kLinearGamma = 100000;  ///< of gAMA
+constexpr int kSrgbGamma = 45455, kLinearGamma = 100000;  ///< values of gAMA
 constexpr int kSameGamma = 500;
 
 /// The profile of an iCCP chunk: a name, a zero, the method of compression, compressed bytes. One that cannot be

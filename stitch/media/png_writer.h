@@ -23,8 +23,8 @@ struct PngPicture {
 /// Metadata of the file.
 struct PngNotes {
   SampleMeaning meaning{};           ///< its curve, as sRGB or gAMA; Curve::kUnsaid: not recorded
-  int pixels_per_meter = 0;          ///< for printers; 0: not recorded
-  std::string comment{};             ///< for people who find the file later
+  int pixels_per_meter = 0;          ///< resolution for printers; 0: not recorded
+  std::string comment{};             ///< text for people who find the file later
   std::string xmp{};                 ///< an XMP packet
   int effort = 6;                    ///< zlib's compression level, 1 .. 9
   std::vector<std::uint8_t> exif{};  ///< FileMetadata::exif

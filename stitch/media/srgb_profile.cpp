@@ -13,7 +13,8 @@ namespace {
 using Bytes = std::span<const std::uint8_t>;
 
 constexpr std::size_t kHeaderBytes = 128, kTagBytes = 12, kMostTags = 100;
-/// sRGB's red, green and blue as a profile has them: X, Y, Z relative to D50 (IEC 61966-2-1, adapted by Bradford's matrix).
+/// sRGB's red, green and blue as a profile has them: X, Y, Z relative to D50 (IEC 61966-2-1, adapted by Bradford's
+/// matrix).
 constexpr std::array<std::array<double, 3>, 3> kPrimaries{
     {{0.43607, 0.22249, 0.01392}, {0.38515, 0.71687, 0.09708}, {0.14307, 0.06061, 0.71410}}};
 constexpr double kSamePrimary = 0.002;  // half a level in the middle of the range

@@ -14,8 +14,8 @@ class TiffDirectory {
   /// The first directory.
   explicit TiffDirectory(std::span<const std::uint8_t> file);
 
-  /// The first value of a tag if it is a number that stands in the directory itself, of other values their first four bytes
-  /// or their offset; 0 if it is cut off.
+  /// The first value of a tag if it is a number that stands in the directory itself, of other values their first four
+  /// bytes or their offset; 0 if it is cut off.
   std::optional<std::uint32_t> find(std::uint32_t tag) const;
 
   /// The directory at the offset that a tag gives.

@@ -98,7 +98,7 @@ std::array<Code, kSymbols> codes_of(const Lengths& lengths) {
   std::iota(order.begin(), order.end(), std::uint8_t{0});
   std::ranges::sort(order, {}, [&](std::uint8_t symbol) { return std::pair(lengths[symbol], symbol); });
   std::array<Code, kSymbols> codes{};
-  std::uint64_t next = 0;  // in 2^-32
+  std::uint64_t next = 0;  // next code, in units of 2^-32
   for (std::size_t i = kSymbols; i-- > 0;) {
     const std::uint32_t length = lengths[order[i]];
     if (length == 0 || length == kUnused) continue;
@@ -272,7 +272,7 @@ void UtVideoEncoder::encode_plane(std::vector<std::uint8_t>& into, std::size_t& 
   if (std::ranges::find(lengths, 0) == lengths.end()) {
     const auto codes = codes_of(lengths);
     std::uint64_t buffer = 0;
-    std::uint32_t bits = 0;  // of the buffer, less than 32 after a flush
+    std::uint32_t bits = 0;  // bits in the buffer, less than 32 after a flush
     const auto put = [&](std::uint32_t code, std::uint32_t length) {
       buffer = buffer << length | code;
       bits += length;

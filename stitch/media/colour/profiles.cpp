@@ -56,7 +56,7 @@ bool is_linear_profile(cmsHPROFILE profile) {
 std::vector<std::uint8_t> linear_profile(bool grey) {
   const Profile profile = plain_profile(true, grey);
   cmsUInt32Number length = 0;
-  constexpr double kOldEnough = 2.1;  // of ICC's format: every program reads it
+  constexpr double kOldEnough = 2.1;  // version of ICC's format that every program reads
   if (profile) cmsSetProfileVersion(profile.get(), kOldEnough);
   if (!profile || cmsSaveProfileToMem(profile.get(), nullptr, &length) == 0) return {};
   std::vector<std::uint8_t> bytes(length);

@@ -27,7 +27,8 @@ struct Exif {
 /// The meaning of numbers in Adobe RGB (1998).
 SampleMeaning adobe_rgb();
 
-/// `start`: the first bytes of a JPEG, kExifBytes of them if there are as many. Bytes that are not understood say nothing.
+/// `start`: the first bytes of a JPEG, kExifBytes of them if there are as many. Bytes that are not understood say
+/// nothing.
 ///
 /// Threading: thread-safe.
 Exif parse_exif(std::span<const std::uint8_t> start);

@@ -17,8 +17,8 @@ struct PlaceAndTime {
   std::vector<std::pair<std::string, std::string>> properties{};
 };
 
-/// Dates, camera, and the GPS tags of an Exif block. `direction`: also the compass direction that the camera looked in, which
-/// is not that of a picture made of several. Tags that are broken are left out.
+/// Dates, camera, and the GPS tags of an Exif block. `direction`: also the compass direction that the camera looked in,
+/// which is not that of a picture made of several. Tags that are broken are left out.
 ///
 /// Threading: thread-safe.
 PlaceAndTime place_and_time(const FileMetadata& metadata, bool direction);

@@ -1,4 +1,5 @@
-// What a segment must say beyond what read_evidence() checks, for everybody who reads a take, and for the recovery that writes one.
+// What a segment must say beyond what read_evidence() checks, for everybody who reads a take, and for the recovery that
+// writes one.
 #pragma once
 
 #include <cstdint>
@@ -29,12 +30,12 @@ TakeStream stream_of(const take::wire::File& file);
 
 /// How many sets of a take come before a segment.
 struct SetsBefore {
-  std::uint64_t kept = 0;     ///< in the segments before it
-  std::uint64_t deleted = 0;  ///< to make room for newer ones
+  std::uint64_t kept = 0;     ///< sets in the segments before it
+  std::uint64_t deleted = 0;  ///< sets that were deleted to make room for newer ones
 };
 
-/// Whether the segment, by its name number `number`, may come after the others, and whether its pictures have the sizes of their
-/// formats and belong to heads of the take. Errors: kBadFormat, kTooLarge.
+/// Whether the segment, by its name number `number`, may come after the others, and whether its pictures have the sizes
+/// of their formats and belong to heads of the take. Errors: kBadFormat, kTooLarge.
 Status check_segment(const take::Segment& segment, std::uint32_t number, const take::TakeDocument& about,
                      SetsBefore before);
 

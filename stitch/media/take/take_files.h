@@ -25,8 +25,8 @@ class TakeFile {
   virtual Status read(std::uint64_t at, std::span<std::uint8_t> bytes) = 0;
 };
 
-/// The folder of a take, on any disk. What is not a plain file (a symbolic link, a device) counts as not there, because the
-/// folder may come from anywhere.
+/// The folder of a take, on any disk. What is not a plain file (a symbolic link, a device) counts as not there, because
+/// the folder may come from anywhere.
 ///
 /// Threading: thread-bound.
 /// Ownership: outlives the files that it opens.

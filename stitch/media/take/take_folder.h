@@ -54,10 +54,9 @@ class TakeSegment {
 
 /// Threading: thread-bound.
 /// Ownership: shares the files' folder.
-/// Errors: each names the file. kNotReady for a take that was not ended, and for a copy that is not complete; kNotFound for
-///   what is missing, a symbolic link or a device; kBadFormat for what contradicts itself; kChecksum for bytes that differ
-///   from the manifest or the hashes; those
-///   of take::parse_manifest() and take::read_evidence(); kTooLarge.
+/// Errors: each names the file. kNotReady for a take that was not ended, and for a copy that is not complete; kNotFound
+///   for what is missing, a symbolic link or a device; kBadFormat for what contradicts itself; kChecksum for bytes that
+///   differ from the manifest or the hashes; those of take::parse_manifest() and take::read_evidence(); kTooLarge.
 class TakeFolder {
  public:
   /// Reads take.json and the manifest.
@@ -72,8 +71,8 @@ class TakeFolder {
   Result<std::string> text(const std::string& name, std::uint64_t limit) const;
 
   std::size_t segments() const { return segments_.size(); }
-  /// Segment `k` of them, in the order of recording; `before`: after() of the one before it. Between the two there may be
-  /// deleted sets, as many as the manifest says for the whole take at most.
+  /// Segment `k` of them, in the order of recording; `before`: after() of the one before it. Between the two there may
+  /// be deleted sets, as many as the manifest says for the whole take at most.
   Result<TakeSegment> segment(std::size_t k, SetsBefore before) const;
 
  private:
@@ -129,7 +128,7 @@ class TakeSets {
   const TakeFolder& folder_;
   std::optional<TakeSegment> segment_;
   std::size_t next_segment_ = 0;
-  std::size_t next_set_ = 0;  ///< of the segment
+  std::size_t next_set_ = 0;  ///< index in the segment
 };
 
 }  // namespace nodal::media

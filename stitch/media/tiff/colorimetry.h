@@ -7,7 +7,8 @@
 
 namespace nodal::media {
 
-/// Sets curve, primaries and `unread` by the tags TransferFunction, WhitePoint and PrimaryChromaticities (TIFF 6.0, section 20).
+/// Sets curve, primaries and `unread` by the tags TransferFunction, WhitePoint and PrimaryChromaticities (TIFF 6.0,
+/// section 20).
 void read_colorimetry(TIFF* tiff, SampleMeaning& meaning);
 
 }  // namespace nodal::media

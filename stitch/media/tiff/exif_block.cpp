@@ -17,7 +17,7 @@ constexpr std::size_t kEntryBytes = 12;
 struct Entry {
   std::uint16_t tag = 0, type = 0;
   std::uint32_t count = 0;
-  std::vector<std::uint8_t> value{};  ///< in the file's byte order
+  std::vector<std::uint8_t> value{};  ///< bytes as they are in the file
 };
 
 /// Numbers of a file's byte order.

@@ -168,7 +168,7 @@ struct Blocks {
   std::uint32_t planes = 1;            ///< 1: channels are interleaved
   std::uint32_t stored = 1;            ///< samples of a pixel in a block
   std::uint32_t channels = 1;          ///< 1 or 3 of them are of use, and alpha
-  Alpha alpha = Alpha::kNone;          ///< of the next channel
+  Alpha alpha = Alpha::kNone;          ///< meaning of the channel that follows
   std::size_t sample_bytes = 2;
   tmsize_t bytes = 0;
 };
@@ -230,8 +230,8 @@ class PlainSamples {
   bool white_is_0_;
 };
 
-/// Grey and RGB with all their 8 or 16 bits: calls row(samples) for every row of the picture, from the top. Memory is taken
-/// for a row of strips or tiles at a time.
+/// Grey and RGB with all their 8 or 16 bits: calls row(samples) for every row of the picture, from the top. Memory is
+/// taken for a row of strips or tiles at a time.
 template <class Row>
 Status decode_plain(Reader& reader, const Row& row) {
   TIFF* tiff = reader.tiff.get();
@@ -280,8 +280,8 @@ Status decode_plain(Reader& reader, const Row& row) {
   return {};
 }
 
-/// libtiff's own conversion to 8 bits: red in the lowest byte. Rows are appended to `bytes` as they are decoded, those of
-/// a row of strips or tiles at a time, so that a file that ends early takes no memory for the rest.
+/// libtiff's own conversion to 8 bits: red in the lowest byte. Rows are appended to `bytes` as they are decoded, those
+/// of a row of strips or tiles at a time, so that a file that ends early takes no memory for the rest.
 Status decode(Reader& reader, std::vector<std::uint8_t>& bytes) {
   TIFF* tiff = reader.tiff.get();
   TIFFRGBAImage image{};

@@ -14,15 +14,15 @@ class PictureBytes;
 
 inline constexpr std::uint64_t kMaxTiffFileBytes = std::uint64_t{2} << 30;
 
-/// Whether the file begins as a TIFF or BigTIFF of either byte order, and is not a camera's raw file, whose first picture is
-/// a thumbnail.
+/// Whether the file begins as a TIFF or BigTIFF of either byte order, and is not a camera's raw file, whose first
+/// picture is a thumbnail.
 bool is_tiff(const std::filesystem::path& file);
 
 /// The first picture of a TIFF: strips or tiles, interleaved or by plane, 1 to 16 bits, grey, palette, RGB, YCbCr and
 /// CMYK, in every compression that libtiff knows. Grey pictures give GREY, all others RGB24. 16 bits are rounded to 8,
 /// except with `as`: the format that the header has as `deep`, which grey and RGB of 16 bits have. Colours that
-/// the file has multiplied by alpha (ExtraSamples) are divided by it; alpha itself is left out. Rows are as the file stores
-/// them, whatever its orientation says.
+/// the file has multiplied by alpha (ExtraSamples) are divided by it; alpha itself is left out. Rows are as the file
+/// stores them, whatever its orientation says.
 ///
 /// Threading: thread-safe.
 /// Errors: each names the picture: kNotFound, kIo, kBadFormat when it is no TIFF or is broken, kTruncated when the file

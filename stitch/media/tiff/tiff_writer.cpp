@@ -8,7 +8,7 @@
 namespace nodal::media {
 namespace {
 
-constexpr std::uint64_t kMostBytes = std::uint64_t{4000} << 20;  // of samples: offsets in a TIFF have 32 bits
+constexpr std::uint64_t kMostBytes = std::uint64_t{4000} << 20;  // limit of the samples: offsets in a TIFF have 32 bits
 constexpr int kEffort = 3;  // zlib's level, as in PNGs: a third of the time of the default 6, for 5 % more bytes
 constexpr std::uint32_t kStripRows = 32;
 

@@ -12,7 +12,7 @@ namespace nodal::media {
 
 /// Metadata of the file.
 struct TiffNotes {
-  std::string description;           ///< for people who find the file later
+  std::string description;           ///< text for people who find the file later
   std::string xmp;                   ///< an XMP packet
   std::vector<std::uint8_t> icc{};   ///< an ICC profile; empty: none
   std::vector<std::uint8_t> exif{};  ///< FileMetadata::exif; empty: none

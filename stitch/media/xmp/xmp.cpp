@@ -132,7 +132,7 @@ class Collector final : public pugi::xml_tree_walker {
 XmpWords parse_xmp(std::string_view packet) {
   packet = packet.substr(0, kMaxXmpBytes);
   pugi::xml_document document;
-  document.load_buffer(packet.data(), packet.size());  // of broken XML, what was parsed
+  document.load_buffer(packet.data(), packet.size());  // broken XML leaves what was parsed before the error
   Collector collector;
   document.traverse(collector);
   return std::move(collector).words();
