@@ -49,7 +49,7 @@ constexpr std::array kEverywhere{
     "/usr",       "/lib",          "/lib64",        "/etc/ld.so.cache",        "/etc/localtime",
     "/proc/self", "/proc/meminfo", "/proc/cpuinfo", "/sys/devices/system/cpu", "/dev/null",
     "/dev/zero",  "/dev/urandom"};
-constexpr std::string_view kRays = "rays:";  // of --layout and --from
+constexpr std::string_view kRays = "rays:";  // prefix of a file in --layout and --from
 
 /// Programs of other projects that a flag starts, with what they need: their folder for files of a run.
 constexpr std::string_view kCpfindFlag = "cpfind";

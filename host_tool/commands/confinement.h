@@ -1,5 +1,5 @@
-// What a command may do once its words are known: read its inputs, write beside its outputs, talk to its rig. What it reads
-// (pictures, projects, takes, a rig's answers) may come from anywhere, and its readers may have faults.
+// What a command may do once its words are known: read its inputs, write beside its outputs, talk to its rig. What it
+// reads (pictures, projects, takes, a rig's answers) may come from anywhere, and its readers may have faults.
 #pragma once
 
 #include <CLI/App.hpp>
@@ -22,16 +22,16 @@ enum class PathUse { kNone, kInput, kOutputFile, kOutputFolder };
 /// By the option's long name without "--"; positional arguments are inputs. Options that name no file are kNone.
 PathUse path_use(const std::string& option);
 
-/// Whether every output that the words name may be written, before a command works for it (console/overwriting.h). Names with a number
-/// are looked at when they are written. Errors: kExists.
+/// Whether every output that the words name may be written, before a command works for it (console/overwriting.h).
+/// Names with a number are looked at when they are written. Errors: kExists.
 Status check_outputs(const CLI::App& command);
 
 /// What the parsed command needs, without what every program needs.
 CommandRights rights_of(const CLI::App& command);
 
-/// Takes all other rights from this process, for the rest of its life, and gives `context` links that a helper process opens.
-/// Call it before there are threads. A kernel that lacks a restriction goes without it; with `context.verbose` standard error
-/// says what is in force. NODAL_CONFINE=off in the environment leaves everything permitted.
+/// Takes all other rights from this process, for the rest of its life, and gives `context` links that a helper process
+/// opens. Call it before there are threads. A kernel that lacks a restriction goes without it; with `context.verbose`
+/// standard error says what is in force. NODAL_CONFINE=off in the environment leaves everything permitted.
 /// Errors: kIo if the kernel has a restriction and refuses to apply it.
 Status confine_command(Context& context, const CLI::App& command);
 

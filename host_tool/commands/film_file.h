@@ -13,8 +13,8 @@
 
 namespace nodal::host {
 
-/// Appends frames, such as JPEG raymaps, to a Matroska file as they come. A film that was not ended, because the program was killed or the disk
-/// became full, plays up to its last quarter of a second.
+/// Appends frames, such as JPEG raymaps, to a Matroska file as they come. A film that was not ended, because the
+/// program was killed or the disk became full, plays up to its last quarter of a second.
 ///
 /// Threading: thread-bound.
 /// Ownership: owns the open file.
@@ -28,13 +28,13 @@ class FilmFile {
   FilmFile(const FilmFile&) = delete;
   FilmFile& operator=(const FilmFile&) = delete;
 
-  /// The first raymap decides the film's size; kBadFormat for another one. Times are the middles of the exposures; one that
-  /// does not rise counts as that of the raymap before it.
+  /// The first raymap decides the film's size; kBadFormat for another one. Times are the middles of the exposures; one
+  /// that does not rise counts as that of the raymap before it.
   Status add(const ReceivedRaymap& raymap);
   /// The same for any frame. `track` is that of the first one; later, only its size is compared.
   Status add(const take::VideoTrack& track, std::uint64_t now_ns, std::span<const std::uint8_t> frame);
-  /// UTC minus the clock of the frames' times, ns; nothing if it is unknown. Without a call, the film's date is that of this
-  /// computer when the first frame is added.
+  /// UTC minus the clock of the frames' times, ns; nothing if it is unknown. Without a call, the film's date is that of
+  /// this computer when the first frame is added.
   void set_utc_offset(std::optional<std::int64_t> offset_ns);
   /// Writes the index and the duration. Nothing can be added after it.
   Status end();

@@ -23,8 +23,8 @@ std::uint64_t losses_of(const wire::HeadState& head) {
 
 std::string show_skew(std::int64_t ns) { return fmt::format("{}{}", ns < 0 ? '-' : '+', show_duration(magnitude(ns))); }
 
-/// One line per head, and below it its problem. With `wide` also the port, the format, the trigger and the white balance, which do not
-/// fit into 80 columns.
+/// One line per head, and below it its problem. With `wide` also the port, the format, the trigger and the white
+/// balance, which do not fit into 80 columns.
 void show(Console& console, const wire::Heads& heads, bool wide) {
   using Align = Table::Align;
   std::vector<Table::Column> columns{{"#", Align::kRight}, {"name"}};
@@ -80,7 +80,7 @@ Status run_heads(Context& context, bool wide) {
   return {};
 }
 
-constexpr int kDeepestJson = 16;  ///< of a rig's document; deeper parts would exhaust the stack
+constexpr int kDeepestJson = 16;  ///< nesting of a rig's document; deeper parts would exhaust the stack
 
 /// A copy of a rig's document whose texts are printable.
 Json cleaned(const Json& from) {

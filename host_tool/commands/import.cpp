@@ -81,8 +81,9 @@ Result<std::string> rig_toml_of(interchange::ImportResult& imported, const Impor
                          args.rig_toml);
 }
 
-/// Sentences about pictures that the project names and that are not there, cannot be read, or have another size than the
-/// project says. Without --rig-toml only about those that are there: a project may have been copied without its pictures.
+/// Sentences about pictures that the project names and that are not there, cannot be read, or have another size than
+/// the project says. Without --rig-toml only about those that are there: a project may have been copied without its
+/// pictures.
 std::vector<std::string> picture_warnings(const interchange::ImportResult& imported, const ImportArgs& args) {
   const bool all = !args.rig_toml.empty();
   std::vector<std::string> warnings;

@@ -44,8 +44,8 @@ Error advised(Error error) {
   return error;
 }
 
-/// Copies one take. `json`, which has its number, gets what `nodal offload --json` says of a take that is copied, also if it then
-/// cannot be deleted.
+/// Copies one take. `json`, which has its number, gets what `nodal offload --json` says of a take that is copied, also
+/// if it then cannot be deleted.
 Status offload(Context& context, RigConnection& rig, std::uint64_t take, const OffloadOptions& options, Json& json) {
   const bool without_heads = !options.only.empty();
   NODAL_TRY_ASSIGN(auto copy, TakeCopy::begin(rig, take, options.to));

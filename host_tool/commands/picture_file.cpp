@@ -18,7 +18,7 @@ namespace nodal::host {
 namespace {
 
 constexpr std::uint32_t kMaxRaymapSide = 16384;       // rig.toml's limit for raymap.width
-constexpr std::uint64_t kMaxJpegOverhead = 1U << 20;  // of a JPEG, in addition to its pixels: headers, metadata
+constexpr std::uint64_t kMaxJpegOverhead = 1U << 20;  // bytes of a JPEG beside its pixels: headers, metadata
 
 std::optional<PixelFormat> raw_format(const std::string& coding) {
   for (const PixelFormat format : {PixelFormat::kI420, PixelFormat::kNv12, PixelFormat::kRgb24, PixelFormat::kGrey8,

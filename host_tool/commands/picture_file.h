@@ -25,8 +25,8 @@ Result<RaymapFormat> raymap_format_of_name(std::string_view name);
 /// The ending of a file's name for it, without the dot.
 std::string_view ending_of(RaymapFormat format);
 
-/// Refuses to write over a picture that is read: nothing could bring it back. `out` may number its `count` files. Errors:
-/// kExists, kBadValue; those of numbered_name().
+/// Refuses to write over a picture that is read: nothing could bring it back. `out` may number its `count` files.
+/// Errors: kExists, kBadValue; those of numbered_name().
 Status check_output(const std::string& out, const std::vector<std::vector<std::string>>& sets, std::size_t count);
 
 /// Whether pictures can go to standard output. Errors: kBadValue.

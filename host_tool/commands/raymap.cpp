@@ -273,7 +273,7 @@ class Pull {
   bool endless_;
   Progress progress_;
   Tally tally_;
-  ProgressFloor floor_;  ///< of a raymap whose first piece has arrived
+  ProgressFloor floor_;  ///< least progress of a raymap whose first piece has arrived
   bool begun_ = false;
   Assembly assembly_;
   std::string name_;

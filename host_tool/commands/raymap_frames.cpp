@@ -67,7 +67,8 @@ void warn_of_shape(Console& console, const std::string& file, const geometry::La
       file, size.width, size.height, layout.text(), whole.width, whole.height, std::max(stretch, 1 / stretch)));
 }
 
-/// `of`: the picture that `made` was made of. A view is another look at the sphere: what was said of the whole is not true of it.
+/// `of`: the picture that `made` was made of. A view is another look at the sphere: what was said of the whole is not
+/// true of it.
 Result<std::vector<std::uint8_t>> encode(DecodedImage&& made, const DecodedImage& of, RaymapFormat format,
                                          const std::optional<geometry::LayoutName>& layout, int quality) {
   made.meaning = of.meaning;
@@ -105,7 +106,7 @@ Status check_names(const FrameOptions& options) {
 /// What all pictures of one size become.
 struct FrameJob {
   geometry::RaymapSize made;
-  std::optional<geometry::LayoutName> layout;                             ///< of the results; nothing for a view
+  std::optional<geometry::LayoutName> layout;                             ///< layout of the results; nothing for a view
   std::function<DecodedImage(const DecodedImage&, std::size_t k)> paint;  ///< picture k
   double plan_seconds = 0;
 };
@@ -123,7 +124,7 @@ Status run_frame_job(Context& context, const FrameOptions& options,
   NODAL_TRY(check_names(options));
   const std::size_t count = count_of(options);
   std::optional<FrameJob> job;
-  geometry::RaymapSize size;  // of the first
+  geometry::RaymapSize size;  // size of the first picture
   std::string last;
   std::optional<FrameInput> input;
   {

@@ -22,7 +22,7 @@ struct FrameOptions {
   std::string filter = "bicubic";
   int quality = 92;
   int threads = 0;
-  std::size_t pictures = 0;  ///< of one input, so many results; 0: one of each input
+  std::size_t pictures = 0;  ///< number of results made from one input; 0: one from each input
 };
 
 /// Adds INPUT, --out, --from, --filter, --quality and --threads.
@@ -31,13 +31,13 @@ void add_frame_options(CLI::App& command, FrameOptions& options);
 /// What every picture becomes.
 struct Outcome {
   view::Target target;
-  std::optional<geometry::LayoutName> layout;  ///< of the result; nothing for a view
+  std::optional<geometry::LayoutName> layout;  ///< layout of the result; nothing for a view
   /// The target of picture k; empty: `target`, always.
   std::function<view::Target(std::size_t k)> target_of = nullptr;
 };
 
-/// Reads every input, resamples it, and writes it: to files or, with --out -, as JPEGs to standard output. All inputs must have
-/// the size of the first. `outcome` is called once.
+/// Reads every input, resamples it, and writes it: to files or, with --out -, as JPEGs to standard output. All inputs
+/// must have the size of the first. `outcome` is called once.
 Status run_frames(
     Context& context, const FrameOptions& options,
     const std::function<Result<Outcome>(const geometry::LayoutName& from, geometry::RaymapSize size)>& outcome);

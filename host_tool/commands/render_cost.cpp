@@ -28,7 +28,7 @@ constexpr double kTwice = 2;         // joining a table's rows needs its memory 
 constexpr double kPictureBytes = 6;  // a pixel of a head: as delivered, decoded, and its smaller levels
 constexpr double kRaymapBytes = 12;  // a pixel of the raymap: as blended, and as it is encoded
 constexpr int kAllRows = 1 << 16;    // more than a table has
-constexpr double kSayPart = 0.25;    // of the free memory
+constexpr double kSayPart = 0.25;    // share of the free memory above which the cost is told
 constexpr double kSaySeconds = 10;
 
 template <class... Lists>

@@ -21,7 +21,8 @@ struct RenderCost {
 std::optional<RenderCost> cost_of(const std::vector<const Calibration*>& calibrations, const RaymapConfig& raymap,
                                   int threads);
 
-/// What this process can still allocate: memory that the system has free, and the address space up to the process's limit.
+/// What this process can still allocate: memory that the system has free, and the address space up to the process's
+/// limit.
 std::uint64_t free_memory();
 
 /// Errors: kTooLarge if `cost` is above `free`; it says both, and a width that fits.

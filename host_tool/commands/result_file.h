@@ -14,14 +14,14 @@ namespace nodal::host {
 
 struct ResultFile {
   RaymapFormat format = RaymapFormat::kJpg;
-  int quality = 92;           ///< of a JPEG
-  std::string comment{};      ///< of a JPEG
+  int quality = 92;           ///< quality of a JPEG
+  std::string comment{};      ///< comment of a JPEG
   bool whole_sphere = false;  ///< equirectangular: with GPano metadata
   KeptMetadata kept{};
 };
 
-/// Numbers that are proportional to light are in sRGB in a JPEG, which has 8 bits; a PNG says that they are linear by gAMA, a
-/// TIFF by a profile, and both by a comment.
+/// Numbers that are proportional to light are in sRGB in a JPEG, which has 8 bits; a PNG says that they are linear by
+/// gAMA, a TIFF by a profile, and both by a comment.
 /// Errors: kUnsupported, kTooLarge, kInternal of the writers.
 Result<std::vector<std::uint8_t>> encode_result(const DecodedImage& picture, const ResultFile& file);
 

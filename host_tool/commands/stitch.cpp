@@ -33,7 +33,7 @@ struct StitchArgs {
   int width = 0;
   int bits = 8;
   std::string blend = "rig";
-  std::string quality;  ///< of JPEGs; empty: the blend's
+  std::string quality;  ///< quality of JPEGs; empty: the blend's
   std::string transition = "two-band";
   double seam_width_deg = table::TableOptions().seam_width_deg;
   double feather = table::TableOptions().feather;
@@ -147,8 +147,8 @@ Status calibrate(Console& console, Job& job) {
   return write_file(beside(job.args.out, ".rig.json"), to_json(rig.calibration));
 }
 
-/// Linear numbers need a response. A data sheet and most projects have none, and their pictures are files for people to look
-/// at: sRGB.
+/// Linear numbers need a response. A data sheet and most projects have none, and their pictures are files for people to
+/// look at: sRGB.
 void take_for_srgb(RigPictures& rig) {
   bool taken = false;
   for (HeadCalibration& head : rig.calibration.heads) {

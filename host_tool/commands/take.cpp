@@ -60,7 +60,8 @@ Json take_json(const wire::TakeEntry& take) {
   return json;
 }
 
-/// Why sets are missing, and pictures of which heads: ", 150 sets not captured (the longest gap has 5.0 s)"; empty: nothing is.
+/// Why sets are missing, and pictures of which heads: ", 150 sets not captured (the longest gap has 5.0 s)"; empty:
+/// nothing is.
 std::string missing_text(const wire::TakeEntry& take) {
   std::string text;
   const auto add = [&](std::uint64_t sets, const char* why) {
@@ -132,8 +133,8 @@ Status list_takes(Context& context, const TakeOptions& options) {
   return {};
 }
 
-/// Sends the request; the line names the take that the rig answers with. `for_a_set`: the answer comes after the next frame sets,
-/// which at a low rate takes longer than --timeout.
+/// Sends the request; the line names the take that the rig answers with. `for_a_set`: the answer comes after the next
+/// frame sets, which at a low rate takes longer than --timeout.
 Status ask_about_take(Context& context, const wire::Request& request, const char* done, bool for_a_set = false) {
   NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
   NODAL_TRY_ASSIGN(const wire::Reply reply,

@@ -152,7 +152,7 @@ Status run_show(Context& context, const std::string& name) {
   const take::Manifest& manifest = folder.manifest();
 
   std::array<HeadSummary, kMaxHeads> heads;
-  std::map<std::uint64_t, std::int64_t> starts;  // of marked sets, ns after the take's first that is there
+  std::map<std::uint64_t, std::int64_t> starts;  // time of each marked set, ns after the first stored set of the take
   for (const take::Manifest::Mark& mark : manifest.marks) starts[mark.set] = -1;
   media::TakeSets sets(folder);
   media::TakeSet set;

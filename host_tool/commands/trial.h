@@ -11,15 +11,15 @@ namespace nodal::host {
 
 struct TrialVerdict {
   double before = 0;  ///< objective of the calibration in force, on frames taken during the trial; levels squared
-  double after = 0;   ///< of the tried calibration, on the same frames
+  double after = 0;   ///< objective of the tried calibration, on the same frames
   bool kept = false;
 };
 
 /// Uploads `tried` on trial, pulls `sets` frame sets that the rig blended with it, and compares the differences between
 /// heads that remain under it and under the calibration in force: on the same frames, from which neither was made. If
 /// `tried` has the lower objective it is kept, else the rig reverts. If this program, its link or the rig's power fail,
-/// the rig reverts by itself `terms.trial` after the swap, or after 40 frame periods, if these are longer. `document` is the
-/// file of `tried`, which `terms.signature` is for; without them `tried` is serialized and sent unsigned.
+/// the rig reverts by itself `terms.trial` after the swap, or after 40 frame periods, if these are longer. `document`
+/// is the file of `tried`, which `terms.signature` is for; without them `tried` is serialized and sent unsigned.
 ///
 /// Errors: kUnsupported for a rig without trials; those of upload(), of pull_frame_sets() and of the evaluation. After
 ///   each of them the rig is told to revert, and it reverts by itself if that message does not arrive.

@@ -138,8 +138,8 @@ Status run_view(Context& context, const ViewArgs& args) {
     Outcome outcome{target, std::nullopt};
     if (path) {
       outcome.target_of = [&](std::size_t k) {
-        camera =
-            view::Camera::make(along(spec, *path, k));  // cannot fail: a field of view is between those of two keys
+        // Cannot fail: a field of view is between those of two keys.
+        camera = view::Camera::make(along(spec, *path, k));
         return target;
       };
     }
