@@ -14,8 +14,9 @@ namespace nodal::host {
 namespace {
 
 constexpr int kSettleFrames = 12;  ///< until the brightness is measured
-/// Closer to a frame's begin than this part of a period, and than this time, a request may be before or after it. The time is what
-/// timestamps and the way of a request are off by; at a low rate a tenth of a period would be most of the time after a set.
+/// Closer to a frame's begin than this part of a period, and than this time, a request may be before or after it. The
+/// time is what timestamps and the way of a request are off by; at a low rate a tenth of a period would be most of the
+/// time after a set.
 constexpr double kAmbiguous = 0.1;
 constexpr double kAmbiguousNs = 3e6;
 constexpr int kSettleTries = 200;  ///< frame sets; a head may miss some
@@ -122,8 +123,8 @@ class Measurement {
                 fmt::format("head '{}': no frames come after the change; `nodal heads` says why", head_.name()));
   }
 
-  /// One change, to the stepped exposure or back. Frames are sampled from `later` periods after it on, so that all frames are
-  /// sampled in some step, also over a link that carries every third frame set.
+  /// One change, to the stepped exposure or back. Frames are sampled from `later` periods after it on, so that all
+  /// frames are sampled in some step, also over a link that carries every third frame set.
   Status step(bool stepped, int later) {
     NODAL_TRY_ASSIGN(const double at, set(stepped ? result_.stepped_ns : result_.exposure_ns));
     if (later > 0) {
@@ -160,7 +161,7 @@ class Measurement {
   RigConnection& rig_;
   const wire::HeadState& head_;
   double period_ns_ = 0;
-  Duration within_;  ///< for a frame set
+  Duration within_;  ///< longest wait for a frame set
   ControlLatency result_;
 };
 

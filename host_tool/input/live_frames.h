@@ -22,8 +22,8 @@ Result<Calibration> calibration_in_force(RigConnection& rig);
 /// Pulls `sets` frame sets, one after another, each with a picture of every head of the calibration and blended with
 /// it. The rig continues to film; each set costs it one copy.
 /// Sets that lack a head are passed over.
-/// Errors: kDeviceGone for a head that delivers no pictures; kOverload if no set has all heads, or if the rig has no time;
-/// kWrongState if another calibration came into force; those of the connection.
+/// Errors: kDeviceGone for a head that delivers no pictures; kOverload if no set has all heads, or if the rig has no
+/// time; kWrongState if another calibration came into force; those of the connection.
 Result<RigPictures> pull_frame_sets(RigConnection& rig, const Calibration& calibration, int sets, Console& console);
 
 /// The same with the calibration in force. `what`: the command, for require_feature().
@@ -31,11 +31,12 @@ Result<RigPictures> pull_frame_sets(RigConnection& rig, const std::string& what,
 
 /// One frame of a head.
 struct HeadSample {
-  std::uint64_t mid_exposure_ns = 0;  ///< of its set
-  std::uint64_t exposure_ns = 0;      ///< in effect, as the rig states it
+  std::uint64_t mid_exposure_ns = 0;  ///< mid-exposure of its set
+  std::uint64_t exposure_ns = 0;      ///< exposure in effect, as the rig states it
   double brightness = 0;              ///< mean of its luma, grey, or R, G and B samples
 };
-/// The head's frame of the next set; nothing if the set has none. `within`: patience_for_sets(). Errors: those of the connection.
+/// The head's frame of the next set; nothing if the set has none. `within`: patience_for_sets(). Errors: those of the
+/// connection.
 Result<std::optional<HeadSample>> sample_head(RigConnection& rig, std::uint32_t head, Duration within);
 
 /// The number of frame sets that a live registration uses: default and maximum.

@@ -30,7 +30,7 @@ struct Nominal {
   int heads = 0;
   double view_deg = 0;       ///< across a fisheye's circle, or from the left to the right edge of the picture
   bool rectilinear = false;  ///< else equidistant fisheyes
-  double roll_deg = 0;       ///< of every head, clockwise
+  double roll_deg = 0;       ///< roll of every head, clockwise
   std::vector<Region::Circle> circles;  ///< one per head, one for all, or none: then they are found in the pictures
   std::vector<NominalPlace> places;     ///< one per head, or none: evenly around the horizon
 };
@@ -42,11 +42,11 @@ Result<Region::Circle> parse_circle(const std::string& text);
 Result<NominalPlace> parse_place(const std::string& text);
 /// The data sheet that words describe. Errors: those of the functions above, with the option.
 Result<Nominal> nominal_of(const NominalWords& words);
-/// Heads at their places; without places evenly spaced around the horizon, the first one forward, the next to its right. One
-/// picture per head. Without circles, a fisheye's circle is found by its picture's black border; else it is the largest
-/// centred one.
-/// Errors: kBadValue if the number of circles, places or pictures does not match the heads, or a lens cannot have the field
-///   of view or a circle; those of check_calibration.
+/// Heads at their places; without places evenly spaced around the horizon, the first one forward, the next to its
+/// right. One picture per head. Without circles, a fisheye's circle is found by its picture's black border; else it is
+/// the largest centred one.
+/// Errors: kBadValue if the number of circles, places or pictures does not match the heads, or a lens cannot have the
+///   field of view or a circle; those of check_calibration.
 Result<Calibration> nominal_rig(const Nominal& nominal, std::span<const ImageView> pictures);
 
 }  // namespace nodal::host

@@ -24,16 +24,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kFamilyUnsure =
-    0.05;  // how far real lenses are from their family, as a share of the distance from the axis
+// How far real lenses are from their family, as a share of the distance from the axis.
+constexpr double kFamilyUnsure = 0.05;
 
 bool is_folder(const std::string& path) {
   std::error_code error;
   return fs::is_directory(path, error);
 }
 
-/// The last parts of the paths, of files without their endings, if all of them can be heads' names; else cam0, cam1 and so
-/// on.
+/// The last parts of the paths, of files without their endings, if all of them can be heads' names; else cam0, cam1 and
+/// so on.
 std::vector<std::string> head_names(const std::vector<std::string>& paths) {
   std::vector<std::string> names, numbered;
   std::set<std::string> different;

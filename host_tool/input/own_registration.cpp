@@ -15,8 +15,8 @@ using registration::Free;
 using registration::Report;
 
 // Of the raymap that differences are summed on, px:
-constexpr int kTriedWidth = 768;     // for light, and to find out what the pictures determine,
-constexpr int kRefinedWidth = 2048;  // and for the result
+constexpr int kTriedWidth = 768;     // used for light, and to find out what the pictures determine
+constexpr int kRefinedWidth = 2048;  // used for the result
 
 /// Every head's pixel aspect plus `by`.
 Calibration with_aspect(Calibration rig, double by) {

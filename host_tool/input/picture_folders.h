@@ -39,8 +39,8 @@ Result<PictureFolder> pictures_in(const std::string& folder, OpenPictures& opene
 /// Errors: also those of the first file that is called like a picture and cannot be read.
 Result<PictureFolder> sequence_in(const std::string& folder);
 
-/// For every file that has the same bytes as another one with a shorter name, or an earlier one with a name as long: its index
-/// and the other's.
+/// For every file that has the same bytes as another one with a shorter name, or an earlier one with a name as long:
+/// its index and the other's.
 std::vector<std::pair<std::size_t, std::size_t>> same_files(const std::vector<std::string>& files);
 
 }  // namespace nodal::host

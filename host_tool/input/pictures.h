@@ -21,8 +21,8 @@ namespace nodal::host {
 /// Errors: those of the readers and of in_srgb(); each names the file.
 Result<DecodedImage> read_picture(const std::string& file, std::optional<PixelFormat> as = std::nullopt);
 
-/// The same with all 16 bits, as GREY16 or RGB48, if the file has them, and otherwise as GREY or RGB24. Numbers of 16 bits
-/// that are proportional to light stay so; meaning.is_linear() says it.
+/// The same with all 16 bits, as GREY16 or RGB48, if the file has them, and otherwise as GREY or RGB24. Numbers of 16
+/// bits that are proportional to light stay so; meaning.is_linear() says it.
 Result<DecodedImage> read_deep_picture(const std::string& file);
 
 /// Size and natural format of an open file, without decoding it.
@@ -34,8 +34,8 @@ DecodedImage in_format(DecodedImage picture, PixelFormat format);
 /// The heads whose response is linear.
 std::vector<bool> linear_heads(const Calibration& calibration);
 
-/// One head's picture: a file that is opened and decoded at most once while its pixels are kept, or pixels that a running rig
-/// sent.
+/// One head's picture: a file that is opened and decoded at most once while its pixels are kept, or pixels that a
+/// running rig sent.
 ///
 /// Threading: thread-bound; several may be decoded at a time.
 /// Ownership: owns the file until it is decoded, and the pixels.
@@ -47,8 +47,8 @@ class HeadPicture {
 
   /// Empty if it is from a running rig.
   const std::string& file() const { return file_; }
-  /// Decodes the file in its natural format: GREY, I420 or RGB24 in sRGB's numbers, except that numbers which the file calls
-  /// proportional to light stay so with `of_linear_head`. Nothing is done if the pixels are there.
+  /// Decodes the file in its natural format: GREY, I420 or RGB24 in sRGB's numbers, except that numbers which the file
+  /// calls proportional to light stay so with `of_linear_head`. Nothing is done if the pixels are there.
   /// Errors: those of read_picture().
   Status decode(bool of_linear_head);
   /// After decode().
@@ -71,8 +71,8 @@ class HeadPicture {
   bool of_linear_head_ = false;  ///< how it was decoded
 };
 
-/// Decodes a set's pictures on all cores. `begin(n)` is called on the caller's thread before pictures n and later are decoded.
-/// `of_linear_heads[n]`: as for HeadPicture::decode(); empty: none.
+/// Decodes a set's pictures on all cores. `begin(n)` is called on the caller's thread before pictures n and later are
+/// decoded. `of_linear_heads[n]`: as for HeadPicture::decode(); empty: none.
 /// Errors: that of the first picture, in their order, that has one.
 Status decode_all(
     std::vector<HeadPicture>& pictures, const std::vector<bool>& of_linear_heads = {},

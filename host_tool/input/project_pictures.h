@@ -20,10 +20,10 @@ struct ProjectPicture {
   bool moved = false;  ///< not where the project says, but of this name beside it
 };
 
-/// The file of `image` as the project `project` names it: relative to the project's folder, or absolute, also as another
-/// system writes paths (C:\folder\a.jpg). With kBesideProject it must be in that folder or below it, also after links are
-/// followed. A picture that is not there or not allowed is looked for beside the project: below its folder under the last
-/// parts of its path, whatever their case.
+/// The file of `image` as the project `project` names it: relative to the project's folder, or absolute, also as
+/// another system writes paths (C:\folder\a.jpg). With kBesideProject it must be in that folder or below it, also after
+/// links are followed. A picture that is not there or not allowed is looked for beside the project: below its folder
+/// under the last parts of its path, whatever their case.
 /// Errors: kBadValue, which names project, picture and option.
 Result<ProjectPicture> project_picture(const std::string& project, const std::string& image, PicturePlaces places);
 

@@ -23,7 +23,7 @@ namespace nodal::host {
 /// A range of distances from the lens's axis in the first placed picture.
 struct LensRange {
   double from_px = 0, to_px = 0;
-  double from_deg = 0, to_deg = 0;  ///< of the rays, with the lens that was found
+  double from_deg = 0, to_deg = 0;  ///< angles of the rays, with the lens that was found
 };
 
 /// Where points determine the lens.
@@ -47,8 +47,8 @@ struct PointMatch {
   FoundLens lens;
 };
 
-/// Pictures of one rig, set by set. Files are decoded when they are needed, and their pixels are kept until they are taken or
-/// released.
+/// Pictures of one rig, set by set. Files are decoded when they are needed, and their pixels are kept until they are
+/// taken or released.
 ///
 /// Threading: thread-bound.
 /// Ownership: owns the pixels that are decoded; frames() refers to them.
@@ -57,11 +57,11 @@ struct RigPictures {
   enum class Origin : std::uint8_t { kCalibration, kProject, kDataSheet, kPictures, kRig };
 
   Origin origin = Origin::kCalibration;
-  Calibration calibration;                     ///< of kPictures: without heads until calibrate_by_pictures()
+  Calibration calibration;                     ///< has no heads with kPictures before calibrate_by_pictures()
   std::vector<std::string> heads;              ///< the heads' names, in the order of every set
-  std::vector<std::vector<HeadPicture>> sets;  ///< for each set one picture per head
+  std::vector<std::vector<HeadPicture>> sets;  ///< one picture per head in each set
   std::vector<std::string> notes;              ///< whole sentences for the user
-  std::optional<PointMatch> match;             ///< of kPictures, after calibrate_by_pictures()
+  std::optional<PointMatch> match;             ///< only with kPictures, after calibrate_by_pictures()
 
   /// The files of every set; empty names for a running rig's.
   std::vector<std::vector<std::string>> files() const;
@@ -72,28 +72,30 @@ struct RigPictures {
 };
 
 /// The files of the pictures, one per head and set. The arguments are either pictures, in the calibration's order, set
-/// after set; or folders with one picture per head, named after the head (cam0.png); or one folder per head, named after
-/// it, with a sequence of pictures. `names`: the heads' names.
+/// after set; or folders with one picture per head, named after the head (cam0.png); or one folder per head, named
+/// after it, with a sequence of pictures. `names`: the heads' names.
 /// Errors: kBadValue with what is missing or superfluous; kNotFound for a folder without a head's picture.
 Result<std::vector<std::vector<std::string>>> picture_files(const std::vector<std::string>& arguments,
                                                             const std::vector<std::string>& names);
 
-/// `arguments`: with `nominal`, pictures of that rig, of which the first set is decoded (folders hold cam0.png, cam1.png and
-/// so on); else a calibration in any format, then pictures as for picture_files(). A project that names its pictures needs no
-/// further ones: their paths are relative to the project's folder, and `places` says where they may be.
-/// Errors: those of read_calibration_file(), of nominal_rig(), of project_pictures() and of picture_files(), with the file or
-///   the option; those of reading pictures; kMissingField without pictures.
+/// `arguments`: with `nominal`, pictures of that rig, of which the first set is decoded (folders hold cam0.png,
+/// cam1.png and so on); else a calibration in any format, then pictures as for picture_files(). A project that names
+/// its pictures needs no further ones: their paths are relative to the project's folder, and `places` says where they
+/// may be.
+/// Errors: those of read_calibration_file(), of nominal_rig(), of project_pictures() and of picture_files(), with the
+///   file or the option; those of reading pictures; kMissingField without pictures.
 Result<RigPictures> read_rig_pictures(const NominalWords& nominal, const std::vector<std::string>& arguments,
                                       PicturePlaces places = PicturePlaces::kBesideProject);
 
-/// The same with every set decoded, for computations that need all pictures at once. Heads with a linear response keep linear
-/// numbers if the calibration's response is known: that of a data sheet is not.
+/// The same with every set decoded, for computations that need all pictures at once. Heads with a linear response keep
+/// linear numbers if the calibration's response is known: that of a data sheet is not.
 Result<RigPictures> read_all_pictures(const NominalWords& nominal, const std::vector<std::string>& arguments,
                                       PicturePlaces places = PicturePlaces::kBesideProject);
 
-/// Decodes a set and moves its pictures out, all in one pixel format: I420 if every file is 4:2:0, GREY if every one is grey,
-/// else RGB24. With `rgb`: always RGB24. Linear numbers stay so for heads with a linear response.
-/// Errors: those of decode_all(); kHeadMismatch, with the file and the head, for a picture whose size differs from its head's.
+/// Decodes a set and moves its pictures out, all in one pixel format: I420 if every file is 4:2:0, GREY if every one is
+/// grey, else RGB24. With `rgb`: always RGB24. Linear numbers stay so for heads with a linear response.
+/// Errors: those of decode_all(); kHeadMismatch, with the file and the head, for a picture whose size differs from its
+/// head's.
 Result<std::vector<DecodedImage>> take_set(RigPictures& rig, std::size_t set, bool rgb);
 
 }  // namespace nodal::host
