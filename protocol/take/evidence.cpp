@@ -224,7 +224,7 @@ class Reader {
   std::uint32_t records_ = 0;
   std::int64_t newest_ns_ = 0;
   std::vector<wire::Set> open_;          ///< since the last clusters
-  std::vector<std::uint64_t> open_end_;  ///< for each file, the byte after the newest frame
+  std::vector<std::uint64_t> open_end_;  ///< by file, the byte after the newest frame
 };
 
 }  // namespace

@@ -49,7 +49,7 @@ class SeamedTable {
   struct Grid {
     std::vector<std::uint32_t> first;   ///< index of each tile's 64 places; kOneHead: only one head sees the tile
     std::vector<std::uint32_t> places;  ///< on the map, in 1/128 px: column, and row << 16; kNowhere outside the grid
-    std::vector<std::uint64_t> seen;  ///< for each record of the cover, the pixels for which it has weight, bit 8 j + i
+    std::vector<std::uint64_t> seen;    ///< by record of the cover: the pixels for which it has weight, bit 8 j + i
   };
   blend::GridTable with(const blend::GridTable& own, const blend::GridTable& cover, const Grid& grid, Labels labels,
                         const std::vector<std::uint8_t>& around, const std::vector<bool>& made) const;

@@ -1,5 +1,5 @@
-// A rig whose takes' disk is full, removed or read-only: the rig goes on, and says what is wrong, in its status and once in its log.
-// Takes that begin with the rig.
+// A rig whose takes' disk is full, removed or read-only: the rig goes on, and says what is wrong, in its status and
+// once in its log. Takes that begin with the rig.
 #include <gtest/gtest.h>
 
 #include <memory>

@@ -108,7 +108,7 @@ class Oracle {
   std::vector<std::uint64_t> taken_before_;  ///< by the head's counter, at the start of this process
   std::vector<int> followed_;                ///< successive exposures of each head that successive pulses started
   std::vector<std::uint64_t> last_pulse_;    ///< number of the pulse that exposed each head's newest frame in a set
-  std::vector<std::uint64_t> last_serial_;   ///< of each head's newest frame in a set
+  std::vector<std::uint64_t> last_serial_;   ///< serial number of each head's newest frame in a set
   std::array<std::optional<Stamp>, kMaxHeads> stamps_;  ///< timestamps of the present set
   std::optional<std::uint64_t> last_set_;
   std::uint64_t not_taken_ = 0;

@@ -55,7 +55,7 @@ struct Feature {
   bool can_switch = false;
   bool has_auto = false;                       ///< has an automatic mode
   bool absolute = false;                       ///< has absolute values: seconds, decibels, frames per second
-  std::uint32_t low = 0, high = 0, value = 0;  ///< for kWhiteBalance, `value` is that of red
+  std::uint32_t low = 0, high = 0, value = 0;  ///< `value` of kWhiteBalance is that of red
   std::uint32_t blue = 0;                      ///< only for kWhiteBalance
   float absolute_low = 0, absolute_high = 0, absolute_value = 0;
 };
