@@ -120,7 +120,7 @@ void FrameSender::end(Copy& copy, const Clients& clients) {
 }
 
 void FrameSender::follow_adoptions() {
-  drain(blender_.adoptions_out(), [&](const Blender::Adoption& adoption) {
+  drain(blender_.swap().adoptions_out(), [&](const Adoption& adoption) {
     before_ = in_force_;
     in_force_ = adoption;
   });

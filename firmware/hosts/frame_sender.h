@@ -80,7 +80,7 @@ class FrameSender {
   const RigConfig config_;
   Outlet<SetLoan>& sets_;  ///< open while a set is requested and not copied yet
   Blender& blender_;
-  std::optional<Blender::Adoption> in_force_, before_;  ///< the newest calibration of the blend, and the one before
+  std::optional<Adoption> in_force_, before_;  ///< the newest calibration of the blend, and the one before
   std::array<Copy, kMaxCopies> copies_;
 };
 

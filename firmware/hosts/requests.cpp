@@ -248,9 +248,10 @@ wire::RigStatus Control::status(Instant now) {
   add_count(*status.mutable_set_losses(), "shed", read(counts.shed));
   if (config_.raymap.seams == SeamPlacement::kPlaced) {
     wire::Seams& seams = *status.mutable_seams();
-    seams.set_placed(read(counts.seams_moved));
-    seams.set_late(read(counts.seams_late));
-    seams.set_refused(read(counts.seams_refused));
+    const MovingSeams::Counts& placed = stages_.blender.seams().counts();
+    seams.set_placed(read(placed.moved));
+    seams.set_late(read(placed.late));
+    seams.set_refused(read(placed.refused));
   }
   status.set_publish_shed(publisher_.shed());
   status.set_published(publisher_.published());

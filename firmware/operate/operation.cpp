@@ -248,7 +248,7 @@ void Operation::tell_takes_the_calibration() {
     if (documents_.size() > kDocumentsKept) documents_.pop_front();
   }
   if (!takes_->recording) return;
-  const Blender::Adoption& adopted = stages_.blender.adoption().read();
+  const Adoption& adopted = stages_.blender.swap().adoption().read();
   if (adopted.calibration == told_calibration_) return;
   const auto known = std::ranges::find(documents_, adopted.calibration, &std::pair<Sha256, Document>::first);
   if (known == documents_.end()) return;

@@ -85,10 +85,10 @@ void Operation::watch_disk() {
 
 /// Logs the first placed seams that were refused; the status counts them.
 void Operation::watch_seams() {
-  if (seams_refused_told_ || stages_.blender.counts().seams_refused.load(std::memory_order_acquire) == 0) return;
+  if (seams_refused_told_ || stages_.blender.seams().counts().refused.load(std::memory_order_acquire) == 0) return;
   seams_refused_told_ = true;
   news_.say(NewsKind::kRig, "placed seams were refused, and the old ones stay; the status counts further ones: " +
-                                stages_.blender.seams_refused().read());
+                                stages_.blender.seams().refused().read());
 }
 
 void Operation::watch_stability(Instant now) {

@@ -13,18 +13,7 @@ void count(std::atomic<std::uint64_t>& counter) { counter.fetch_add(1, std::memo
 }  // namespace
 
 Blender::Blender(const RaymapConfig& config, hal::ClockPort& clock, Outlet<SetLoan>& sets_in)
-    : config_(config),
-      clock_(clock),
-      sets_in_(sets_in),
-      pixels_pool_(kMaxBuffers),
-      tables_in_(1),  // one entry: a full ring means that the newest calibration is not in force yet
-      tables_out_(8),
-      raymaps_out_(kRaymapsWaiting),
-      seams_out_(1),
-      seams_in_(1),
-      seam_changes_out_(kSeamChangesWaiting),
-      light_out_(4),
-      adoptions_out_(4) {}
+    : clock_(clock), sets_in_(sets_in), raymaps_out_(kRaymapsWaiting), light_out_(4), buffers_(config, kMaxBuffers) {}
 
 bool Blender::step() {
   bool busy = run_band();
@@ -41,34 +30,21 @@ void Blender::close() {
   set_ = {};
   raymap_ = {};
   sets_in_.drop_waiting();
-  next_band_.store(0);
+  bands_.start(0);
   idle_.store(true);
 }
 
 bool Blender::run_band() {
-  std::uint64_t ticket = next_band_.load(std::memory_order_acquire);
-  for (;;) {
-    if (band_of(ticket) >= bands_of(ticket)) return false;
-    if (next_band_.compare_exchange_weak(ticket, ticket + 1, std::memory_order_acq_rel, std::memory_order_acquire)) {
-      break;
-    }
-  }
-  blend_.run(band_of(ticket));
-  bands_done_.fetch_add(1, std::memory_order_acq_rel);
+  const auto band = bands_.take();
+  if (!band) return false;
+  blend_.run(*band);
+  bands_.done();
   return true;
-}
-
-void Blender::start_round(std::uint64_t bands) {
-  NODAL_ASSERT(bands <= kMostBands);
-  bands_done_.store(0, std::memory_order_relaxed);
-  next_band_.store((++round_ << 2 * kBandBits) | (bands << kBandBits), std::memory_order_release);
 }
 
 bool Blender::coordinate() {
   if (set_) {
-    if (bands_done_.load(std::memory_order_acquire) < bands_of(next_band_.load(std::memory_order_relaxed)))
-      return false;
-    return next_round();
+    return bands_.all_done() && next_round();
   }
   const bool adopted = adopt();
   return begin() || adopted;
@@ -77,12 +53,12 @@ bool Blender::coordinate() {
 /// Hands out the next pieces of work of the set.
 bool Blender::next_round() {
   if (const auto round = blend_.next_round()) {
-    start_round(round->pieces);
+    bands_.start(round->pieces);
     return true;
   }
   if (raymap_.pixels) return finish();
   count_undecodable();
-  if (blend_.views()) request_seams();
+  seams_.place(set_->number, blend_);
   begin_raymap();
   return true;
 }
@@ -105,42 +81,10 @@ bool Blender::finish() {
 }
 
 bool Blender::adopt() {
-  if (tables_out_.full() || adoptions_out_.full()) return false;
-  auto setup = tables_in_.pop();
-  if (!setup) return false;
-  if (sets::BlendSetup before = blend_.adopt(std::move(*setup))) tables_out_.push(std::move(before));
-  adoption_unreported_ = true;
+  if (!swap_.adopt(blend_)) return false;
   seams_.restart();
   count(counts_.adopted);
   return true;
-}
-
-/// Puts the placed seams in force if they are due. Outdated ones are given back.
-void Blender::move_seams(std::uint64_t set) {
-  if (auto placed = seams_in_.pop()) seams_.placed(std::move(*placed));
-  const sets::PlacedSeams* due = seams_.due(set);
-  if (!due || (due->plan && tables_out_.full())) return;
-  const bool outdated = seams_.outdated();
-  if (!outdated && (seam_changes_out_.full() || seam_change_)) return;
-  sets::PlacedSeams placed = seams_.take();
-  if (placed.plan && outdated) {
-    tables_out_.push({std::move(placed.plan), nullptr});
-  } else if (placed.plan) {
-    tables_out_.push({blend_.move_seams(std::move(placed.plan)), nullptr});
-    count(counts_.seams_moved);
-    log_seams(set);
-  } else if (!placed.refused.empty()) {
-    seams_refused_.publish(placed.refused);
-    counts_.seams_refused.fetch_add(1, std::memory_order_release);  // after the reason, for its reader
-  }
-}
-
-/// For takes: the seams in force from this set on. While the ring is full, no seams are placed, so a change that waits
-/// for room is that of a new calibration to its own seams; further calibrations have their own seams, too, and need no
-/// further record.
-void Blender::log_seams(std::uint64_t set) {
-  const sets::PlanPtr& plan = blend_.plan();
-  if (logs_seams_ && plan->seams && !seam_change_) seam_change_ = SeamChange{set, plan->seam_labels};
 }
 
 bool Blender::begin() {
@@ -151,21 +95,15 @@ bool Blender::begin() {
   }
   const SetLoan set = std::move(*next);
   idle_.store(false, std::memory_order_release);
-  if (std::exchange(adoption_unreported_, false)) {
-    Adoption adoption{set->number, blend_.plan()->id};
-    adoption_.publish(adoption);
-    adoptions_out_.push(std::move(adoption));
-    log_seams(set->number);
-  }
-  move_seams(set->number);
-  if (seam_change_ && seam_changes_out_.push(std::move(*seam_change_))) seam_change_.reset();
+  const bool first = swap_.report(set->number, blend_);
+  seams_.begin(set->number, first, blend_, swap_.tables_out());
   sets_begun_.store(set->number + 1, std::memory_order_release);
   bool ready = false;
   if (!blend_.plan()) {
     count(counts_.without_calibration);
   } else if (set->number % every_.load(std::memory_order_relaxed) != 0) {
     count(counts_.shed);
-  } else if (ready = take_pixels(blend_.plan()->tables.size()); !ready) {
+  } else if (ready = buffers_.reserve(blend_.plan()->tables.size()); !ready) {
     count(counts_.without_buffer);
   }
   if (!ready) {
@@ -187,27 +125,19 @@ void Blender::begin_blend() {
     const hal::HeadSettings& in_effect = frame.in_effect;
     frames[i] = {true, frame.image, frame.fields, in_effect.exposure, in_effect.gain, in_effect.gamma.thousandths()};
   }
-  const bool places = blend_.plan()->seams != nullptr;
-  if (places && seams_.is_late(set_->number)) count(counts_.seams_late);
-  const std::size_t unfit = blend_.begin(frames, places && seams_.wants(set_->number));
+  const std::size_t unfit = blend_.begin(frames, seams_.wants_views(set_->number, *blend_.plan()));
   counts_.unfit_frames.fetch_add(unfit, std::memory_order_relaxed);
 }
 
 void Blender::count_undecodable() {
   for (const auto& [head, fault] : blend_.decoded()) {
-    undecodable_[head].now.store(fault, std::memory_order_relaxed);
-    if (fault != decode::DecodeFault::kNone) count(undecodable_[head].frames);
+    counts_.undecodable[head].now.store(fault, std::memory_order_relaxed);
+    if (fault != decode::DecodeFault::kNone) count(counts_.undecodable[head].frames);
   }
 }
 
-void Blender::request_seams() {
-  seams_.begin(set_->number);
-  const bool pushed = seams_out_.push({blend_.plan(), blend_.views()});
-  NODAL_ASSERT(pushed);
-}
-
 void Blender::begin_raymap() {
-  raymap_.pixels = std::exchange(pixels_[field_], {});
+  raymap_.pixels = buffers_.take(field_);
   blend_.begin_raymap(field_, raymap_.pixels.edit().data());
   raymap_.info = {set_->number, set_->mid_exposure, {}, set_->sync, blend_.heads(), blend_.plan()->id, {}, {}};
   raymap_.info.rate = set_->rate;
@@ -229,18 +159,6 @@ void Blender::measure() {
   blend::SphereLight seen = blend::meter(blend_.plan()->meter, blend_.frames(), blend_.exposed());
   seen.set = set_->number;
   light_out_.push(std::move(seen));
-}
-
-/// Takes a buffer for each raymap of a set; false when the pool has too few.
-bool Blender::take_pixels(std::size_t wanted) {
-  for (std::size_t i = 0; i < wanted; ++i) {
-    if (pixels_[i]) continue;  // taken for an earlier set, for which the pool then had no second buffer
-    pixels_[i] = pixels_pool_.take();
-    if (!pixels_[i]) return false;
-    // A buffer of the pool that was never used before.
-    if (pixels_[i]->empty()) pixels_[i].edit().resize(packed_size(config_.format, config_.width, config_.height));
-  }
-  return true;
 }
 
 }  // namespace nodal::firmware

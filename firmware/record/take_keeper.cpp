@@ -64,7 +64,7 @@ TakeKeeper::TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& r
       shelf_(disk, config.takes->loop, confined),
       rate_(config.rate) {
   report_.loop = config_.takes->loop;
-  if (places_seams_) places_seams_->log_seams();
+  if (places_seams_) places_seams_->seams().log_changes();
 }
 
 TakeKeeper::~TakeKeeper() = default;
@@ -209,7 +209,7 @@ bool TakeKeeper::store_calibration() {
 bool TakeKeeper::take_seams() {
   if (!places_seams_) return false;
   bool busy = false;
-  auto& changes = places_seams_->seam_changes_out();
+  auto& changes = places_seams_->seams().changes();
   for (std::size_t taken = 0; taken < changes.capacity() && (!writing_ || writing_->takes_seams()); ++taken) {
     auto change = changes.pop();
     if (!change) break;

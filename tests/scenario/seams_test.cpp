@@ -29,7 +29,7 @@ void expect_same(const std::vector<Pulled>& a, const std::vector<Pulled>& b) {
   for (std::size_t k = 0; k < a.size(); ++k) EXPECT_EQ(a[k].body, b[k].body) << "raymap " << k;
 }
 
-const firmware::Blender::Counts& counts(Stand& stand) { return stand.rig->blender().counts(); }
+const firmware::MovingSeams::Counts& counts(Stand& stand) { return stand.rig->blender().seams().counts(); }
 
 TEST(PlacedSeams, ARig_PlacesThemAndMakesTheSameRaymapsOnEveryRun) {
   Stand first(placed()), second(placed());
@@ -39,16 +39,16 @@ TEST(PlacedSeams, ARig_PlacesThemAndMakesTheSameRaymapsOnEveryRun) {
   TestHost& host = first.bring_up();
   const auto raymaps = film(first, host, 40);
   const wire::RigStatus status = host.status();
-  EXPECT_EQ(status.seams().placed(), counts(first).seams_moved.load());
+  EXPECT_EQ(status.seams().placed(), counts(first).moved.load());
   EXPECT_EQ(status.seams().late() + status.seams().refused(), 0U);
   expect_same(raymaps, film(second, second.bring_up(), 40));
-  EXPECT_GE(counts(first).seams_moved.load(), 1u);
-  EXPECT_EQ(counts(first).seams_late.load(), 0u);
+  EXPECT_GE(counts(first).moved.load(), 1u);
+  EXPECT_EQ(counts(first).late.load(), 0u);
   TestHost& host_of_fixed = fixed.bring_up();
   EXPECT_FALSE(host_of_fixed.status().has_seams());
   const auto unmoved = film(fixed, host_of_fixed, 40);
   EXPECT_NE(raymaps.back().body, unmoved.back().body);
-  EXPECT_EQ(counts(fixed).seams_moved.load(), 0u);
+  EXPECT_EQ(counts(fixed).moved.load(), 0u);
 }
 
 TEST(PlacedSeams, HeadsThatAreDecodedAndFields_HaveThemToo) {
@@ -63,14 +63,14 @@ TEST(PlacedSeams, HeadsThatAreDecodedAndFields_HaveThemToo) {
   options.world.head.fields = Fields::kBottomFirst;
   Stand stand(options);
   film(stand, stand.bring_up(), 60);
-  EXPECT_GE(counts(stand).seams_moved.load(), 1u);
+  EXPECT_GE(counts(stand).moved.load(), 1u);
   StandOptions jpeg = placed();
   jpeg.config.raymap.format = PixelFormat::kI420;
   for (firmware::HeadConfig& head : jpeg.config.heads) head.format = PixelFormat::kMjpeg;
   jpeg.world.head.pixels = PixelFormat::kMjpeg;
   Stand decoded(jpeg);
   film(decoded, decoded.bring_up(), 30);
-  EXPECT_GE(counts(decoded).seams_moved.load(), 1u);
+  EXPECT_GE(counts(decoded).moved.load(), 1u);
 }
 
 TEST(PlacedSeams, AHeadThatIsGone_IsShownNoMoreAndComesBack) {
@@ -80,23 +80,23 @@ TEST(PlacedSeams, AHeadThatIsGone_IsShownNoMoreAndComesBack) {
   stand.world.head(1).unplug();
   const auto without = film(stand, host, 40);
   EXPECT_EQ(without.back().header.heads_mask() & 2U, 0U);
-  const auto moved = counts(stand).seams_moved.load();
+  const auto moved = counts(stand).moved.load();
   EXPECT_GE(moved, 2u) << "its area goes to others";
   stand.world.head(1).replug();
   EXPECT_TRUE(stand.run_until([&] { return film(stand, host, 1).back().header.heads_mask() == (1U << kHeads) - 1; }));
   film(stand, host, 20);
-  EXPECT_GT(counts(stand).seams_moved.load(), moved);
+  EXPECT_GT(counts(stand).moved.load(), moved);
 }
 
 TEST(PlacedSeams, AnotherCalibration_HasItsOwn) {
   Stand stand(placed());
   TestHost& host = stand.bring_up();
   film(stand, host, 20);
-  const auto moved = counts(stand).seams_moved.load();
+  const auto moved = counts(stand).moved.load();
   const wire::Reply reply = host.upload(to_json(small_calibration("other")));
   ASSERT_FALSE(reply.has_error()) << reply.error().message();
   film(stand, host, 20);
-  EXPECT_GT(counts(stand).seams_moved.load(), moved);
+  EXPECT_GT(counts(stand).moved.load(), moved);
 }
 
 /// As if the compiler of tables had a fault: a head's patches are far outside of its picture.
@@ -118,7 +118,7 @@ TEST(PlacedSeams, ThatAreRefused_AreCountedAndSaidOnceAndTheRigFilmsOn) {
   Stand stand(placed());
   TestHost& host = stand.bring_up();
   stand.rig->control().take_news();
-  ASSERT_TRUE(stand.rig->blender().tables_in().push(broken_calibration(stand.options)));
+  ASSERT_TRUE(stand.rig->blender().swap().tables_in().push(broken_calibration(stand.options)));
   EXPECT_EQ(film(stand, host, 60).size(), 60U);
   EXPECT_GE(host.status().seams().refused(), 3U);
   EXPECT_EQ(host.status().state(), "running");

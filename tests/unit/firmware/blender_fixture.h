@@ -89,7 +89,7 @@ class BlenderTest : public testing::Test {
     sets.collect();
     return sets.lent();
   }
-  void install(sets::BlendSetup calibration) { ASSERT_TRUE(blender.tables_in().push(std::move(calibration))); }
+  void install(sets::BlendSetup calibration) { ASSERT_TRUE(blender.swap().tables_in().push(std::move(calibration))); }
 
   std::array<std::vector<std::uint8_t>, kHeads> pictures;
   hal::sim::SimClock clock;

@@ -39,7 +39,7 @@ class PlacedSeams : public BlenderTest {
     EXPECT_TRUE(raymap);
     return raymap ? *raymap->pixels : LineVector{};
   }
-  SeamStage stage{blender.seams_out(), blender.seams_in()};
+  SeamStage stage{blender.seams().requests(), blender.seams().answers()};
 };
 
 TEST_F(PlacedSeams, AreInForceFromTheNextPeriodOn) {
@@ -60,12 +60,12 @@ TEST_F(PlacedSeams, AreInForceFromTheNextPeriodOn) {
   const LineVector moved = whole(full_set(sets::kSeamPeriod), *placed);
   EXPECT_NE(moved, fixed);
   EXPECT_EQ(raymap_of(sets::kSeamPeriod), moved);
-  EXPECT_EQ(blender.counts().seams_moved.load(), 1u);
-  const auto before = blender.tables_out().pop();
+  EXPECT_EQ(blender.seams().counts().moved.load(), 1u);
+  const auto before = blender.swap().tables_out().pop();
   ASSERT_TRUE(before);
   EXPECT_EQ(before->plan, calibration.plan) << "the keeper frees it";
   EXPECT_FALSE(before->memory) << "the blend goes on with it";
-  EXPECT_FALSE(blender.tables_out().pop());
+  EXPECT_FALSE(blender.swap().tables_out().pop());
 }
 
 TEST_F(PlacedSeams, OfTheSamePictures_StayAndCostNoTable) {
@@ -78,10 +78,10 @@ TEST_F(PlacedSeams, OfTheSamePictures_StayAndCostNoTable) {
       EXPECT_EQ(now, before) << set;
     }
     before = now;
-    blender.tables_out().pop();
+    blender.swap().tables_out().pop();
   }
-  EXPECT_EQ(blender.counts().seams_moved.load(), 1u);
-  EXPECT_EQ(blender.counts().seams_late.load(), 0u);
+  EXPECT_EQ(blender.seams().counts().moved.load(), 1u);
+  EXPECT_EQ(blender.seams().counts().late.load(), 0u);
 }
 
 /// The first placement takes longest: the fixed seams stay until it is done.
@@ -90,7 +90,7 @@ TEST_F(PlacedSeams, AStageThatIsLate_LeavesTheOldSeamsAndIsCounted) {
   install(calibration);
   const LineVector fixed = whole(full_set(0), *calibration.plan);
   for (std::uint64_t set = 0; set < 2 * sets::kSeamPeriod + 3; ++set) EXPECT_EQ(raymap_of(set), fixed) << set;
-  EXPECT_EQ(blender.counts().seams_late.load(), 2u) << "two further periods began";
+  EXPECT_EQ(blender.seams().counts().late.load(), 2u) << "two further periods began";
   EXPECT_TRUE(stage.step());
   EXPECT_NE(raymap_of(2 * sets::kSeamPeriod + 3), fixed) << "from the next set on";
   EXPECT_FALSE(stage.idle()) << "a new request, in the same set";
@@ -105,15 +105,15 @@ TEST_F(PlacedSeams, ACalibrationSwappedMeanwhile_IsBlendedWithItsOwnSeams) {
   EXPECT_EQ(raymap_of(1), fixed);
   EXPECT_TRUE(stage.step()) << "places seams for the calibration that is gone";
   EXPECT_EQ(raymap_of(2), fixed);
-  EXPECT_EQ(blender.counts().seams_moved.load(), 0u);
+  EXPECT_EQ(blender.seams().counts().moved.load(), 0u);
   EXPECT_TRUE(stage.step()) << "the new one's turn";
   EXPECT_NE(raymap_of(sets::kSeamPeriod), fixed);
 }
 
 /// For takes.
 TEST_F(PlacedSeams, AreLoggedWithTheFirstSetThatIsBlendedWithThem) {
-  blender.log_seams();
-  const auto logged = [&] { return blender.seam_changes_out().pop(); };
+  blender.seams().log_changes();
+  const auto logged = [&] { return blender.seams().changes().pop(); };
   install(with_placed_seams(1));
   raymap_of(3);
   auto change = logged();
@@ -139,31 +139,31 @@ TEST_F(PlacedSeams, AreLoggedWithTheFirstSetThatIsBlendedWithThem) {
 }
 
 TEST_F(PlacedSeams, WhileTheirLogIsFull_StayAndACalibrationsOwnAreLoggedLater) {
-  blender.log_seams();
+  blender.seams().log_changes();
   const sets::BlendSetup calibration = with_placed_seams(1);
   std::uint64_t set = 0;
-  for (std::size_t k = 0; k < Blender::kSeamChangesWaiting + 3; ++k, ++set) {
+  for (std::size_t k = 0; k < MovingSeams::kChangesWaiting + 3; ++k, ++set) {
     install(calibration);
     raymap_of(set);
-    blender.tables_out().pop();
-    blender.adoptions_out().pop();
+    blender.swap().tables_out().pop();
+    blender.swap().adoptions_out().pop();
   }
-  const std::uint64_t full_from = Blender::kSeamChangesWaiting;  // this set's change is the first without room
+  const std::uint64_t full_from = MovingSeams::kChangesWaiting;  // this set's change is the first without room
   for (std::uint64_t end = set + 3 * sets::kSeamPeriod; set < end; ++set) {
     raymap_of(set);
     stage.step();
-    blender.tables_out().pop();
+    blender.swap().tables_out().pop();
   }
-  EXPECT_EQ(blender.counts().seams_moved.load(), 0U);
-  for (std::uint64_t k = 0; k < Blender::kSeamChangesWaiting; ++k)
-    EXPECT_EQ(blender.seam_changes_out().pop()->first_set, k);
+  EXPECT_EQ(blender.seams().counts().moved.load(), 0U);
+  for (std::uint64_t k = 0; k < MovingSeams::kChangesWaiting; ++k)
+    EXPECT_EQ(blender.seams().changes().pop()->first_set, k);
   raymap_of(set);
-  const auto own = blender.seam_changes_out().pop();
+  const auto own = blender.seams().changes().pop();
   ASSERT_TRUE(own);
   EXPECT_EQ(own->first_set, full_from);
   EXPECT_FALSE(own->labels);
   raymap_of(++set);
-  const auto moved = blender.seam_changes_out().pop();
+  const auto moved = blender.seams().changes().pop();
   ASSERT_TRUE(moved);
   EXPECT_EQ(moved->first_set, set);
   EXPECT_TRUE(moved->labels);
@@ -174,8 +174,8 @@ TEST_F(PlacedSeams, WithoutATakeToLogThemFor_AreNotLogged) {
   raymap_of(0);
   stage.step();
   raymap_of(sets::kSeamPeriod);
-  EXPECT_EQ(blender.counts().seams_moved.load(), 1U);
-  EXPECT_TRUE(blender.seam_changes_out().empty());
+  EXPECT_EQ(blender.seams().counts().moved.load(), 1U);
+  EXPECT_TRUE(blender.seams().changes().empty());
 }
 
 /// As with a table compiler that has a fault.
@@ -189,10 +189,11 @@ TEST_F(PlacedSeams, WhoseTableFailsItsProof_AreRefusedAndTheOldOnesStay) {
     EXPECT_EQ(raymap_of(set), fixed) << set;
     stage.step();
   }
-  EXPECT_EQ(blender.counts().seams_refused.load(), 2U) << "in the two periods after the first";
-  EXPECT_NE(blender.seams_refused().read().find("blend table"), std::string::npos) << blender.seams_refused().read();
-  EXPECT_EQ(blender.counts().seams_moved.load(), 0U);
-  EXPECT_EQ(blender.counts().seams_late.load(), 0U);
+  EXPECT_EQ(blender.seams().counts().refused.load(), 2U) << "in the two periods after the first";
+  EXPECT_NE(blender.seams().refused().read().find("blend table"), std::string::npos)
+      << blender.seams().refused().read();
+  EXPECT_EQ(blender.seams().counts().moved.load(), 0U);
+  EXPECT_EQ(blender.seams().counts().late.load(), 0U);
 }
 
 }  // namespace

@@ -72,14 +72,14 @@ TEST_F(BlenderTest, ANewCalibration_IsAdoptedBetweenSetsAndTheOldOneHandedOut) {
   install(second);              // while the raymap is being blended
   while (blender.step()) {}
   EXPECT_EQ(blender.raymaps_out().pop()->info.calibration, first.plan->id);
-  EXPECT_EQ(blender.tables_out().pop()->plan, first.plan);
+  EXPECT_EQ(blender.swap().tables_out().pop()->plan, first.plan);
   EXPECT_EQ(blender.counts().adopted.load(), 2u);
   FrameSet next = full_set(1);
   blend(next);
   EXPECT_EQ(blender.raymaps_out().pop()->info.calibration, second.plan->id);
   EXPECT_EQ(blender.sets_begun(), 2u);
   for (std::uint64_t from = 0; from < 2; ++from) {
-    const auto adoption = blender.adoptions_out().pop();
+    const auto adoption = blender.swap().adoptions_out().pop();
     ASSERT_TRUE(adoption);
     EXPECT_EQ(adoption->first_set, from);
     EXPECT_EQ(adoption->calibration, from == 0 ? first.plan->id : second.plan->id);
@@ -232,11 +232,11 @@ TEST_F(BlenderTest, FourThreadsAtOnce_GiveTheSameBytesAndLoseNoSet) {
   std::uint64_t got = 0;
   while (got < kSets) {
     if (given < kSets && !sets_in.full()) lend(filled[given++ % filled.size()]);
-    while (blender.tables_out().pop()) {}
-    while (blender.adoptions_out().pop()) {}
+    while (blender.swap().tables_out().pop()) {}
+    while (blender.swap().adoptions_out().pop()) {}
     if (given % 50 == 49) {
       sets::BlendSetup next = calibrations[(given / 50) % 2];
-      (void)blender.tables_in().push(std::move(next));  // both tables give the same picture
+      (void)blender.swap().tables_in().push(std::move(next));  // both tables give the same picture
     }
     auto raymap = blender.raymaps_out().pop();
     if (!raymap) {
