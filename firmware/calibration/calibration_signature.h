@@ -1,5 +1,5 @@
-// Checks that a calibration is signed by a trusted key, for this rig, and is no older than one that the rig has had. Without
-// `signers`, every calibration is permitted.
+// Checks that a calibration is signed by a trusted key, for this rig, and is no older than one that the rig has had.
+// Without `signers`, every calibration is permitted.
 #pragma once
 
 #include <cstdint>
@@ -22,18 +22,18 @@ struct SignatureRules {
 
 /// What is known of a permitted calibration.
 struct Permitted {
-  std::uint64_t generation = 0;  ///< of its signature; 0: signed for no rig, or no signature is required
+  std::uint64_t generation = 0;  ///< generation of its signature; 0: signed for no rig, or no signature is required
 };
 
-/// Checks a calibration's signature and its rig. Errors: AllowedSigners::verify()'s; kBadValue if it is signed for another
-/// rig. They say how to sign.
+/// Checks a calibration's signature and its rig. Errors: AllowedSigners::verify()'s; kBadValue if it is signed for
+/// another rig. They say how to sign.
 Result<Permitted> check_signature(const SignatureRules& rules, const SignedDocument& original);
 
 /// Whether the calibration is stored with a signature of the same generation.
 bool has_signature(const CalibrationStore& store, const SignatureRules& rules, const Sha256& id, const Permitted& same);
 
-/// Refuses a generation below the highest, one that another calibration has (`known`: this one was permitted before), and
-/// a signature that names no rig and no generation. Errors: kBadValue, which names --allow-older.
+/// Refuses a generation below the highest, one that another calibration has (`known`: this one was permitted before),
+/// and a signature that names no rig and no generation. Errors: kBadValue, which names --allow-older.
 Status check_generation(const SignatureRules& rules, const Permitted& permitted, bool known);
 
 /// Loads a stored calibration and checks it against the present signers, which may have changed since it was uploaded.

@@ -31,8 +31,8 @@ struct SignedDocument {
 ///   signed               the highest generation of a signature that was permitted
 ///   *.tmp                incomplete file of a write; removed at open()
 ///
-/// Every file is made by write, fsync, rename, fsync of the folder. So after a crash or power cut in any operation either
-/// the old calibration or the new one is in force, complete.
+/// Every file is made by write, fsync, rename, fsync of the folder. So after a crash or power cut in any operation
+/// either the old calibration or the new one is in force, complete.
 ///
 /// Threading: thread-bound to the keeper. Calls block on the disk.
 /// Ownership: the disk outlives it.
@@ -52,8 +52,8 @@ class CalibrationStore {
   /// Generations that open() reads: the newest, and beside them the one in force and the one before.
   static constexpr std::size_t kMaxRead = 64;
 
-  /// Reads the folder. A damaged calibration is skipped and named by note(); if it was the one in force, the newest good
-  /// one is put in its place.
+  /// Reads the folder. A damaged calibration is skipped and named by note(); if it was the one in force, the newest
+  /// good one is put in its place.
   static Result<CalibrationStore> open(hal::DiskPort& disk);
 
   /// The undamaged calibrations, newest first.
@@ -64,8 +64,8 @@ class CalibrationStore {
   /// One sentence about the faults found by open(); empty when there were none.
   const std::string& note() const { return note_; }
 
-  /// Stores a calibration durably, without putting it in force. If it is stored already, only its signature is replaced,
-  /// and only if `original` has one.
+  /// Stores a calibration durably, without putting it in force. If it is stored already, only its signature is
+  /// replaced, and only if `original` has one.
   Result<Entry> put(const Calibration& calibration, const std::optional<SignedDocument>& original = std::nullopt);
   /// The signed document of a stored calibration; empty if it was not signed. Errors: kChecksum when it is damaged.
   Result<std::optional<SignedDocument>> original(const Sha256& id) const;

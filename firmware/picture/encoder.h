@@ -12,13 +12,14 @@
 
 namespace nodal::firmware {
 
-/// The stage between the blend and the readers of raymaps: encodes a JPEG if a client pulls JPEGs, and gives every outlet a
-/// loan of the raymap. It waits for the publisher only, and the publisher waits for no client: every raymap is published.
+/// The stage between the blend and the readers of raymaps: encodes a JPEG if a client pulls JPEGs, and gives every
+/// outlet a loan of the raymap. It waits for the publisher only, and the publisher waits for no client: every raymap is
+/// published.
 ///
 /// Threading: step() is thread-bound to the encoder; set_wanted(), set_every() and the figures are for any thread; an
 ///   outlet's other end is its reader's thread.
-/// Ownership: its pool lends the JPEGs. Pixels that no client pulls are released at once, so that fewer pixel buffers, the
-///   largest objects in the board's memory, are in use.
+/// Ownership: its pool lends the JPEGs. Pixels that no client pulls are released at once, so that fewer pixel buffers,
+///   the largest objects in the board's memory, are in use.
 /// Errors: a raymap whose encoding fails is offered without a JPEG and is counted.
 class EncodeStage {
  public:

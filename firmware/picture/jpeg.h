@@ -33,8 +33,8 @@ class RaymapComment {
   std::size_t length_ = 0;
 };
 
-/// Compresses packed raymaps (16-bit raymaps are mapped to 8 bits by RaymapInfo::linear) and writes their metadata: GPano
-/// when the layout is equirectangular, and a RaymapComment.
+/// Compresses packed raymaps (16-bit raymaps are mapped to 8 bits by RaymapInfo::linear) and writes their metadata:
+/// GPano when the layout is equirectangular, and a RaymapComment.
 ///
 /// Threading: thread-bound.
 /// Ownership: owns the scratch memory of one JPEG.

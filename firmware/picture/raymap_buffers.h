@@ -22,7 +22,7 @@ class RaymapBuffers {
   /// Takes a buffer for each raymap of a set, 1 or 2; false when the pool has too few.
   bool reserve(std::size_t raymaps) {
     for (std::size_t i = 0; i < raymaps; ++i) {
-      if (reserved_[i]) continue;  // for an earlier set, for which the pool then had no second buffer
+      if (reserved_[i]) continue;  // an earlier set took it, when the pool had no second buffer
       reserved_[i] = pool_.take();
       if (!reserved_[i]) return false;
       if (reserved_[i]->empty()) reserved_[i].edit().resize(bytes_);  // it was never used before

@@ -13,7 +13,7 @@ namespace nodal::firmware {
 /// The blend does not touch the views until the answer is there.
 struct SeamRequest {
   sets::PlanPtr plan;
-  std::shared_ptr<const sets::SeamPictures> views;  ///< of one set
+  std::shared_ptr<const sets::SeamPictures> views;  ///< views of one set
 };
 using SeamAnswer = sets::PlacedSeams;
 
