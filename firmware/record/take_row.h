@@ -79,7 +79,7 @@ struct TakeRow {
   std::vector<RecordedSet> sets;
   std::vector<RecordedRaymap> raymaps;
   FrameRate rate;              ///< rate of its sets
-  Duration second_field;       ///< in its first set, how much later the second field was exposed than the first
+  Duration second_field;       ///< how much later the second field of its first set was exposed than the first
   bool last = false;           ///< this row ends the take; it may have no sets
   std::uint64_t ring_end = 0;  ///< PictureRing::release() takes it when the row was written
 };
