@@ -6,15 +6,13 @@
 #include <optional>
 
 #include "host_tool/commands/command.h"
-#include "host_tool/commands/picture_file.h"
-#include "host_tool/commands/raymap_sink.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
+#include "host_tool/output/raymap_sink.h"
 #include "host_tool/rig/bulk_item.h"
 #include "host_tool/rig/frame_period.h"
-#include "host_tool/rig/rig_input.h"
-#include "host_tool/rig/wire_json.h"
+#include "host_tool/rig/received_raymap.h"
 #include "protocol/base/file_ending.h"
 #include "protocol/base/frame_time.h"
 #include "protocol/base/try.h"
@@ -55,16 +53,16 @@ struct Tally {
   std::uint64_t last_exposure_ns = 0;
   std::uint64_t worst_spread_ns = 0;
 
-  void add(const ReceivedRaymap& raymap) {
+  void add(const media::Raymap& raymap) {
     last_s = now_s();
-    last_exposure_ns = raymap.header.mid_exposure_ns();
+    last_exposure_ns = raymap.meta.mid_exposure_ns;
     if (pulled == 0) {
       first_s = last_s;
       first_exposure_ns = last_exposure_ns;
     }
     ++pulled;
     bytes += raymap.bytes.size();
-    worst_spread_ns = std::max(worst_spread_ns, raymap.header.spread_ns());
+    worst_spread_ns = std::max(worst_spread_ns, raymap.meta.spread_ns);
   }
   /// Received raymaps per second; 0 for fewer than two.
   double rate() const {
@@ -78,29 +76,27 @@ class Assembly {
   explicit Assembly(bool jpeg) : jpeg_(jpeg) {}
 
   /// Adds a piece; returns the complete raymap after its last piece.
-  Result<std::optional<ReceivedRaymap>> add(const BulkPiece& piece) {
+  Result<std::optional<media::Raymap>> add(const BulkPiece& piece) {
     if (piece.first) {
       NODAL_TRY(begin(piece));
     }
     bytes_.add(piece);
     if (!piece.last) return std::nullopt;
-    return ReceivedRaymap{std::move(header_), bytes_.take()};
+    return media::Raymap{std::move(meta_), bytes_.take()};
   }
 
  private:
   Status begin(const BulkPiece& piece) {
-    NODAL_TRY_ASSIGN(wire::RaymapHeader header, parse_clean<wire::RaymapHeader>(piece.meta, "header of a raymap"));
-    header_ = std::move(header);
-    if ((header_.coding() == "jpeg") != jpeg_) {
-      return fail(Errc::kBadFormat,
-                  "the rig sent a raymap of coding '" + header_.coding() + "', which was not asked for");
+    NODAL_TRY_ASSIGN(meta_, parse_raymap_meta(piece.meta));
+    if ((meta_.coding == "jpeg") != jpeg_) {
+      return fail(Errc::kBadFormat, "the rig sent a raymap of coding '" + meta_.coding + "', which was not asked for");
     }
-    NODAL_TRY_ASSIGN(const std::uint64_t most, most_raymap_bytes(header_));
+    NODAL_TRY_ASSIGN(const std::uint64_t most, most_raymap_bytes(meta_));
     return bytes_.begin(piece, most, "a raymap");
   }
 
   bool jpeg_;  ///< whether JPEG was requested
-  wire::RaymapHeader header_;
+  media::RaymapMeta meta_;
   BulkItemBytes bytes_;
 };
 
@@ -113,14 +109,14 @@ Result<RaymapSink> make_sink(const RaymapArgs& args, Console& console) {
   }
   RaymapSink sink;
   if (!args.format.empty()) {
-    sink.format = parse_raymap_format(args.format).value_or(RaymapFormat::kJpg);
+    sink.format = media::parse_raymap_format(args.format).value_or(media::RaymapFormat::kJpg);
   } else if (!args.out.empty() && args.out != "-") {
-    const Result<RaymapFormat> format = raymap_format_of_name(args.out);
+    const Result<media::RaymapFormat> format = media::raymap_format_of_name(args.out);
     if (!format) return fail(format.error().code, "--out " + format.error().message + ", or say --format");
     sink.format = *format;
   }
   const bool many = args.continuous || args.count != 1 || !args.seconds.empty();
-  const std::string end(ending_of(sink.format));
+  const std::string end(media::ending_of(sink.format));
   sink.pattern = !args.out.empty() ? args.out : (many ? "raymap-%06d." : "raymap.") + end;
   if (sink.pattern == "-") {
     NODAL_TRY(check_pipe(console));
@@ -131,8 +127,8 @@ Result<RaymapSink> make_sink(const RaymapArgs& args, Console& console) {
   return sink;
 }
 
-void tell_frame(Console& console, const ReceivedRaymap& raymap, const std::string& name, std::uint64_t dropped) {
-  Json json = to_json(raymap.header);
+void tell_frame(Console& console, const media::Raymap& raymap, const std::string& name, std::uint64_t dropped) {
+  Json json = media::to_json(raymap.meta);
   json["file"] = name;
   json["bytes"] = raymap.bytes.size();
   json["dropped"] = dropped;
@@ -173,7 +169,7 @@ class Pull {
         endless_(args.continuous || !args.seconds.empty()),
         progress_(console, "raymap", endless_ ? 0 : args.count),
         floor_(rig.patience(), rig.now()),
-        assembly_(sink.format == RaymapFormat::kJpg) {}
+        assembly_(sink.format == media::RaymapFormat::kJpg) {}
 
   /// Runs until there are enough raymaps, the time is up, Ctrl-C, or the rig closes the stream.
   Status run() {
@@ -203,7 +199,7 @@ class Pull {
     rig_.stop_stream(stream_);
     console_.finish_progress();
     if (sink_.film) {
-      NODAL_TRY(sink_.film->end());
+      NODAL_TRY(sink_.film->film().end());
     }
     return conclude(args_.seconds.empty() || now_s() < until);
   }
@@ -243,15 +239,15 @@ class Pull {
     tally_.dropped = piece->dropped;
     if (piece->first) floor_.restart(rig_.now());
     begun_ = !piece->last;
-    NODAL_TRY_ASSIGN(const std::optional<ReceivedRaymap> raymap, assembly_.add(*piece));
+    NODAL_TRY_ASSIGN(const std::optional<media::Raymap> raymap, assembly_.add(*piece));
     if (!raymap) return true;
     NODAL_TRY(keep(*raymap));
     return true;
   }
 
-  Status keep(const ReceivedRaymap& raymap) {
+  Status keep(const media::Raymap& raymap) {
     NODAL_TRY(check_raymap(raymap));
-    if (args_.complete && std::popcount(raymap.header.heads_mask()) < heads_) {
+    if (args_.complete && std::popcount(raymap.meta.heads_mask) < heads_) {
       ++tally_.incomplete;
       return {};
     }
@@ -260,7 +256,7 @@ class Pull {
     name_ = stored;
     tell_frame(console_, raymap, name_, tally_.dropped);
     progress_.update(tally_.pulled,
-                     fmt::format("{:.2f}/s, {} dropped, set {}", tally_.rate(), tally_.dropped, raymap.header.set()));
+                     fmt::format("{:.2f}/s, {} dropped, set {}", tally_.rate(), tally_.dropped, raymap.meta.set));
     return {};
   }
 
@@ -315,7 +311,7 @@ Status run_raymap(Context& context, const RaymapArgs& args) {
   NODAL_TRY_ASSIGN(const int heads, args.complete ? count_heads(*rig) : 0);
   wire::Request request;
   wire::PullRequest& wanted = *request.mutable_pull();
-  wanted.set_coding(sink.format == RaymapFormat::kJpg ? wire::PullRequest::JPEG : wire::PullRequest::RAW);
+  wanted.set_coding(sink.format == media::RaymapFormat::kJpg ? wire::PullRequest::JPEG : wire::PullRequest::RAW);
   wanted.set_count(0);  // this end counts and stops: dropped raymaps must not count
   wanted.set_lossless(args.lossless);
   NODAL_TRY_ASSIGN(const StreamId stream, start_pull(*rig, request, context.console()));
@@ -351,7 +347,7 @@ void add_raymap(CLI::App& app, CommandLine& line) {
       ->add_option("--format", args->format,
                    "jpg as received, png, or raw with a .json file beside it; default: by --out")
       ->type_name("jpg|png|tif|raw")
-      ->check(checked_by(parse_raymap_format));
+      ->check(checked_by(media::parse_raymap_format));
   command->add_flag("--complete", args->complete, "Only raymaps with pictures of every head of the rig");
   command->add_flag("--lossless", args->lossless,
                     "Every raymap that the rig makes, or an error if this computer is too slow");

@@ -5,15 +5,15 @@
 #include <chrono>
 
 #include "host_tool/commands/layout_option.h"
-#include "host_tool/commands/picture_file.h"
-#include "host_tool/commands/result_file.h"
 #include "host_tool/console/console.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
-#include "host_tool/input/kept_metadata.h"
+#include "host_tool/console/overwriting.h"
 #include "host_tool/input/pictures.h"
+#include "host_tool/output/raymap_sink.h"
 #include "protocol/base/try.h"
 #include "stitch/media/gpano.h"
+#include "stitch/media/raymap/raymap_file.h"
 #include "stitch/media/xmp/xmp.h"
 
 namespace nodal::host {
@@ -69,16 +69,16 @@ void warn_of_shape(Console& console, const std::string& file, const geometry::La
 
 /// `of`: the picture that `made` was made of. A view is another look at the sphere: what was said of the whole is not
 /// true of it.
-Result<std::vector<std::uint8_t>> encode(DecodedImage&& made, const DecodedImage& of, RaymapFormat format,
+Result<std::vector<std::uint8_t>> encode(DecodedImage&& made, const DecodedImage& of, media::RaymapFormat format,
                                          const std::optional<geometry::LayoutName>& layout, int quality) {
   made.meaning = of.meaning;
-  ResultFile file;
+  media::RaymapFile file;
   file.format = format;
   file.quality = quality;
   file.comment = layout ? "nodal convert layout=" + layout->text() : "nodal view";
-  file.whole_sphere = layout && layout->is_equirectangular();
-  file.kept = kept_metadata(of.metadata, layout ? Keep::kAll : Keep::kPlaceAndTime);
-  return encode_result(made, file);
+  if (layout) file.layout = layout->text();
+  file.kept = media::kept_metadata(of.metadata, layout ? media::Keep::kAll : media::Keep::kPlaceAndTime);
+  return media::encode(made, file);
 }
 
 /// Alpha is left out of results, which are of whole spheres or views.
@@ -119,7 +119,8 @@ Status run_frame_job(Context& context, const FrameOptions& options,
   double resampling_seconds = 0;
   const bool piped = options.out == "-";
   NODAL_TRY(piped ? check_pipe(console) : Status{});
-  const Result<RaymapFormat> format = piped ? RaymapFormat::kJpg : raymap_format_of_name(options.out);
+  const Result<media::RaymapFormat> format =
+      piped ? media::RaymapFormat::kJpg : media::raymap_format_of_name(options.out);
   if (!format) return fail(format.error().in("--out"));
   NODAL_TRY(check_names(options));
   const std::size_t count = count_of(options);

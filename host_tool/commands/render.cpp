@@ -10,14 +10,13 @@
 
 #include "host_tool/commands/command.h"
 #include "host_tool/commands/layout_option.h"
-#include "host_tool/commands/raymap_sink.h"
 #include "host_tool/commands/render_cost.h"
 #include "host_tool/commands/take_argument.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/input/calibration_file.h"
-#include "host_tool/rig/wire_json.h"
+#include "host_tool/output/raymap_sink.h"
 #include "protocol/base/file_ending.h"
 #include "protocol/base/stops.h"
 #include "protocol/base/try.h"
@@ -67,7 +66,7 @@ bool is_film(const std::string& out) { return has_ending(out, ".mkv"); }
 Result<RaymapSink> make_sink(const std::string& out) {
   RaymapSink sink;
   if (is_film(out)) return sink;
-  const Result<RaymapFormat> format = raymap_format_of_name(out);
+  const auto format = media::raymap_format_of_name(out);
   if (!format) return fail(format.error().in("--out"));
   if (const Result<std::string> name = numbered_name(out, 1); !name) return fail(name.error().in("--out"));
   sink.format = *format;
@@ -75,28 +74,55 @@ Result<RaymapSink> make_sink(const std::string& out) {
   return sink;
 }
 
-/// Makes of a rendered raymap what a rig sends, so that it can be stored in the same ways.
-class Sender {
+media::RaymapMeta meta_of(const render::RenderedRaymap& rendered, const media::TakeSet& set,
+                          const Sha256& calibration) {
+  media::RaymapMeta meta;
+  meta.set = set.evidence.number();
+  meta.mid_exposure_ns = static_cast<std::uint64_t>(std::max<std::int64_t>(0, rendered.mid_exposure.ns()));
+  meta.calibration_id = calibration;
+  meta.heads_mask = rendered.heads;
+  meta.spread_ns = set.evidence.spread_ns();
+  meta.genlock = set.evidence.genlock();
+  if (set.evidence.has_pulse()) meta.trigger = set.evidence.pulse();
+  for (std::size_t i = 0; rendered.heads >> i != 0; ++i) {
+    const bool there = (rendered.heads >> i & 1) != 0;
+    const media::TakeFrame& head = set.heads[i];
+    meta.offset_ns.push_back(there ? head.offset.ns() : 0);
+    meta.exposure_ns.push_back(there ? static_cast<std::uint64_t>(head.exposure.duration().ns()) : 0);
+    meta.gain_mdb.push_back(there ? head.gain.mdb() : 0);
+  }
+  if (rendered.field) {
+    meta.field = static_cast<std::uint32_t>(*rendered.field);
+    meta.parity = field_parity_name(rendered.parity);
+  }
+  if (rendered.linear && rendered.linear->full) {
+    meta.full_exposure_ns = exp2_stops(std::clamp(*rendered.linear->full, -9 * kStop, 40 * kStop), 1000);
+  }
+  return meta;
+}
+
+/// Completes raymaps: as JPEGs, or with their pixels as they are.
+class RaymapMaker {
  public:
-  Sender(const RaymapConfig& raymap, bool jpeg) : raymap_(raymap), jpeg_(jpeg) {}
+  RaymapMaker(const RaymapConfig& raymap, bool jpeg) : raymap_(raymap), jpeg_(jpeg) {}
 
   /// `rate`: of raymaps.
-  Result<ReceivedRaymap> send(const render::RenderedRaymap& rendered, const media::TakeSet& set,
-                              const Sha256& calibration, std::optional<FrameRate> rate) {
-    ReceivedRaymap raymap{header(rendered, set, calibration), {}};
-    if (rate) {
-      raymap.header.set_rate_numerator(rate->numerator);
-      raymap.header.set_rate_denominator(rate->denominator);
-    }
+  Result<media::Raymap> make(const render::RenderedRaymap& rendered, const media::TakeSet& set,
+                             const Sha256& calibration, std::optional<FrameRate> rate) {
+    media::Raymap raymap{meta_of(rendered, set, calibration), {}};
+    raymap.meta.coding = jpeg_ ? "jpeg" : std::string(pixel_format_name(raymap_.format));
+    raymap.meta.width = raymap_.width;
+    raymap.meta.height = raymap_.height;
+    raymap.meta.layout = raymap_.layout;
+    raymap.meta.rate = rate;
     if (!jpeg_) {
       raymap.bytes = rendered.pixels.bytes;
       return raymap;
     }
     if (!writer_) {
-      const std::string xmp =
-          raymap_.layout == "equirectangular" ? media::gpano_packet(raymap_.width, raymap_.height) : std::string();
       writer_ = std::make_unique<media::JpegWriter>(
-          media::JpegSpec{in_8_bits(raymap_.format), raymap_.width, raymap_.height, raymap_.jpeg_quality, xmp});
+          media::JpegSpec{in_8_bits(raymap_.format), raymap_.width, raymap_.height, raymap_.jpeg_quality,
+                          media::raymap_packet(raymap_.layout, raymap_.width, raymap_.height)});
     }
     const std::string comment =
         fmt::format("nodal render set={} calibration={}", set.evidence.number(), to_hex(calibration));
@@ -106,37 +132,6 @@ class Sender {
   }
 
  private:
-  wire::RaymapHeader header(const render::RenderedRaymap& rendered, const media::TakeSet& set,
-                            const Sha256& calibration) const {
-    wire::RaymapHeader header;
-    header.set_set(set.evidence.number());
-    header.set_mid_exposure_ns(static_cast<std::uint64_t>(std::max<std::int64_t>(0, rendered.mid_exposure.ns())));
-    header.set_coding(jpeg_ ? "jpeg" : std::string(pixel_format_name(raymap_.format)));
-    header.set_width(static_cast<std::uint32_t>(raymap_.width));
-    header.set_height(static_cast<std::uint32_t>(raymap_.height));
-    header.set_layout(raymap_.layout);
-    header.set_calibration_id(calibration.data(), calibration.size());
-    header.set_heads_mask(rendered.heads);
-    header.set_spread_ns(set.evidence.spread_ns());
-    header.set_genlock(set.evidence.genlock());
-    if (set.evidence.has_pulse()) header.set_trigger(set.evidence.pulse());
-    for (std::size_t i = 0; rendered.heads >> i != 0; ++i) {
-      const bool there = (rendered.heads >> i & 1) != 0;
-      const media::TakeFrame& head = set.heads[i];
-      header.add_offset_ns(there ? head.offset.ns() : 0);
-      header.add_exposure_ns(there ? static_cast<std::uint64_t>(head.exposure.duration().ns()) : 0);
-      header.add_gain_mdb(there ? head.gain.mdb() : 0);
-    }
-    if (rendered.field) {
-      header.set_field(static_cast<std::uint32_t>(*rendered.field));
-      header.set_parity(std::string(field_parity_name(rendered.parity)));
-    }
-    if (rendered.linear && rendered.linear->full) {
-      header.set_full_exposure_ns(exp2_stops(std::clamp(*rendered.linear->full, -9 * kStop, 40 * kStop), 1000));
-    }
-    return header;
-  }
-
   const RaymapConfig raymap_;
   const bool jpeg_;
   std::unique_ptr<media::JpegWriter> writer_;
@@ -215,7 +210,7 @@ Status run_render(Context& context, RenderArgs args) {
                                              "%06d into it, or make a film (.mkv)",
                                              args.out, counted(folder.manifest().sets, "set")));
   }
-  Sender sender(raymap, sink->format == RaymapFormat::kJpg);
+  RaymapMaker maker(raymap, sink->format == media::RaymapFormat::kJpg);
   Rendered done;
   {
     const double period = static_cast<double>(folder.about().rate.period().ns());
@@ -234,16 +229,16 @@ Status run_render(Context& context, RenderArgs args) {
       NODAL_TRY_ASSIGN(const bool more, done.raymaps == 0 ? interruptible(console, next) : next());
       if (!more || interrupted()) break;
       const media::TakeSet& set = (*render)->set();
-      NODAL_TRY_ASSIGN(const ReceivedRaymap made,
-                       sender.send(rendered, set, (*render)->calibration(), (*render)->rate()));
+      NODAL_TRY_ASSIGN(const media::Raymap made,
+                       maker.make(rendered, set, (*render)->calibration(), (*render)->rate()));
       if (is_film(args.out) && !sink->film) sink = RaymapSink::film_of(args.out);
       if (!sink) return fail(sink.error());
-      if (sink->film && done.raymaps == 0) sink->film->set_utc_offset(folder.about().utc_offset_ns());
+      if (sink->film && done.raymaps == 0) sink->film->film().set_utc_offset(folder.about().utc_offset_ns());
       NODAL_TRY_ASSIGN(const std::string stored, sink->store(made, ++done.raymaps, console));
       done.last = stored;
       if (rendered.field.value_or(0) == 0) done.undecodable += rendered.undecodable_heads;
       if (rendered.heads != (1U << folder.about().heads.size()) - 1) ++done.incomplete;
-      Json json = to_json(made.header);
+      Json json = media::to_json(made.meta);
       json["file"] = done.last;
       json["index"] = set.evidence.index();
       console.document({{"raymap", json}});
@@ -251,7 +246,7 @@ Status run_render(Context& context, RenderArgs args) {
     }
   }
   if (sink->film) {
-    NODAL_TRY(sink->film->end());
+    NODAL_TRY(sink->film->film().end());
   }
   if (interrupted()) {
     return fail(Errc::kCancelled, fmt::format("stopped after {}; the newest is in {}", counted(done.raymaps, "raymap"),

@@ -10,15 +10,15 @@
 #include "host_tool/commands/command.h"
 #include "host_tool/commands/layout_option.h"
 #include "host_tool/commands/nominal_options.h"
-#include "host_tool/commands/picture_file.h"
 #include "host_tool/commands/picture_places_option.h"
-#include "host_tool/commands/result_file.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
+#include "host_tool/console/overwriting.h"
 #include "host_tool/input/own_pictures.h"
 #include "host_tool/report/registration_report.h"
 #include "protocol/base/try.h"
 #include "stitch/geometry/raymap/layout.h"
+#include "stitch/media/raymap/raymap_file.h"
 #include "stitch/offline/best_blend.h"
 #include "stitch/offline/offline_blend.h"
 
@@ -66,7 +66,7 @@ table::TableOptions table_options(const StitchArgs& args) {
 /// The parameters that all raymaps of a run share.
 struct Job {
   StitchArgs args;
-  RaymapFormat format = RaymapFormat::kJpg;
+  media::RaymapFormat format = media::RaymapFormat::kJpg;
   geometry::RaymapSize size;
   RigPictures rig;
   bool reported = false;  ///< there is a page that says how well a calibration from the pictures fits
@@ -165,10 +165,10 @@ Result<Job> make_job(Console& console, const StitchArgs& args) {
   const Result<geometry::LayoutName> layout = layout_named(args.layout);
   if (!layout) return fail(layout.error().in("--layout"));
   job.args.layout = layout->text();
-  const Result<RaymapFormat> format = raymap_format_of_name(args.out);
+  const Result<media::RaymapFormat> format = media::raymap_format_of_name(args.out);
   if (!format) return fail(format.error().in("--out"));
   job.format = *format;
-  if (args.bits == 16 && job.format == RaymapFormat::kJpg) {
+  if (args.bits == 16 && job.format == media::RaymapFormat::kJpg) {
     return fail(Errc::kBadValue, "--bits 16: a JPEG has 8 bits; let --out end in .png, .tif or .raw");
   }
   if (args.nominal.rig.empty() && is_picture(args.inputs.front())) {
@@ -192,14 +192,14 @@ Result<Job> make_job(Console& console, const StitchArgs& args) {
 
 /// `of`: one of the pictures, for place and time.
 Result<std::vector<std::uint8_t>> encode(const Job& job, const DecodedImage& raymap, const DecodedImage& of) {
-  ResultFile file;
+  media::RaymapFile file;
   file.format = job.format;
   file.quality = jpeg_quality(job.args);
   file.comment = fmt::format("nodal stitch heads={} calibration={}", job.rig.calibration.heads.size(),
                              to_hex(calibration_id(job.rig.calibration)));
-  file.whole_sphere = job.args.layout == "equirectangular";
-  file.kept = kept_metadata(of.metadata, Keep::kPlaceAndTime);
-  return encode_result(raymap, file);
+  file.layout = job.args.layout;
+  file.kept = media::kept_metadata(of.metadata, media::Keep::kPlaceAndTime);
+  return media::encode(raymap, file);
 }
 
 /// Makes the raymaps of a run, one after the other, in the way that the arguments ask for.

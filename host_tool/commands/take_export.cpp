@@ -13,16 +13,17 @@
 #include <vector>
 
 #include "host_tool/commands/command.h"
-#include "host_tool/commands/film_file.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/overwriting.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/offload/take_files.h"
+#include "host_tool/output/film_file.h"
 #include "protocol/base/raymap_rate.h"
 #include "protocol/base/try.h"
 #include "protocol/calibration.h"
 #include "protocol/files/open_file.h"
 #include "protocol/take/tally.h"
+#include "stitch/media/gpano.h"
 #include "stitch/media/take/take_folder.h"
 #include "stitch/media/ut_video.h"
 
@@ -104,7 +105,7 @@ class Films {
     Film& film = films_[stream.head ? static_cast<int>(*stream.head) : -1];
     if (!film.file || !same(film.stream, stream) || !take::same_rate(film.rate, rate_)) {
       if (film.file) {
-        NODAL_TRY(film.file->end());
+        NODAL_TRY(film.file->film().end());
       }
       ++film.part;
       std::string name = stream.head ? fmt::format("cam{}", *stream.head) : "raymaps";
@@ -112,15 +113,15 @@ class Films {
       names_.insert(name + ".mkv");
       NODAL_TRY_ASSIGN(auto made, FilmFile::create((to_ / (name + ".mkv")).string()));
       film.file = std::move(made);
-      film.file->set_utc_offset(about_.utc_offset_ns());
+      film.file->film().set_utc_offset(about_.utc_offset_ns());
       film.stream = stream;
       film.rate = rate_;
     }
-    return film.file->add(track_of(stream), at_ns, frame);
+    return film.file->film().add(track_of(stream), at_ns, frame);
   }
   Status end() {
     for (auto& [head, film] : films_) {
-      NODAL_TRY(film.file->end());
+      NODAL_TRY(film.file->film().end());
     }
     return {};
   }
@@ -155,7 +156,7 @@ class Films {
     track.fields = stream.fields;
     track.fields_apart = stream.fields_apart;
     track.coding = stream.coding;
-    track.equirectangular = !stream.head && about_.layout == "equirectangular";
+    track.equirectangular = !stream.head && media::is_whole_sphere(about_.layout);
     if (!calibration_.empty()) track.attachments.push_back({take::kCalibrationFile, "application/json", calibration_});
     return track;
   }

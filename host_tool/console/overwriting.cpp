@@ -1,13 +1,17 @@
 #include "host_tool/console/overwriting.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <stdio.h>
 #include <sys/stat.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <deque>
+#include <filesystem>
 #include <mutex>
+
+#include "host_tool/console/files.h"
 
 namespace nodal::host {
 namespace {
@@ -71,6 +75,21 @@ int rename_to_free(const std::string& from, const std::string& to) {
   const int error = rename_to_new(from, to);
   if (error == 0) note_own(to);
   return error;
+}
+
+Status check_output(const std::string& out, const std::vector<std::vector<std::string>>& sets, std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const Result<std::string> name = numbered_name(out, i);
+    if (!name) return fail(name.error().in("--out"));
+    for (const auto& set : sets) {
+      for (const std::string& picture : set) {
+        std::error_code error;
+        if (!std::filesystem::equivalent(*name, picture, error)) continue;
+        return fail(Errc::kExists, fmt::format("--out: {} is one of the pictures; choose another name", *name));
+      }
+    }
+  }
+  return {};
 }
 
 }  // namespace nodal::host

@@ -1,7 +1,9 @@
 // What exists is not written over: the rule for every file that a command writes where its user says.
 #pragma once
 
+#include <cstddef>
 #include <string>
+#include <vector>
 
 #include "protocol/base/result.h"
 
@@ -27,5 +29,9 @@ int rename_to_new(const std::string& from, const std::string& to);
 int rename_to_free(const std::string& from, const std::string& to);
 /// What EEXIST of these means.
 Error is_there(const std::string& path);
+
+/// Refuses to write over a picture that is read: nothing could bring it back. `out` may number its `count` files.
+/// Errors: kExists, kBadValue; those of numbered_name().
+Status check_output(const std::string& out, const std::vector<std::vector<std::string>>& sets, std::size_t count);
 
 }  // namespace nodal::host

@@ -177,34 +177,4 @@ Json to_json(const wire::CalibrationEntry& entry) {
           {"generation", entry.generation()}, {"in_force", entry.in_force()}, {"on_trial", entry.on_trial()}};
 }
 
-Json to_json(const wire::RaymapHeader& header) {
-  Json heads = Json::array();
-  for (std::uint32_t head = 0; head < 32; ++head) {
-    if ((header.heads_mask() >> head & 1U) != 0) heads.push_back(head);
-  }
-  Json json = {{"set", header.set()},
-               {"mid_exposure_ns", header.mid_exposure_ns()},
-               {"coding", header.coding()},
-               {"width", header.width()},
-               {"height", header.height()},
-               {"layout", header.layout()},
-               {"calibration_id", hex_of(header.calibration_id())},
-               {"heads", heads},
-               {"spread_ns", header.spread_ns()},
-               {"genlock", header.genlock()}};
-  if (header.has_field()) {
-    json["field"] = header.field();
-    json["parity"] = header.parity();
-  }
-  if (header.has_trigger()) json["trigger"] = header.trigger();
-  if (header.has_begin_spread_ns()) json["begin_spread_ns"] = header.begin_spread_ns();
-  if (header.has_drift_ppb()) json["drift_ppb"] = header.drift_ppb();
-  if (header.has_full_exposure_ns()) json["full_exposure_ns"] = header.full_exposure_ns();
-  json["exposure_ns"] = header.exposure_ns();
-  json["gain_mdb"] = header.gain_mdb();
-  json["offset_ns"] = Json::array();
-  for (const std::int64_t offset : header.offset_ns()) json["offset_ns"].push_back(offset);
-  return json;
-}
-
 }  // namespace nodal::host

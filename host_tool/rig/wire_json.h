@@ -15,6 +15,5 @@ Json to_json(const wire::HeadState& head);
 Json to_json(const wire::Genlock& genlock);
 Json to_json(const wire::ExposureState& exposure);
 Json to_json(const wire::CalibrationEntry& entry);
-Json to_json(const wire::RaymapHeader& header);
 
 }  // namespace nodal::host

@@ -123,4 +123,8 @@ std::string gpano_packet(int width, int height, const XmpProperties& also) {
   return xmp_packet(properties);
 }
 
+std::string raymap_packet(std::string_view layout, int width, int height, const XmpProperties& also) {
+  return is_whole_sphere(layout) ? gpano_packet(width, height, also) : xmp_packet(also);
+}
+
 }  // namespace nodal::media

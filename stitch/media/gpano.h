@@ -31,6 +31,13 @@ using XmpProperties = std::vector<XmpProperty>;
 /// 360 x 180 degrees, and `also` in it. Which way its middle column looks is said by `also` alone.
 std::string gpano_packet(int width, int height, const XmpProperties& also = {});
 
+/// Whether a raymap of this layout is a sphere as viewers and players know it. They are told so by GPano metadata, or
+/// by Matroska's projection.
+inline bool is_whole_sphere(std::string_view layout) { return layout == "equirectangular"; }
+
+/// The XMP packet of a raymap: gpano_packet() if it is a whole sphere for viewers, else xmp_packet().
+std::string raymap_packet(std::string_view layout, int width, int height, const XmpProperties& also = {});
+
 /// A packet of these properties, for other pictures; empty without any.
 std::string xmp_packet(const XmpProperties& properties);
 

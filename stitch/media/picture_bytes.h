@@ -40,7 +40,7 @@ class PictureBytes {
   std::string name_;
   FilePtr file_;
   std::uint64_t size_;
-  std::vector<std::uint8_t> bytes_;  ///< from the beginning of the file
+  std::vector<std::uint8_t> bytes_;  ///< the file's first ones
 };
 
 }  // namespace nodal::media

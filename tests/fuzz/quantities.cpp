@@ -5,11 +5,11 @@
 #include <cstdlib>
 #include <string>
 
-#include "host_tool/commands/picture_file.h"
 #include "host_tool/console/files.h"
 #include "host_tool/input/nominal_rig.h"
 #include "host_tool/rig/rig_address.h"
 #include "memory_limit.h"
+#include "stitch/media/raymap/raymap_file.h"
 
 namespace {
 
@@ -46,7 +46,7 @@ void parse_all(const std::string& text) {
   if (const auto address = host::parse_rig_address(text, "ssh"))
     NODAL_ASSERT(address->command.empty() != address->link.empty());
   if (const auto name = host::numbered_name(text, 7)) NODAL_ASSERT(name->size() <= text.size() + 100);
-  (void)host::raymap_format_of_name(text);
+  (void)media::raymap_format_of_name(text);
   if (const auto nominal = host::parse_nominal(text)) {
     DecodedImage black{PixelFormat::kGrey8, 16, 12, {}};
     black.bytes.resize(packed_size(black.format, black.width, black.height));

@@ -59,12 +59,9 @@ TEST(HostRules, PicturesAreReadAndWritten_WhereTheirColoursAreKept) {
   expect_rule({"host_tool/"}, {"media::read_tiff(", none, read});
   expect_rule({"host_tool/"}, {"media::decode_image(", readers, read});
   expect_rule({"host_tool/"}, {"media::decode_tiff(", readers, read});
-  const std::string written = "encode_result() writes what numbers stand for, and the metadata that is kept";
-  expect_rule({"host_tool/"}, {"media::tiff_file(", {"host_tool/commands/result_file.cpp"}, written});
-  expect_rule({"host_tool/"},
-              {"media::png_file(",
-               {"host_tool/commands/result_file.cpp", "host_tool/commands/pattern.cpp", "host_tool/report/"},
-               written});
+  const std::string written = "media::encode() writes what numbers stand for, and the metadata that is kept";
+  expect_rule({"host_tool/"}, {"media::tiff_file(", none, written});
+  expect_rule({"host_tool/"}, {"media::png_file(", {"host_tool/commands/pattern.cpp", "host_tool/report/"}, written});
   // Only hosts link Little CMS and pugixml's reader of XMP.
   expect_rule({"host_tool/", "stitch/", "firmware/", "hal/"},
               {"in_srgb(", {"stitch/media/colour/", "host_tool/input/pictures.cpp"}, read});

@@ -6,11 +6,11 @@
 #include <filesystem>
 #include <fstream>
 
-#include "host_tool/commands/picture_file.h"
 #include "host_tool/input/own_pictures.h"
 #include "host_tool/input/rig_pictures.h"
 #include "protocol/base/file_ending.h"
 #include "run_nodal.h"
+#include "stitch/media/raymap/raymap_file.h"
 #include "tests/support/pictures.h"
 
 namespace nodal::host {
@@ -148,17 +148,18 @@ TEST_F(FolderOfPictures, InASequence_APictureThatCannotBeReadIsAnError) {
 }
 
 TEST(EndingsOfNames, InAnyCase_AreTheSame) {
-  for (const auto& [name, format] : std::vector<std::pair<std::string, RaymapFormat>>{{"t.JPG", RaymapFormat::kJpg},
-                                                                                      {"t.Jpeg", RaymapFormat::kJpg},
-                                                                                      {"t.PNG", RaymapFormat::kPng},
-                                                                                      {"t.TIF", RaymapFormat::kTiff},
-                                                                                      {"t.tIFf", RaymapFormat::kTiff},
-                                                                                      {"t.RAW", RaymapFormat::kRaw}}) {
-    const Result<RaymapFormat> found = raymap_format_of_name(name);
+  for (const auto& [name, format] :
+       std::vector<std::pair<std::string, media::RaymapFormat>>{{"t.JPG", media::RaymapFormat::kJpg},
+                                                                {"t.Jpeg", media::RaymapFormat::kJpg},
+                                                                {"t.PNG", media::RaymapFormat::kPng},
+                                                                {"t.TIF", media::RaymapFormat::kTiff},
+                                                                {"t.tIFf", media::RaymapFormat::kTiff},
+                                                                {"t.RAW", media::RaymapFormat::kRaw}}) {
+    const Result<media::RaymapFormat> found = media::raymap_format_of_name(name);
     ASSERT_TRUE(found) << name;
     EXPECT_EQ(*found, format) << name;
   }
-  EXPECT_FALSE(raymap_format_of_name("t.jpgx"));
+  EXPECT_FALSE(media::raymap_format_of_name("t.jpgx"));
   EXPECT_FALSE(has_ending("g", ".jpg"));
   EXPECT_FALSE(has_ending("t_JPG", ".jpg"));
 }

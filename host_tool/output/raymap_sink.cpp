@@ -1,4 +1,4 @@
-#include "host_tool/commands/raymap_sink.h"
+#include "host_tool/output/raymap_sink.h"
 
 #include <span>
 #include <utility>
@@ -9,6 +9,14 @@
 
 namespace nodal::host {
 
+using media::RaymapFormat;
+
+Status check_pipe(const Console& console) {
+  if (console.json()) return fail(Errc::kBadValue, "--out - and --json both want standard output");
+  if (!console.out_is_terminal()) return {};
+  return fail(Errc::kBadValue, "--out - would write pictures on the terminal; send it on: | ffplay -f mjpeg -");
+}
+
 Result<RaymapSink> RaymapSink::film_of(const std::string& name) {
   NODAL_TRY_ASSIGN(auto film, FilmFile::create(name));
   RaymapSink sink;
@@ -17,17 +25,15 @@ Result<RaymapSink> RaymapSink::film_of(const std::string& name) {
   return sink;
 }
 
-Result<std::string> RaymapSink::store(const ReceivedRaymap& raymap, std::uint64_t number, Console& console) const {
+Result<std::string> RaymapSink::store(const media::Raymap& raymap, std::uint64_t number, Console& console) const {
   if (film) {
-    NODAL_TRY(film->add(raymap));
+    NODAL_TRY(film->film().add(raymap));
     return pattern;
   }
   std::vector<std::uint8_t> file;
   std::span<const std::uint8_t> bytes = raymap.bytes;
   if (format == RaymapFormat::kPng || format == RaymapFormat::kTiff) {
-    NODAL_TRY_ASSIGN(std::vector<std::uint8_t> encoded,
-                     format == RaymapFormat::kPng ? encode_png(raymap) : encode_tiff(raymap));
-    file = std::move(encoded);
+    NODAL_TRY_ASSIGN(file, media::encode(raymap, format));
     bytes = file;
   }
   if (pattern == "-") {
@@ -38,7 +44,7 @@ Result<std::string> RaymapSink::store(const ReceivedRaymap& raymap, std::uint64_
   // Not synced: a disk could not sync 30 files per second, and a new file follows soon anyway.
   NODAL_TRY(write_file(name, bytes, Durability::kLater));
   if (format == RaymapFormat::kRaw) {
-    NODAL_TRY(write_file(name + ".json", raw_sidecar(raymap)));
+    NODAL_TRY(write_file(name + ".json", media::raw_sidecar(raymap)));
   }
   return name;
 }

@@ -7,10 +7,10 @@
 #include "protocol/base/decoded_image.h"
 #include "stitch/media/gpano.h"
 
-namespace nodal::host {
+namespace nodal::media {
 
 struct KeptMetadata {
-  media::XmpProperties properties{};
+  XmpProperties properties{};
   std::vector<std::uint8_t> exif{};  ///< FileMetadata::exif
 };
 
@@ -23,4 +23,4 @@ enum class Keep : std::uint8_t {
 /// Of the picture's XMP and Exif; where both say the same, the XMP counts.
 KeptMetadata kept_metadata(const FileMetadata& metadata, Keep keep);
 
-}  // namespace nodal::host
+}  // namespace nodal::media

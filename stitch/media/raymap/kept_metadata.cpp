@@ -1,4 +1,4 @@
-#include "host_tool/input/kept_metadata.h"
+#include "stitch/media/raymap/kept_metadata.h"
 
 #include <algorithm>
 #include <utility>
@@ -6,20 +6,20 @@
 #include "stitch/media/exif/place_and_time.h"
 #include "stitch/media/xmp/xmp.h"
 
-namespace nodal::host {
+namespace nodal::media {
 
 KeptMetadata kept_metadata(const FileMetadata& metadata, Keep keep) {
   KeptMetadata kept;
-  for (media::XmpProperty& property : media::parse_xmp(metadata.xmp).kept) {
+  for (XmpProperty& property : parse_xmp(metadata.xmp).kept) {
     if (keep == Keep::kAll || !property.name.starts_with("GPano:")) kept.properties.push_back(std::move(property));
   }
-  media::PlaceAndTime known = media::place_and_time(metadata, keep == Keep::kAll);
+  PlaceAndTime known = place_and_time(metadata, keep == Keep::kAll);
   kept.exif = std::move(known.exif);
   for (auto& [name, value] : known.properties) {
-    if (std::ranges::find(kept.properties, name, &media::XmpProperty::name) != kept.properties.end()) continue;
+    if (std::ranges::find(kept.properties, name, &XmpProperty::name) != kept.properties.end()) continue;
     kept.properties.push_back({name, std::move(value)});
   }
   return kept;
 }
 
-}  // namespace nodal::host
+}  // namespace nodal::media

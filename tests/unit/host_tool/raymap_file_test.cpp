@@ -1,4 +1,4 @@
-#include "host_tool/commands/picture_file.h"
+#include "host_tool/rig/received_raymap.h"
 
 #include <gtest/gtest.h>
 #include <png.h>
@@ -12,19 +12,28 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "protocol/nodal.pb.h"
+#include "stitch/media/raymap/raymap_file.h"
+
 namespace nodal::host {
 namespace {
 
-ReceivedRaymap raymap_of(const std::string& coding, std::uint32_t width, std::uint32_t height,
-                         std::vector<std::uint8_t> bytes) {
-  ReceivedRaymap raymap;
-  raymap.header.set_set(42);
-  raymap.header.set_coding(coding);
-  raymap.header.set_width(width);
-  raymap.header.set_height(height);
-  raymap.header.set_layout("equirectangular");
+media::Raymap raymap_of(const std::string& coding, int width, int height, std::vector<std::uint8_t> bytes) {
+  media::Raymap raymap;
+  raymap.meta.set = 42;
+  raymap.meta.coding = coding;
+  raymap.meta.width = width;
+  raymap.meta.height = height;
+  raymap.meta.layout = "equirectangular";
   raymap.bytes = std::move(bytes);
   return raymap;
+}
+
+Result<std::vector<std::uint8_t>> encode_png(const media::Raymap& raymap) {
+  return media::encode(raymap, media::RaymapFormat::kPng);
+}
+Result<std::vector<std::uint8_t>> encode_tiff(const media::Raymap& raymap) {
+  return media::encode(raymap, media::RaymapFormat::kTiff);
 }
 
 /// The pixels decoded by libpng's simplified reader: RGB.
@@ -98,8 +107,8 @@ std::string chunk(const std::vector<std::uint8_t>& png, const std::string& name)
 TEST(EncodePng, SixteenBits_ComeBackToTheBitAndAreCalledLinear) {
   std::vector<std::uint8_t> bytes(4 * 2 * 6);
   for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<std::uint8_t>(i * 37 + 5);
-  ReceivedRaymap raymap = raymap_of("RGB48", 4, 2, bytes);
-  raymap.header.set_full_exposure_ns(1'234'567);
+  media::Raymap raymap = raymap_of("RGB48", 4, 2, bytes);
+  raymap.meta.full_exposure_ns = 1'234'567;
   ASSERT_TRUE(check_raymap(raymap));
   const auto png = encode_png(raymap);
   ASSERT_TRUE(png) << png.error().text();
@@ -191,14 +200,12 @@ TEST(CheckRaymap, TornOrStrangeBytes_AreRefusedWithTheSet) {
   EXPECT_TRUE(check_raymap(raymap_of("jpeg", 4, 2, jpeg)));
   EXPECT_TRUE(check_raymap(raymap_of("I420", 4, 2, std::vector<std::uint8_t>(12))));
   const struct {
-    ReceivedRaymap raymap;
+    media::Raymap raymap;
     Errc code;
   } bad[] = {{raymap_of("jpeg", 4, 2, {0xFF, 0xD8, 1, 2, 3}), Errc::kTruncated},
              {raymap_of("jpeg", 4, 2, {}), Errc::kBadFormat},
              {raymap_of("jpeg", 4, 2, {1, 2, 3, 4, 0xFF, 0xD9}), Errc::kBadFormat},
              {raymap_of("I420", 4, 2, std::vector<std::uint8_t>(11)), Errc::kTruncated},
-             {raymap_of("I420", 0, 2, {}), Errc::kBadFormat},
-             {raymap_of("I420", 4'000'000'000U, 2, {}), Errc::kBadFormat},
              {raymap_of("h266", 4, 2, {}), Errc::kUnsupported}};
   for (const auto& [raymap, code] : bad) {
     const Status status = check_raymap(raymap);
@@ -208,8 +215,23 @@ TEST(CheckRaymap, TornOrStrangeBytes_AreRefusedWithTheSet) {
   }
 }
 
+TEST(ParseRaymapMeta, ASizeThatNoRigProduces_IsRefusedWithTheSet) {
+  wire::RaymapHeader header;
+  header.set_set(42);
+  header.set_height(2);
+  for (const std::uint32_t width : {0U, 16385U, 4'000'000'000U}) {
+    header.set_width(width);
+    const auto meta = parse_raymap_meta(header.SerializeAsString());
+    ASSERT_FALSE(meta) << width;
+    EXPECT_EQ(meta.error().code, Errc::kBadFormat);
+    EXPECT_NE(meta.error().message.find("set 42"), std::string::npos);
+  }
+  header.set_width(16384);
+  EXPECT_EQ(parse_raymap_meta(header.SerializeAsString())->width, 16384);
+}
+
 TEST(RawSidecar, I420_SaysWhereEveryPlaneLies) {
-  const auto json = nlohmann::json::parse(raw_sidecar(raymap_of("I420", 8, 4, std::vector<std::uint8_t>(48))));
+  const auto json = nlohmann::json::parse(media::raw_sidecar(raymap_of("I420", 8, 4, std::vector<std::uint8_t>(48))));
   EXPECT_EQ(json["set"], 42);
   EXPECT_EQ(json["range"], "full");
   ASSERT_EQ(json["planes"].size(), 3U);
@@ -220,9 +242,9 @@ TEST(RawSidecar, I420_SaysWhereEveryPlaneLies) {
 }
 
 TEST(RawSidecar, Rgb48_SaysHowItsNumbersLie) {
-  ReceivedRaymap raymap = raymap_of("RGB48", 4, 2, std::vector<std::uint8_t>(48));
-  raymap.header.set_full_exposure_ns(99);
-  const auto json = nlohmann::json::parse(raw_sidecar(raymap));
+  media::Raymap raymap = raymap_of("RGB48", 4, 2, std::vector<std::uint8_t>(48));
+  raymap.meta.full_exposure_ns = 99;
+  const auto json = nlohmann::json::parse(media::raw_sidecar(raymap));
   EXPECT_EQ(json["bits"], 16);
   EXPECT_EQ(json["byte_order"], "little");
   EXPECT_EQ(json["numbers"], "linear");
@@ -233,13 +255,13 @@ TEST(RawSidecar, Rgb48_SaysHowItsNumbersLie) {
 }
 
 TEST(RaymapFormat, ByNameAndByFile) {
-  EXPECT_EQ(*raymap_format_of_name("a/b.jpg"), RaymapFormat::kJpg);
-  EXPECT_EQ(*raymap_format_of_name("b-%06d.png"), RaymapFormat::kPng);
-  EXPECT_EQ(*raymap_format_of_name("b.yuv"), RaymapFormat::kRaw);
-  EXPECT_EQ(*raymap_format_of_name("b.tif"), RaymapFormat::kTiff);
-  EXPECT_EQ(*raymap_format_of_name("b.tiff"), RaymapFormat::kTiff);
-  EXPECT_FALSE(raymap_format_of_name("b.tga"));
-  EXPECT_FALSE(parse_raymap_format("JPG"));
+  EXPECT_EQ(*media::raymap_format_of_name("a/b.jpg"), media::RaymapFormat::kJpg);
+  EXPECT_EQ(*media::raymap_format_of_name("b-%06d.png"), media::RaymapFormat::kPng);
+  EXPECT_EQ(*media::raymap_format_of_name("b.yuv"), media::RaymapFormat::kRaw);
+  EXPECT_EQ(*media::raymap_format_of_name("b.tif"), media::RaymapFormat::kTiff);
+  EXPECT_EQ(*media::raymap_format_of_name("b.tiff"), media::RaymapFormat::kTiff);
+  EXPECT_FALSE(media::raymap_format_of_name("b.tga"));
+  EXPECT_FALSE(media::parse_raymap_format("JPG"));
 }
 
 }  // namespace
