@@ -314,7 +314,7 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
     if (kept) kept = store_->set_in_force(done.id);
     if (!kept) {
       if (done.ticket) return fail(kept.error().in("putting calibration " + short_id(done.id) + " in force"));
-      report_.problem = kept.error().message;  // in force until the next start only
+      report_.problem = kept.error().message;  // it stays in force, but only until the next start
     }
   }
   if (done.on_trial) document_before_trial_ = report_.document;

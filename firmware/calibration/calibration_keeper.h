@@ -29,8 +29,8 @@ struct KeeperRequest {
   struct Install {  ///< a document to store and put in force
     std::string json;
     std::optional<Duration> trial{};  ///< longest duration of a trial, which is not stored; empty: not a trial
-    std::string signature{};          ///< of `json`; empty: not signed
-    bool allow_older = false;         ///< also if its signature is of an older generation, or names none
+    std::string signature{};          ///< signature of `json`; empty: not signed
+    bool allow_older = false;         ///< a signature of an older generation, or without one, is accepted, too
   };
   struct EndTrial {
     std::string id_prefix;  ///< empty: any calibration on trial
@@ -38,7 +38,7 @@ struct KeeperRequest {
   };
   struct Use {
     std::string id_prefix;
-    bool allow_older = false;  ///< also if its signature is of an older generation, or names none
+    bool allow_older = false;  ///< a signature of an older generation, or without one, is accepted, too
   };
   struct Rollback {};
   struct List {};
@@ -90,14 +90,14 @@ Result<Calibration> fit_to_rig(const Calibration& calibration, const std::vector
 /// Of every head: what it delivers, or, before it was ever open, what rig.toml says.
 std::vector<PixelFormat> delivered_formats(const RigConfig& config, const HeadShapes& heads);
 
-/// Installs a calibration in these steps: parse, fit to the rig, store, compile, validate, put in force on the disk, swap.
-/// It works on one change at a time, in slices; control sends the next one when this one is answered. Queries are answered
-/// between two slices. A request that fails in any step leaves the old calibration in force.
+/// Installs a calibration in these steps: parse, fit to the rig, store, compile, validate, put in force on the disk,
+/// swap. It works on one change at a time, in slices; control sends the next one when this one is answered. Queries are
+/// answered between two slices. A request that fails in any step leaves the old calibration in force.
 ///
 /// A trial takes the same steps except for those on the disk, where the old calibration stays in force. So when a trial
-/// ends without a request to keep it (timeout, power cut, nodald killed), the old calibration is in force again. The old
-/// table stays in memory during the trial, so that the return compiles nothing and cannot fail. Meanwhile requests to
-/// install another calibration are refused.
+/// ends without a request to keep it (timeout, power cut, nodald killed), the old calibration is in force again. The
+/// old table stays in memory during the trial, so that the return compiles nothing and cannot fail. Meanwhile requests
+/// to install another calibration are refused.
 ///
 /// Threading: step() is thread-bound to the keeper and blocks on the disk, so it has a thread of its own in nodald.
 ///   requests() and answers() are SPSC rings with control, tables_out and tables_back with the blend.
@@ -128,8 +128,8 @@ class CalibrationKeeper {
     std::optional<sets::PlanJob> job;  ///< empty: the plan of this calibration is in memory already
     bool on_trial = false;
     bool handed_over = false;                       ///< it is in tables_out_; the blend takes it between two sets
-    std::shared_ptr<const std::string> document{};  ///< canonical form
-    std::uint64_t signed_generation = 0;            ///< of its signature; 0: none
+    std::shared_ptr<const std::string> document{};  ///< canonical form of the calibration
+    std::uint64_t signed_generation = 0;            ///< generation of its signature; 0: none
     std::optional<KeeperRequest> rehearsed{};       ///< an upload that is parsed and compiled elsewhere first
   };
   using Answered = std::variant<KeeperAnswer::Done, KeeperAnswer::Listed, KeeperAnswer::Document>;

@@ -1,4 +1,5 @@
-// The audit log in virtual time: which entries are merged and for how long, which are asked for, and when changes must wait.
+// The audit log in virtual time: which entries are merged and for how long, which are asked for, and when changes must
+// wait.
 #include "firmware/operate/audit_log.h"
 
 #include <gtest/gtest.h>

@@ -165,7 +165,8 @@ TEST_F(ChangedAuditFile, ATornEnd_IsReportedAndCutByTheNextRecord) {
   }
 }
 
-/// The disk fails in operation k of writing, for every k: what is not on the disk is tried again, and nothing is written twice.
+/// The disk fails in operation k of writing, for every k: what is not on the disk is tried again, and nothing is
+/// written twice.
 TEST(AuditStore, AnyOperationFailsOnce_TheRecordIsWrittenLater) {
   for (std::uint64_t k = 0; k < 40; ++k) {
     SimDisk disk;

@@ -54,8 +54,8 @@ TEST_F(PlacedSeams, AreInForceFromTheNextPeriodOn) {
     EXPECT_EQ(raymap_of(set), fixed) << set;
     EXPECT_FALSE(stage.step()) << "one request a period";
   }
-  const sets::PlanPtr placed = sets::place_seams(*calibration.plan, calibration.memory->seam_pictures)
-                                   .plan;  // of the views that set 0 left there
+  // The views are those of set 0.
+  const sets::PlanPtr placed = sets::place_seams(*calibration.plan, calibration.memory->seam_pictures).plan;
   ASSERT_TRUE(placed);
   const LineVector moved = whole(full_set(sets::kSeamPeriod), *placed);
   EXPECT_NE(moved, fixed);

@@ -208,8 +208,8 @@ TEST_F(BlenderTest, BuffersThatNeverComeBack_CostRaymapsAndNotMemory) {
 TEST_F(BlenderTest, FourThreadsAtOnce_GiveTheSameBytesAndLoseNoSet) {
   const std::array<sets::BlendSetup, 2> calibrations = {installed("one", 1), installed("two", 2)};
   install(calibrations[0]);
-  constexpr std::uint64_t kSets =
-      1000;  // each of two rounds, heads prepared and bands blended: what one leaves behind harms the next
+  // Each of two rounds, heads prepared and bands blended: what one leaves behind harms the next.
+  constexpr std::uint64_t kSets = 1000;
   std::vector<FrameSet> filled;
   for (std::uint64_t i = 0; i < 6; ++i) {
     filled.push_back(full_set(i));

@@ -1,5 +1,5 @@
-// A host's connection in virtual time: how long its protocol frames and its farewell may take, when it counts as active,
-// and which of too many hosts is closed.
+// A host's connection in virtual time: how long its protocol frames and its farewell may take, when it counts as
+// active, and which of too many hosts is closed.
 #include <gtest/gtest.h>
 
 #include <array>

@@ -1,5 +1,5 @@
-// Takes in a loop on a simulated disk: the oldest segments go, those near a mark stay, and a power failure at every operation
-// leaves a take that is whole.
+// Takes in a loop on a simulated disk: the oldest segments go, those near a mark stay, and a power failure at every
+// operation leaves a take that is whole.
 #include <gtest/gtest.h>
 
 #include <algorithm>

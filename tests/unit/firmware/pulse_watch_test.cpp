@@ -15,7 +15,8 @@ class Line {
  public:
   explicit Line(std::uint64_t seed = 1) : random_(seed, "line") { watch.restart(kPulseRate); }
 
-  /// `count` pulses, of which the head has exposed every `every`-th `delay` later, and then `drift_ppm` more each second.
+  /// `count` pulses, of which the head has exposed every `every`-th `delay` later, and then `drift_ppm` more each
+  /// second.
   void expose(int count, Duration delay, std::int64_t drift_ppm = 0, std::uint64_t every = 1) {
     for (int i = 0; i < count; ++i, ++pulse_) {
       const Duration drifted =

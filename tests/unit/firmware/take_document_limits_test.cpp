@@ -1,4 +1,5 @@
-// Every field of take.json at its limits, as TAKE.md states them; what goes beyond them is refused with the field's name.
+// Every field of take.json at its limits, as TAKE.md states them; what goes beyond them is refused with the field's
+// name.
 #include <gtest/gtest.h>
 
 #include <string>

@@ -1,5 +1,5 @@
-// A film for takes: every picture holds the number of its set and of its head. check() reads a take by the positions in its
-// evidence.
+// A film for takes: every picture holds the number of its set and of its head. check() reads a take by the positions in
+// its evidence.
 #pragma once
 
 #include <gtest/gtest.h>

@@ -1,4 +1,5 @@
-// Takes on a disk that others use, too: people who bring takes and take them away, cards that are exchanged, a second nodald.
+// Takes on a disk that others use, too: people who bring takes and take them away, cards that are exchanged, a second
+// nodald.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,5 +1,5 @@
-// Disks that are full, slow, stalled, read-only, removed and broken while a take is recorded: one message each, and what was
-// on the disk for certain stays.
+// Disks that are full, slow, stalled, read-only, removed and broken while a take is recorded: one message each, and
+// what was on the disk for certain stays.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -108,7 +108,7 @@ TEST(TakeTrouble, ASlowDisk_LosesWholeSetsWhichAreCountedAndGoesOn) {
   ASSERT_TRUE(stage.start().result);
   stage.run(Duration::seconds(5));
   EXPECT_EQ(stage.report().lost_sets, 0U);
-  disk.set_speed(&clock, 2'000'000);  // of 4.6 MB/s
+  disk.set_speed(&clock, 2'000'000);  // the take needs 4.6 MB/s
   stage.run(Duration::seconds(30));
   const std::uint64_t lost = stage.report().lost_sets;
   EXPECT_GT(stage.report().buffer_percent, 50U);
@@ -135,7 +135,7 @@ TEST(TakeTrouble, ADiskThatIsAlwaysBusy_RequestsAreAnsweredAndTheTakeEndsOnceThe
   hal::sim::SimDisk disk;
   TakeStage stage(disk, clock, TakeStage::large_pictures());
   ASSERT_TRUE(stage.start().result);
-  disk.set_speed(&clock, 2'000'000);  // of 4.6 MB/s
+  disk.set_speed(&clock, 2'000'000);  // the take needs 4.6 MB/s
   stage.run(Duration::seconds(30));
   const auto took = [&](TakeCommand what) {
     const Instant asked = clock.now();
@@ -199,8 +199,8 @@ TEST(TakeTrouble, ASyncFails_SaysHowManySetsAreLostAndRecordsOn) {
   EXPECT_EQ(stage.list()[0].lost_sets, lost);
 }
 
-/// A fault at one of 40 moments while a take is recorded that has a finished segment; then it ends, and nodald starts again.
-/// `begin` gets the number of the moment. Returns how often the take ended by the fault.
+/// A fault at one of 40 moments while a take is recorded that has a finished segment; then it ends, and nodald starts
+/// again. `begin` gets the number of the moment. Returns how often the take ended by the fault.
 int fail_at_any_moment(const std::function<void(hal::sim::SimDisk&, std::uint64_t moment)>& begin,
                        const std::function<void(hal::sim::SimDisk&)>& heal, const std::string& says) {
   int ended = 0;

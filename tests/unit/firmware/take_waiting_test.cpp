@@ -1,5 +1,5 @@
-// Hosts that ask the takes' stage for something that ends later, and are gone before: however many they are, their requests
-// take no place from others.
+// Hosts that ask the takes' stage for something that ends later, and are gone before: however many they are, their
+// requests take no place from others.
 #include <gtest/gtest.h>
 
 #include <vector>
