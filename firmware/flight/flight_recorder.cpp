@@ -49,7 +49,9 @@ FlightLog::FlightLog(FlightRecorder& recorder, const std::string& software, std:
 void FlightLog::collect(Instant now) {
   const bool gap = recorder_.overrun();  // read first: the events from before the gap are in the ring then
   const bool wanted = in_take_ || dropped_ == 0;
-  while (auto event = recorder_.next()) {
+  for (std::size_t taken = 0; taken < FlightRecorder::kEvents; ++taken) {
+    const auto event = recorder_.next();
+    if (!event) break;
     if (!wanted) continue;
     if (open_.events_size() == 0) opened_ = now;
     take::flight::Event& to = *open_.add_events();

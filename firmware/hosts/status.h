@@ -9,7 +9,7 @@
 #include "firmware/hosts/device_scan.h"
 #include "firmware/operate/audit_log.h"
 #include "firmware/picture/blender.h"
-#include "firmware/record/take_keeper.h"
+#include "firmware/record/take_messages.h"
 #include "protocol/nodal.pb.h"
 
 namespace nodal::firmware {

@@ -10,7 +10,7 @@
 #include "firmware/calibration/calibration_keeper.h"
 #include "firmware/capture/capture.h"
 #include "firmware/config/config.h"
-#include "firmware/record/take_keeper.h"
+#include "firmware/record/take_messages.h"
 #include "protocol/base/result.h"
 
 namespace nodal::firmware {

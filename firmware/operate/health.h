@@ -14,7 +14,7 @@
 #include "firmware/config/config.h"
 #include "firmware/operate/shedding.h"
 #include "firmware/picture/blender.h"
-#include "firmware/record/take_keeper.h"
+#include "firmware/record/take_messages.h"
 #include "hal/heartbeats.h"
 #include "hal/watchdog.h"
 #include "protocol/base/frame_time.h"

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "firmware/record/recording.h"
 #include "protocol/take/documents.h"
 #include "tests/scenario/stand.h"
 
@@ -73,7 +74,7 @@ TEST(TakeDisk, FullWhileRecording_TheTakeEndsAndTheNextIsRefusedUntilThereIsRoom
   ASSERT_TRUE(start_take(host).has_take());
   stand.run(Duration::seconds(2));
   stand.takes->set_capacity(stand.takes->total_bytes().value() - stand.takes->free_bytes().value() +
-                            firmware::TakeKeeper::kReserveBytes);
+                            firmware::Recording::kReserveBytes);
   stand.run(Duration::seconds(2));
   EXPECT_FALSE(host.status().recording().has_take());
   EXPECT_EQ(host.status().recording().problem(),
@@ -122,7 +123,7 @@ TEST(TakeDisk, StartAtBootAfterAPowerCut_TheTakeBeforeIsFinishedFirst) {
 }
 
 TEST(TakeDisk, StartAtBootWithoutRoom_IsSaidInTheLogOnceAndInTheStatus) {
-  auto small = std::make_unique<hal::sim::SimDisk>(1, firmware::TakeKeeper::kReserveBytes);
+  auto small = std::make_unique<hal::sim::SimDisk>(1, firmware::Recording::kReserveBytes);
   Stand stand(rig_with_disk(true), nullptr, std::move(small));
   TestHost& host = stand.connect();
   stand.run(Duration::seconds(6));
@@ -130,7 +131,8 @@ TEST(TakeDisk, StartAtBootWithoutRoom_IsSaidInTheLogOnceAndInTheStatus) {
   const std::vector<std::string> news = take_news(stand);
   ASSERT_EQ(news.size(), 1U);
   EXPECT_NE(news[0].find("MB free, and a take needs at least"), std::string::npos) << news[0];
-  EXPECT_NE(host.status().recording().problem().find("no take began: the disk of the takes has"), std::string::npos)
+  EXPECT_NE(host.status().recording().problem().find("could not start a take: the disk of the takes has"),
+            std::string::npos)
       << host.status().recording().problem();
 }
 
@@ -173,7 +175,7 @@ TEST(TakeDisk, StartAtBootAndTheDiskIsFullForAWhile_RecordingGoesOnWhenThereIsRo
   ASSERT_TRUE(stand.run_until([&] { return host.status().recording().has_take(); }));
   stand.run(Duration::seconds(2));
   const std::uint64_t all = stand.takes->total_bytes().value();
-  stand.takes->set_capacity(all - stand.takes->free_bytes().value() + firmware::TakeKeeper::kReserveBytes);
+  stand.takes->set_capacity(all - stand.takes->free_bytes().value() + firmware::Recording::kReserveBytes);
   ASSERT_TRUE(stand.run_until([&] { return !host.status().recording().has_take(); }));
   stand.rig->control().take_news();
   stand.run(Duration::seconds(20));

@@ -107,6 +107,6 @@ canary(two_owners TAKES firmware/record/take_shelf.cpp
   "if (const Status claimed = disk_.claim()\; !claimed) return fail(explained(claimed.error()))\;"
   "if (const Status claimed = disk_.claim()\; !claimed && claimed.error().code != Errc::kBusy) return fail(explained(claimed.error()))\;")
 canary(rate_of_the_configuration TAKES
-  firmware/record/take_keeper.cpp "rate_ = start.rate.value_or(config_.rate)\;" "rate_ = config_.rate\;"
+  firmware/record/take_keeper.cpp "rate_.rate = start.rate.value_or(config_.rate)\;" "rate_.rate = config_.rate\;"
   firmware/record/segment_writer.cpp "begin.set_rate_numerator(first.rate.numerator)\;"
   "begin.set_rate_numerator(place.rate.numerator)\; begin.set_rate_denominator(place.rate.denominator)\; if (first.sets.empty())")

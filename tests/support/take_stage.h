@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <utility>
@@ -28,6 +29,8 @@ class TakeStage {
     int height = 16;
     std::array<TakeMode, kStageHeads> modes{};  ///< mode of each head
     hal::ConfinedPort* confined = nullptr;      ///< where takes are recovered
+    FlightLog* flight = nullptr;
+    std::function<void()> stepped{};  ///< called after each step of the disk's stage
   };
 
   /// 153600 bytes a set, 30 a second: 4.6 MB/s.
@@ -45,7 +48,7 @@ class TakeStage {
         config_(config(options)),
         recorder_(config_, sets_in_, encoder_),
         keeper_(
-            config_, disk, recorder_, "a test", [this] { return utc_ ? *utc_ + clock_.now().ns() : 0; }, nullptr,
+            config_, disk, recorder_, "a test", [this] { return utc_ ? *utc_ + clock_.now().ns() : 0; }, options.flight,
             nullptr, options.confined),
         next_set_at_(clock.now()),
         pixels_(static_cast<std::size_t>(options.width * options.height), 90) {
@@ -160,6 +163,7 @@ class TakeStage {
     while (busy) {
       busy = recorder_.step();
       busy |= keeper_.step(clock_.now());
+      if (options_.stepped) options_.stepped();
       const std::string& problem = report().problem;
       if (!problem.empty() && (problems_.empty() || problems_.back() != problem)) problems_.push_back(problem);
       if (clock_.now() > end) break;

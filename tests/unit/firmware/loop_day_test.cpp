@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "firmware/record/recording.h"
 #include "hal/sim/clock.h"
 #include "hal/sim/disk.h"
 #include "tests/support/take_account.h"
@@ -29,7 +30,7 @@ TakeStage::Options in_a_loop() {
 
 /// Room for `bytes` of takes beside what the stage keeps free.
 std::uint64_t capacity_for(std::uint64_t bytes) {
-  return 2 * TakeKeeper::kReserveBytes + (std::uint64_t{16} << 20) + bytes;
+  return 2 * Recording::kReserveBytes + (std::uint64_t{16} << 20) + bytes;
 }
 
 TEST(LoopDay, ADiskOfAnHour_IsBoundedUnbrokenAndKeepsTheMarks) {
@@ -62,7 +63,7 @@ TEST(LoopDay, ADiskOfAnHour_IsBoundedUnbrokenAndKeepsTheMarks) {
   EXPECT_EQ(stage.report().problem, "");
   EXPECT_EQ(stage.report().lost_sets, 0U);
   ASSERT_TRUE(stage.ask(TakeRequest::Stop{}).result);
-  EXPECT_GE(least_free, TakeKeeper::kReserveBytes);
+  EXPECT_GE(least_free, Recording::kReserveBytes);
   EXPECT_LT(heap_most, heap_early + (std::size_t{4} << 20));
 
   std::map<std::uint64_t, TakeEntry> takes;
@@ -95,12 +96,12 @@ TEST(LoopDay, ACardOfLessThanTwoSegments_IsRefusedAndOneOfMoreNeverEnds) {
   options.takes.loop = true;
   constexpr std::uint64_t kSecond = 2 * 320 * 240 * 30;
   hal::sim::SimClock clock;
-  hal::sim::SimDisk disk(1, 2 * TakeKeeper::kReserveBytes + 140 * kSecond);
+  hal::sim::SimDisk disk(1, 2 * Recording::kReserveBytes + 140 * kSecond);
   TakeStage stage(disk, clock, options);
   const auto refused = stage.start();
   ASSERT_FALSE(refused.result);
   EXPECT_EQ(refused.result.error().code, Errc::kDiskFull);
-  disk.set_capacity(2 * TakeKeeper::kReserveBytes + 155 * kSecond);
+  disk.set_capacity(2 * Recording::kReserveBytes + 155 * kSecond);
   ASSERT_TRUE(stage.start().result);
   stage.run(Duration::seconds(600));
   EXPECT_TRUE(stage.report().recording) << stage.report().problem;
@@ -118,7 +119,7 @@ TEST(LoopDay, WhenNothingMayBeDeleted_TheTakeEndsAndSaysWhy) {
     stage.run(Duration::seconds(60));
   }
   // The reserve is more than these pictures fill in a day, so the disk becomes smaller instead.
-  disk.set_capacity(disk.total_bytes().value() - TakeKeeper::kReserveBytes - (std::uint64_t{16} << 20));
+  disk.set_capacity(disk.total_bytes().value() - Recording::kReserveBytes - (std::uint64_t{16} << 20));
   stage.run(Duration::seconds(2));
   EXPECT_FALSE(stage.report().recording);
   EXPECT_NE(stage.report().problem.find("near a mark"), std::string::npos) << stage.report().problem;
@@ -132,7 +133,7 @@ TEST(LoopDay, WithoutTheLoop_AFullDiskEndsTheTakeAndKeepsAll) {
   TakeStage stage(disk, clock, {});
   ASSERT_TRUE(stage.start().result);
   stage.run(Duration::seconds(400));
-  disk.set_capacity(disk.total_bytes().value() - disk.free_bytes().value() + TakeKeeper::kReserveBytes);
+  disk.set_capacity(disk.total_bytes().value() - disk.free_bytes().value() + Recording::kReserveBytes);
   stage.run(Duration::seconds(2));
   EXPECT_FALSE(stage.report().recording);
   EXPECT_NE(stage.report().problem.find("the disk is full; delete takes"), std::string::npos) << stage.report().problem;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "firmware/record/loop.h"
+#include "firmware/record/recording.h"
 #include "hal/sim/card_slot.h"
 #include "hal/sim/disk.h"
 #include "tests/support/take_account.h"
@@ -52,7 +53,7 @@ struct World {
   TakeStage stage{disk, clock, in_a_loop()};
 };
 
-constexpr std::uint64_t kToStart = 2 * TakeKeeper::kReserveBytes + 150 * kSecond;
+constexpr std::uint64_t kToStart = 2 * Recording::kReserveBytes + 150 * kSecond;
 
 TEST(LoopPlan, WhatMayBeDeletedDoesNotMakeRoomForATake_NothingIsDeleted) {
   World world;
@@ -111,7 +112,7 @@ TEST(LoopPlan, OnlyTheRunningTakeCanMakeRoom_ItsOldestSegmentGoesAndItGoesOn) {
   ASSERT_TRUE(stage.start().result);
   stage.run(Duration::seconds(70));
   // Less than what the rows on the way and the end need: another program has filled the disk.
-  disk.set_capacity(disk.total_bytes().value() - disk.free_bytes().value() + TakeKeeper::kReserveBytes / 2);
+  disk.set_capacity(disk.total_bytes().value() - disk.free_bytes().value() + Recording::kReserveBytes / 2);
   stage.run(Duration::seconds(2));
   EXPECT_TRUE(stage.report().recording) << stage.report().problem;
   EXPECT_EQ(stage.report().deleted_segments, 1U);
@@ -129,7 +130,7 @@ TEST(LoopPlan, ACardComesWithATakeToFinishAndARecordingNeedsItsRoom_ItIsFinished
   }
   card = card->after_kill();
   constexpr std::uint64_t kSmallSecond = 2 * 32 * 16 * 5;
-  card->set_capacity(card->total_bytes().value() - card->free_bytes().value() + 2 * TakeKeeper::kReserveBytes +
+  card->set_capacity(card->total_bytes().value() - card->free_bytes().value() + 2 * Recording::kReserveBytes +
                      120 * kSmallSecond);
   hal::sim::SimClock clock;
   hal::sim::SimCardSlot slot;

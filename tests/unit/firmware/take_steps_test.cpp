@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "firmware/flight/flight_recorder.h"
+#include "firmware/record/recording.h"
 #include "firmware/record/take_shelf.h"
 #include "hal/sim/clock.h"
 #include "hal/sim/disk.h"
@@ -88,6 +90,45 @@ TEST(TakeSteps, AnUnfinishedTakeBehindLargeManifests_IsRecoveredWhenItIsRead) {
   ASSERT_EQ(takes.size(), 5U);
   EXPECT_EQ(takes[4].state, TakeState::kComplete) << takes[4].problem;
   EXPECT_EQ(takes[4].ended, "recovered");
+}
+
+/// No head delivers anything.
+class NoHeads : public hal::HeadEnumerator {
+ public:
+  Result<std::unique_ptr<hal::HeadPort>> open(const std::string&) override { return fail(Errc::kDeviceGone, "none"); }
+  std::vector<hal::HeadIdentity> list() override { return {}; }
+};
+
+TEST(TakeSteps, ATakeEndsWithALongFlightRecord_EachStepWritesALittleOfIt) {
+  hal::sim::SimClock clock;
+  hal::sim::SimDisk disk;
+  NoHeads none;
+  RigConfig config;
+  FlightRecorder recorder(config, none, nullptr);
+  FlightLog log(recorder, "a test", 8);
+  const std::string file = take::take_folder(1) + "/" + take::kFlightFile;
+  std::uint64_t bytes = 0, most = 0;
+  TakeStage::Options options;
+  options.flight = &log;
+  options.stepped = [&] {
+    const std::uint64_t now = disk.size(file).value_or(0);
+    most = std::max(most, now - std::exchange(bytes, now));
+  };
+  TakeStage stage(disk, clock, options);
+  for (int k = 0; k < 200'000; ++k) {
+    recorder.note(StepBegun{clock.now()});
+    recorder.note(HeadFailed{0, {Errc::kDeviceGone, std::string(60, 'x')}});
+    if (k % 8192 == 0) log.collect(clock.now());
+  }
+  log.collect(clock.now());
+  ASSERT_FALSE(log.overrun());
+  stage.request(stage.start_request());
+  stage.request(TakeRequest::Stop{});
+  EXPECT_TRUE(stage.next_answer().result);
+  EXPECT_TRUE(stage.next_answer().result);
+  EXPECT_GT(bytes, std::uint64_t{10} << 20) << "all of it is in the take";
+  EXPECT_LE(most, 2 * Recording::kFlightRecordsAStep * FlightLog::kRecordBytes);
+  EXPECT_EQ(stage.list().at(0).state, TakeState::kComplete);
 }
 
 }  // namespace

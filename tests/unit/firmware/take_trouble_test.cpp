@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "firmware/record/recording.h"
 #include "hal/sim/clock.h"
 #include "hal/sim/disk.h"
 #include "tests/support/take_account.h"
@@ -16,7 +17,7 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr std::uint64_t kStageNeeds = 2 * TakeKeeper::kReserveBytes;
+constexpr std::uint64_t kStageNeeds = 2 * Recording::kReserveBytes;
 
 /// The takes that nodald finds on the disk when it starts again, after it has finished what was not ended.
 std::vector<TakeEntry> takes_after_restart(hal::sim::SimDisk& disk) {
@@ -74,8 +75,8 @@ TEST(TakeTrouble, TheReserveIsReached_TheTakeEndsAndIsFinished) {
   ASSERT_TRUE(stage.start().result);
   stage.run(Duration::seconds(120));
   EXPECT_FALSE(stage.report().recording);
-  EXPECT_GE(disk.free_bytes().value(), TakeKeeper::kReserveBytes - 1'000'000);
-  EXPECT_LE(disk.free_bytes().value(), TakeKeeper::kReserveBytes + 20'000'000);
+  EXPECT_GE(disk.free_bytes().value(), Recording::kReserveBytes - 1'000'000);
+  EXPECT_LE(disk.free_bytes().value(), Recording::kReserveBytes + 20'000'000);
   ASSERT_EQ(stage.problems().size(), 1U);
   EXPECT_NE(stage.problems()[0].find("take 1 ended: the disk is full; delete takes"), std::string::npos);
   ASSERT_EQ(stage.list().size(), 1U);
