@@ -104,7 +104,10 @@ bool TakeSender::step(const Clients& clients, Instant now) {
 bool TakeSender::step(Client& client, Transfer& transfer, Instant now) {
   const auto counts = client.session().counts(transfer.stream);
   const std::size_t pending = counts->pending;
-  note_reading(client.number(), transfer.take, now);
+  if (counts->bytes - transfer.noted >= kReadPace) {
+    transfer.noted = counts->bytes;
+    note_reading(client.number(), transfer.take, now);
+  }
   if (transfer.progress.stalled(*counts, now)) {
     client.session().close_stream(transfer.stream, StreamProgress::error("the file"));
     return false;

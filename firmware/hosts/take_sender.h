@@ -20,8 +20,9 @@ namespace nodal::firmware {
 /// pieces. A host has at most kAhead pieces in memory, and one while others read too. A host that reads slowly keeps its
 /// stream, because nobody waits for its memory; the stream of one that reads nothing ends (StreamProgress).
 ///
-/// It notes which takes hosts read, so that nobody deletes them meanwhile: a host copies a take file by file, so a take is read until
-/// kReadFor after the end of its newest stream, or until the host disconnects.
+/// It notes which takes hosts read, so that nobody deletes them meanwhile. A host copies a take file by file, so it reads the take until
+/// it has neither begun a file of it nor received kReadPace more of one for kReadFor, or until it disconnects. So a host that
+/// reads a byte a minute does not keep a take on a disk that needs room.
 ///
 /// Threading: thread-bound to control.
 /// Ownership: the reader outlives it; sessions hold the pieces that they send.
@@ -41,13 +42,14 @@ class TakeSender {
   /// Pieces of a host that are ordered or not sent completely.
   static constexpr std::size_t kAhead = TakeReader::kOrders;
   /// A host may check what it has before it asks for more.
-  static constexpr Duration kReadFor = Duration::seconds(30);
+  static constexpr Duration kReadFor = Duration::seconds(60);
+  static constexpr std::uint64_t kReadPace = TakeReader::kPiece;  ///< bytes; 17 kB/s
 
  private:
   struct Reading {
     std::uint64_t client = 0;  ///< 0: none
     std::uint64_t take = 0;
-    Instant newest;  ///< when a file of it was last being sent
+    Instant newest;  ///< when the host last made progress with it
   };
   void note_reading(std::uint64_t client, std::uint64_t take, Instant now);
   bool forget_readers(const Clients& clients, Instant now);
@@ -59,6 +61,7 @@ class TakeSender {
     std::uint64_t next = 0;    ///< offset of the next piece to order
     std::size_t ordered = 0;   ///< unanswered orders
     bool all_ordered = false;  ///< the end of the file has been read
+    std::uint64_t noted = 0;   ///< bytes that the link had taken at the last call of note_reading()
     StreamProgress progress;
   };
   using Transfers = std::map<std::uint64_t, Transfer>;

@@ -19,8 +19,9 @@ namespace nodal::firmware {
 
 class FlightLog;
 
-/// Writes each row that the recorder has closed. Twice a second it syncs everything and makes room. To end a take, it asks
-/// the recorder to end; the rows that the recorder closes until then are still written, or dropped if the disk failed.
+/// Writes each row that the recorder has closed. Twice a second it syncs everything and makes room. To end a take, it
+/// asks the recorder to end; the rows that the recorder closes until then are still written, or dropped if the disk
+/// failed.
 ///
 /// Threading: thread-bound to the takes' stage, which blocks on the disk.
 /// Ownership: all that it is made with outlives it. It holds the disk.

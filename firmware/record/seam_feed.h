@@ -12,8 +12,8 @@ namespace nodal::firmware {
 
 class TakeWriter;
 
-/// A row is written after the blend has begun its sets, because then the blend has logged their seams. The row is written
-/// without waiting if the blend has begun no set for kBlendWithin.
+/// A row is written after the blend has begun its sets, because then the blend has logged their seams. The row is
+/// written without waiting if the blend has begun no set for kBlendWithin.
 ///
 /// Threading: thread-bound to the takes' stage.
 /// Ownership: the blend stage outlives it.
@@ -23,8 +23,8 @@ class SeamFeed {
   /// `blender`: the blend stage, which logs its seams from now on; null if seams are fixed.
   explicit SeamFeed(Blender* blender);
 
-  /// Takes what the blend has logged, and passes it to `writer`; null: no take is recorded, or its disk failed. True when
-  /// there was something.
+  /// Takes what the blend has logged, and passes it to `writer`; null: no take is recorded, or its disk failed. True
+  /// when there was something.
   bool step(TakeWriter* writer);
   /// A take begins: the seams that are in force come first.
   void begin(TakeWriter& writer) const;

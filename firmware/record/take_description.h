@@ -18,8 +18,8 @@ TakeWriter::Documents documents_of(const RigConfig& config, const TakeRequest::S
 /// Errors: kTooLarge, naming the head whose pictures are larger than a reader of takes accepts.
 Status check_pictures(const RigConfig& config, const HeadShapes& heads);
 
-/// Bytes of a set in this mode, or, without a mode, in each head's own one. Lossless counts as raw, because noise may leave
-/// nothing for Ut Video to save.
+/// Bytes of a set in this mode, or, without a mode, in each head's own one. Lossless counts as raw, because noise may
+/// leave nothing for Ut Video to save.
 std::uint64_t set_bytes(const RigConfig& config, const HeadShapes& heads, std::optional<TakeMode> mode = std::nullopt);
 
 }  // namespace nodal::firmware

@@ -1,4 +1,4 @@
-// The stage that writes takes to the disk: TakeShelf knows those that are there, Recording is the one that is being recorded.
+// The stage that writes takes to the disk. TakeShelf has the finished takes; Recording is the one that is recorded.
 #pragma once
 
 #include <cstdint>

@@ -80,6 +80,37 @@ TEST(CalibrationKeeper, TheOneInForceIsLoadedAgain_NothingOfTheStoreIsWritten) {
   EXPECT_EQ(host.status().problem().find("calibration"), std::string::npos) << host.status().problem();
 }
 
+TEST(CalibrationKeeper, HostsThatHaveGoneAsked_NothingIsDoneForThemAndTheNextIsServed) {
+  hal::sim::SimDisk disk;
+  SpscRing<sets::InstalledPtr> tables_out(1), tables_back(8);
+  firmware::CalibrationKeeper keeper(small_config(), disk, tables_out, tables_back);
+  keeper.step({});
+  const auto ask = [&](std::uint64_t ticket, firmware::CalibrationCommand what, bool leaves) {
+    firmware::KeeperRequest request{.ticket = ticket, .what = std::move(what), .heads = {}, .host = {}};
+    request.host = firmware::Presence::of_host();
+    if (leaves) request.host.end();
+    ASSERT_TRUE(keeper.requests().push(std::move(request)));
+    while (keeper.step({})) tables_out.pop();
+  };
+  const auto error_of = [&](std::uint64_t ticket) {
+    const auto answer = keeper.answers().pop();
+    EXPECT_TRUE(answer);
+    if (!answer) return Errc::kInternal;
+    EXPECT_EQ(answer->ticket, ticket);
+    EXPECT_FALSE(answer->result);
+    return answer->result ? Errc::kInternal : answer->result.error().code;
+  };
+  ask(1, firmware::KeeperRequest::List{}, true);
+  EXPECT_EQ(error_of(1), Errc::kCancelled);
+  ask(2, firmware::KeeperRequest::Install{.json = to_json(small_calibration())}, true);
+  EXPECT_EQ(error_of(2), Errc::kCancelled);
+  EXPECT_FALSE(disk.list("calibrations").value_or(std::vector<std::string>{}).size()) << "nothing was stored";
+  ask(3, firmware::KeeperRequest::List{}, false);
+  const auto answer = keeper.answers().pop();
+  ASSERT_TRUE(answer && answer->result);
+  EXPECT_TRUE(std::get<firmware::KeeperAnswer::Listed>(*answer->result).entries.empty());
+}
+
 TEST(CalibrationRehearsalBytes, GrowWithTheRaymapsPixels) {
   firmware::RigConfig config;
   config.raymap.width = 300;

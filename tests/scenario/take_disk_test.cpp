@@ -255,5 +255,35 @@ TEST(TakeDisk, AHostCopiesATake_AnotherMayDeleteItOnlyWhenTheCopyIsDone) {
   EXPECT_TRUE(copies.ask(remove).has_take()) << "it may delete what it has copied";
 }
 
+TEST(TakeDisk, AHostReadsAKilobyteEveryHalfMinute_ItsStreamGoesOnAndItKeepsNobodyFromDeleting) {
+  Stand stand(rig_with_disk());
+  TestHost& host = stand.bring_up();
+  ASSERT_TRUE(start_take(host).has_take());
+  stand.run(Duration::seconds(2));
+  wire::Request stop;
+  stop.mutable_take_stop();
+  ASSERT_TRUE(host.ask(stop).has_take());
+  TestHost& slow = stand.connect();
+  slow.link().in().capacity = 1000;
+  wire::Request read;
+  read.mutable_take_read()->set_take(1);
+  read.mutable_take_read()->set_file("cam0-0000.mkv");
+  const wire::Reply reads = slow.ask(read);
+  ASSERT_TRUE(reads.has_pull());
+  wire::Request remove;
+  remove.mutable_take_delete()->set_take(1);
+  ASSERT_TRUE(host.ask(remove).has_error()) << "it has only begun";
+  stand.tick = Duration::milliseconds(20);
+  for (int half_minutes = 0; half_minutes < 3; ++half_minutes) {
+    slow.reading = false;
+    stand.run(Duration::seconds(30));
+    slow.reading = true;
+    stand.run(stand.tick);
+  }
+  ASSERT_FALSE(slow.closed.contains(reads.pull().stream())) << "it reads slowly, and nobody waits for it";
+  const wire::Reply removed = host.ask(remove);
+  EXPECT_TRUE(removed.has_take()) << removed.error().message();
+}
+
 }  // namespace
 }  // namespace nodal::scenario

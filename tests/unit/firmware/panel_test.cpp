@@ -145,5 +145,28 @@ TEST_F(PanelTest, APinIsGone_ItIsSaidOnceAndTheOthersGoOn) {
   EXPECT_NE(problems.find("button"), std::string::npos);
 }
 
+/// A contact that has bounced again whenever it is asked.
+class EndlessButton : public hal::InputPinPort {
+ public:
+  Result<std::optional<hal::PinEdge>> take_edge() override {
+    ++asked;
+    return hal::PinEdge{Instant{}, asked % 2 == 0};
+  }
+  Result<bool> level() override { return false; }
+
+  int asked = 0;
+};
+
+TEST(PanelSteps, AButtonBouncesWithoutAnEnd_AStepReadsALimitedNumberOfEdges) {
+  EndlessButton button;
+  hal::sim::SimOutputPin status{false}, tally{false};
+  Panel panel{{&button, &status, &tally}};
+  const PanelView view{"running", false, 0, FrameRate().period()};
+  for (int step = 1; step <= 3; ++step) {
+    EXPECT_FALSE(panel.step(view, {}));
+    EXPECT_EQ(button.asked, step * 64);
+  }
+}
+
 }  // namespace
 }  // namespace nodal::firmware
