@@ -37,7 +37,7 @@ TEST(TakeLoop, ARigThatFilmsForLong_LosesNothingKeepsMarksAndNeedsNoMoreDiskOrMe
   options.config.takes = firmware::TakesConfig{.folder = "takes", .buffer_mb = 16, .loop = true};
   options.config.rate = FrameRate{kSetsASecond, 1};
   constexpr std::uint64_t kRoom = 100'000'000;  // four minutes of pictures
-  const std::uint64_t capacity = 2 * Recording::kReserveBytes + (std::uint64_t{16} << 20) + kRoom;
+  const std::uint64_t capacity = 2 * firmware::Recording::kReserveBytes + (std::uint64_t{16} << 20) + kRoom;
   Stand stand(std::move(options), nullptr, std::make_unique<hal::sim::SimDisk>(1, capacity));
   TestHost& host = stand.bring_up();
   stand.lock(host);
@@ -66,7 +66,7 @@ TEST(TakeLoop, ARigThatFilmsForLong_LosesNothingKeepsMarksAndNeedsNoMoreDiskOrMe
     else heap_most = std::max(heap_most, heap_bytes(*stand.takes));
   }
   ASSERT_TRUE(ask([](wire::Request& request) { request.mutable_take_stop(); }).has_take());
-  EXPECT_GE(least_free, Recording::kReserveBytes);
+  EXPECT_GE(least_free, firmware::Recording::kReserveBytes);
   EXPECT_LT(heap_most, heap_early + (std::size_t{2} << 20));
 
   const wire::TakeEntry take = ask([](wire::Request& request) { request.mutable_take_list(); }).takes().takes(0);
