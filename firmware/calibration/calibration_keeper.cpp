@@ -117,7 +117,7 @@ void CalibrationKeeper::start_next_good() {
 bool CalibrationKeeper::take_requests() {
   bool busy = false;
   for (std::size_t taken = 0; taken < requests_.capacity() && !answers_.full(); ++taken) {
-    std::optional<KeeperRequest> request = requests_.pop();
+    std::optional<CalibrationRequest> request = requests_.pop();
     if (!request) break;
     busy = true;
     if (answer_at_once(*request)) continue;
@@ -126,20 +126,20 @@ bool CalibrationKeeper::take_requests() {
   }
   const bool changing = installing_ || !to_try_.empty();
   if (!waiting_ || changing || answers_.full()) return busy;
-  const KeeperRequest request = *std::exchange(waiting_, std::nullopt);
+  const CalibrationRequest request = *std::exchange(waiting_, std::nullopt);
   if (request.host.gone()) answer(request.ticket, fail(Presence::error()));
   else if (Status begun = start(request); !begun) answer(request.ticket, fail(begun.error()));
   return true;
 }
 
-bool CalibrationKeeper::answer_at_once(const KeeperRequest& request) {
+bool CalibrationKeeper::answer_at_once(const CalibrationRequest& request) {
   if (request.host.gone()) {
     answer(request.ticket, fail(Presence::error()));
   } else if (!store_) {
     answer(request.ticket, fail(store_status_.error()));
-  } else if (std::holds_alternative<KeeperRequest::List>(request.what)) {
+  } else if (std::holds_alternative<CalibrationRequest::List>(request.what)) {
     answer(request.ticket, list());
-  } else if (const auto* wanted = std::get_if<KeeperRequest::Get>(&request.what)) {
+  } else if (const auto* wanted = std::get_if<CalibrationRequest::Get>(&request.what)) {
     answer(request.ticket, get(wanted->id_prefix));
   } else {
     return false;
@@ -147,17 +147,17 @@ bool CalibrationKeeper::answer_at_once(const KeeperRequest& request) {
   return true;
 }
 
-Status CalibrationKeeper::start(const KeeperRequest& request) {
-  if (const auto* how = std::get_if<KeeperRequest::EndTrial>(&request.what)) return end_trial(request, *how);
+Status CalibrationKeeper::start(const CalibrationRequest& request) {
+  if (const auto* how = std::get_if<CalibrationRequest::EndTrial>(&request.what)) return end_trial(request, *how);
   if (trial_.running()) {
-    if (std::holds_alternative<KeeperRequest::Rollback>(request.what)) return end_trial(request, {});
+    if (std::holds_alternative<CalibrationRequest::Rollback>(request.what)) return end_trial(request, {});
     return fail(Errc::kBusy, "calibration " + short_id(trial_.report().id) + " is on trial for another " +
                                  std::to_string((trial_.report().until - now_).ms() / 1000) +
                                  " s; wait, or end the trial with `nodal calibration rollback`");
   }
-  if (std::holds_alternative<KeeperRequest::Install>(request.what))
+  if (std::holds_alternative<CalibrationRequest::Install>(request.what))
     return rehearsal_ ? rehearse(request) : install(request);
-  if (const auto* wanted = std::get_if<KeeperRequest::Use>(&request.what)) {
+  if (const auto* wanted = std::get_if<CalibrationRequest::Use>(&request.what)) {
     const auto found = store_->find(wanted->id_prefix);
     return found ? use(request, found->id, wanted->allow_older) : Status(fail(found.error()));
   }
@@ -165,8 +165,8 @@ Status CalibrationKeeper::start(const KeeperRequest& request) {
   return fail(Errc::kNotFound, "no earlier calibration is stored that the rig could go back to");
 }
 
-Status CalibrationKeeper::install(const KeeperRequest& request) {
-  const auto& upload = std::get<KeeperRequest::Install>(request.what);
+Status CalibrationKeeper::install(const CalibrationRequest& request) {
+  const auto& upload = std::get<CalibrationRequest::Install>(request.what);
   const auto permitted = check_signature(signature_rules(), {upload.signature, upload.json});
   if (!permitted) return fail(permitted.error().in("calibration"));
   auto calibration = parse_calibration(upload.json);
@@ -189,7 +189,7 @@ Status CalibrationKeeper::install(const KeeperRequest& request) {
   return begun;
 }
 
-Status CalibrationKeeper::install_on_trial(const KeeperRequest& request, Calibration calibration,
+Status CalibrationKeeper::install_on_trial(const CalibrationRequest& request, Calibration calibration,
                                            std::optional<SignedDocument> original, Duration trial) {
   const Sha256 id = calibration_id(calibration);
   if (!running_) {
@@ -204,7 +204,7 @@ Status CalibrationKeeper::install_on_trial(const KeeperRequest& request, Calibra
 }
 
 /// Keeping fails when the disk fails; then the trial continues, and at its end the rig goes back.
-Status CalibrationKeeper::end_trial(const KeeperRequest& request, const KeeperRequest::EndTrial& how) {
+Status CalibrationKeeper::end_trial(const CalibrationRequest& request, const CalibrationRequest::EndTrial& how) {
   if (!trial_.running()) {
     return fail(Errc::kWrongState, "no calibration is on trial; the trial has ended");
   }
@@ -230,7 +230,7 @@ Status CalibrationKeeper::end_trial(const KeeperRequest& request, const KeeperRe
   trial_.keep();
   report_.trial.reset();
   report_.problem.clear();
-  answer(request.ticket, KeeperAnswer::Done{});
+  answer(request.ticket, CalibrationAnswer::Done{});
   return {};
 }
 
@@ -262,7 +262,7 @@ void CalibrationKeeper::hand_over(sets::BlendSetup setup) {
   NODAL_ASSERT(pushed);
 }
 
-Status CalibrationKeeper::use(const KeeperRequest& request, const Sha256& id, bool allow_older) {
+Status CalibrationKeeper::use(const CalibrationRequest& request, const Sha256& id, bool allow_older) {
   NODAL_TRY_ASSIGN(auto loaded, load_permitted(*store_, signature_rules(), id));
   if (const Status newest = check_generation(signature_rules(), loaded.permitted, true); !newest && !allow_older) {
     return fail(newest.error().in("stored calibration " + short_id(id)));
@@ -345,7 +345,7 @@ void CalibrationKeeper::end(const Status& status) {
     if (!status && installing_->newly_stored) store_->remove(installing_->id);
     if (!status && installing_->on_trial) trial_.give_up();
     if (status && !installing_->on_trial) report_.problem.clear();
-    Result<Answered> result = KeeperAnswer::Done{};
+    Result<Answered> result = CalibrationAnswer::Done{};
     if (!status) result = fail(status.error());
     answer(*installing_->ticket, std::move(result));
   }
@@ -354,9 +354,9 @@ void CalibrationKeeper::end(const Status& status) {
 
 void CalibrationKeeper::answer(std::uint64_t ticket, Result<Answered> result) {
   if (result) {
-    if (auto* done = std::get_if<KeeperAnswer::Done>(&*result)) done->in_force = report_.in_force;
+    if (auto* done = std::get_if<CalibrationAnswer::Done>(&*result)) done->in_force = report_.in_force;
   }
-  const bool pushed = answers_.push(KeeperAnswer{ticket, std::move(result)});
+  const bool pushed = answers_.push(CalibrationAnswer{ticket, std::move(result)});
   NODAL_ASSERT(pushed);
 }
 

@@ -25,7 +25,7 @@
 
 namespace nodal::firmware {
 
-struct KeeperRequest {
+struct CalibrationRequest {
   struct Install {  ///< a document to store and put in force
     std::string json;
     std::optional<Duration> trial{};  ///< longest duration of a trial, which is not stored; empty: not a trial
@@ -52,9 +52,9 @@ struct KeeperRequest {
   HeadShapes heads;
   Presence host{};
 };
-using CalibrationCommand = KeeperRequest::What;
+using CalibrationCommand = CalibrationRequest::What;
 
-struct KeeperAnswer {
+struct CalibrationAnswer {
   struct Done {
     std::optional<Sha256> in_force;  ///< after the request
   };
@@ -111,8 +111,8 @@ class CalibrationKeeper {
   /// True when it did something.
   bool step(Instant now);
 
-  SpscRing<KeeperRequest>& requests() { return requests_; }
-  SpscRing<KeeperAnswer>& answers() { return answers_; }
+  SpscRing<CalibrationRequest>& requests() { return requests_; }
+  SpscRing<CalibrationAnswer>& answers() { return answers_; }
   /// The report after the newest step; read by control.
   Snapshot<KeeperReport>& snapshot() { return snapshot_; }
   const KeeperReport& report() const { return report_; }
@@ -130,22 +130,22 @@ class CalibrationKeeper {
     bool handed_over = false;                       ///< it is in tables_out_; the blend takes it between two sets
     std::shared_ptr<const std::string> document{};  ///< canonical form of the calibration
     std::uint64_t signed_generation = 0;            ///< generation of its signature; 0: none
-    std::optional<KeeperRequest> rehearsed{};       ///< an upload that is parsed and compiled elsewhere first
+    std::optional<CalibrationRequest> rehearsed{};       ///< an upload that is parsed and compiled elsewhere first
   };
-  using Answered = std::variant<KeeperAnswer::Done, KeeperAnswer::Listed, KeeperAnswer::Document>;
+  using Answered = std::variant<CalibrationAnswer::Done, CalibrationAnswer::Listed, CalibrationAnswer::Document>;
 
   void load_at_start();
   void start_next_good();
   bool take_requests();
-  Status start(const KeeperRequest& request);
-  bool answer_at_once(const KeeperRequest& request);
-  Status rehearse(const KeeperRequest& request);
+  Status start(const CalibrationRequest& request);
+  bool answer_at_once(const CalibrationRequest& request);
+  Status rehearse(const CalibrationRequest& request);
   bool end_rehearsal();
-  Status install(const KeeperRequest& request);
-  Status install_on_trial(const KeeperRequest& request, Calibration calibration, std::optional<SignedDocument> original,
-                          Duration trial);
-  Status use(const KeeperRequest& request, const Sha256& id, bool allow_older);
-  Status end_trial(const KeeperRequest& request, const KeeperRequest::EndTrial& how);
+  Status install(const CalibrationRequest& request);
+  Status install_on_trial(const CalibrationRequest& request, Calibration calibration,
+                          std::optional<SignedDocument> original, Duration trial);
+  Status use(const CalibrationRequest& request, const Sha256& id, bool allow_older);
+  Status end_trial(const CalibrationRequest& request, const CalibrationRequest::EndTrial& how);
   bool watch_trial();
   void go_back(std::optional<std::uint64_t> ticket);
   void hand_over(sets::BlendSetup setup);
@@ -155,8 +155,8 @@ class CalibrationKeeper {
   bool compile_within_memory();
   Status put_in_force(Installation& done);
   void end(const Status& status);
-  Result<KeeperAnswer::Listed> list() const;
-  Result<KeeperAnswer::Document> get(const std::string& id_prefix) const;
+  Result<CalibrationAnswer::Listed> list() const;
+  Result<CalibrationAnswer::Document> get(const std::string& id_prefix) const;
   void answer(std::uint64_t ticket, Result<Answered> result);
   SignatureRules signature_rules() const { return {config_.signers, config_.name, store_->signed_generation()}; }
   void publish();
@@ -165,8 +165,8 @@ class CalibrationKeeper {
   hal::DiskPort& disk_;
   SpscRing<sets::BlendSetup>& tables_out_;
   SpscRing<sets::BlendSetup>& tables_back_;
-  SpscRing<KeeperRequest> requests_;
-  SpscRing<KeeperAnswer> answers_;
+  SpscRing<CalibrationRequest> requests_;
+  SpscRing<CalibrationAnswer> answers_;
   Snapshot<KeeperReport> snapshot_;
   KeeperReport report_;
 
@@ -178,9 +178,9 @@ class CalibrationKeeper {
   std::optional<Installation> installing_;
   CalibrationTrial trial_;
   std::shared_ptr<const std::string> document_before_trial_;
-  sets::BlendSetup running_;              ///< the calibration that the blend uses, or takes next
-  Instant now_;                           ///< time of the current step
-  std::optional<KeeperRequest> waiting_;  ///< a change that waits until the current installation has ended
+  sets::BlendSetup running_;                   ///< the calibration that the blend uses, or takes next
+  Instant now_;                                ///< time of the current step
+  std::optional<CalibrationRequest> waiting_;  ///< a change that waits until the current installation has ended
 };
 
 }  // namespace nodal::firmware

@@ -4,8 +4,8 @@
 
 namespace nodal::firmware {
 
-Result<KeeperAnswer::Listed> CalibrationKeeper::list() const {
-  KeeperAnswer::Listed listed{store_->entries(), report_.in_force, std::nullopt, std::nullopt};
+Result<CalibrationAnswer::Listed> CalibrationKeeper::list() const {
+  CalibrationAnswer::Listed listed{store_->entries(), report_.in_force, std::nullopt, std::nullopt};
   if (config_.signers) listed.signed_generation = store_->signed_generation();
   if (trial_.running()) {
     listed.on_trial.emplace(
@@ -14,7 +14,7 @@ Result<KeeperAnswer::Listed> CalibrationKeeper::list() const {
   return listed;
 }
 
-Result<KeeperAnswer::Document> CalibrationKeeper::get(const std::string& id_prefix) const {
+Result<CalibrationAnswer::Document> CalibrationKeeper::get(const std::string& id_prefix) const {
   if (id_prefix.empty() && !report_.in_force) return fail(Errc::kNotFound, "no calibration is in force");
   Sha256 id{};
   if (id_prefix.empty()) {
@@ -24,10 +24,10 @@ Result<KeeperAnswer::Document> CalibrationKeeper::get(const std::string& id_pref
     id = found.id;
   }
   if (trial_.running() && id == trial_.report().id) {
-    return KeeperAnswer::Document{id, canonical_json(trial_.calibration())};
+    return CalibrationAnswer::Document{id, canonical_json(trial_.calibration())};
   }
   NODAL_TRY_ASSIGN(auto json, store_->read(id));
-  return KeeperAnswer::Document{id, std::move(json)};
+  return CalibrationAnswer::Document{id, std::move(json)};
 }
 
 }  // namespace nodal::firmware

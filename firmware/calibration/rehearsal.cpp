@@ -70,8 +70,8 @@ Result<std::vector<std::uint8_t>> rehearse(const RigConfig& config, const hal::C
 }
 
 /// The document is stored and compiled here when a process that has nothing of the rig has come through with it.
-Status CalibrationKeeper::rehearse(const KeeperRequest& request) {
-  const auto& upload = std::get<KeeperRequest::Install>(request.what);
+Status CalibrationKeeper::rehearse(const CalibrationRequest& request) {
+  const auto& upload = std::get<CalibrationRequest::Install>(request.what);
   NODAL_TRY(rehearsal_->begin(rehearsal_job(upload.json, request.heads)));
   installing_.emplace();
   installing_->rehearsed = request;
@@ -82,7 +82,7 @@ Status CalibrationKeeper::rehearse(const KeeperRequest& request) {
 bool CalibrationKeeper::end_rehearsal() {
   const auto result = rehearsal_->take_result();
   if (!result) return false;
-  const KeeperRequest request = *std::exchange(installing_->rehearsed, std::nullopt);
+  const CalibrationRequest request = *std::exchange(installing_->rehearsed, std::nullopt);
   installing_.reset();
   report_.activity.clear();
   Status begun = *result ? install(request) : Status(fail(result->error().in("calibration")));

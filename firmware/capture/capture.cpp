@@ -36,7 +36,7 @@ Capture::Capture(const RigConfig& config, hal::HeadEnumerator& heads, hal::Trigg
       rate_(config.rate),
       rate_now_(config.rate),
       genlock_wanted_(config.trigger.start),
-      commands_(kCommands),
+      requests_(kCommands),
       answers_(kCommands) {
   for (const HeadConfig& head : config.heads) heads_.emplace_back(head, head.port.text(), heads);
   for (std::size_t i = 0; i < heads_.size(); ++i) wiring_[i] = {config.heads[i].wired, config.heads[i].trigger_delay};
@@ -112,8 +112,8 @@ bool Capture::take_edges() {
 
 bool Capture::run_commands(Instant now) {
   bool any = false;
-  for (std::size_t taken = 0; taken < commands_.capacity() && !answers_.full(); ++taken) {
-    auto command = commands_.pop();
+  for (std::size_t taken = 0; taken < requests_.capacity() && !answers_.full(); ++taken) {
+    auto command = requests_.pop();
     if (!command) break;
     any = true;
     if (log_) log_->note(CommandTaken{*command});

@@ -43,11 +43,11 @@ struct GenlockStart {
   std::optional<Duration> pulse_width;
 };
 struct GenlockStop {};
-using CaptureChange = std::variant<HeadChange, GenlockStart, GenlockStop, ExposureChange, LeaseEnd>;
-/// A command from control to capture, and the answer.
-struct CaptureCommand {
+using CaptureCommand = std::variant<HeadChange, GenlockStart, GenlockStop, ExposureChange, LeaseEnd>;
+/// A command with the ticket by which its answer is known.
+struct CaptureRequest {
   std::uint64_t ticket = 0;
-  CaptureChange what;
+  CaptureCommand what;
 };
 struct CaptureAnswer {
   std::uint64_t ticket = 0;
@@ -81,7 +81,7 @@ struct CaptureReport {
 /// kHalfPeriodsToWait after the middle of its exposure, whichever is first. Sets are closed in order. Every outlet gets
 /// a loan of the closed set; an outlet whose queue is full counts the set as missed, so capture never waits.
 ///
-/// Threading: thread-bound to capture; an outlet's other end is its reader's thread; commands() and answers() are SPSC
+/// Threading: thread-bound to capture; an outlet's other end is its reader's thread; requests() and answers() are SPSC
 ///   rings whose other ends are control's; snapshot() is read by control.
 /// Ownership: owns the sets; readers hold loans and must release them before capture is destroyed.
 /// Errors: none; errors of a head are in its report.
@@ -105,7 +105,7 @@ class Capture {
   void meter_from(SpscRing<blend::SphereLight>& light) { light_in_ = &light; }
   /// Notes everything that determines what capture does; call it before the first step(). See capture_log.h.
   void log_to(CaptureLog& log) { log_ = &log; }
-  SpscRing<CaptureCommand>& commands() { return commands_; }
+  SpscRing<CaptureRequest>& requests() { return requests_; }
   SpscRing<CaptureAnswer>& answers() { return answers_; }
   Snapshot<CaptureReport>& snapshot() { return snapshot_; }
   const CaptureReport& report() const { return report_; }
@@ -194,7 +194,7 @@ class Capture {
     std::array<std::array<std::uint64_t, kLossReasons>, kMaxHeads> losses{};
   } logged_;
 
-  SpscRing<CaptureCommand> commands_;
+  SpscRing<CaptureRequest> requests_;
   SpscRing<CaptureAnswer> answers_;
   Snapshot<CaptureReport> snapshot_;
   CaptureReport report_;

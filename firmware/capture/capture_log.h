@@ -65,7 +65,7 @@ struct LightTaken {
   blend::SphereLight light;
 };
 struct CommandTaken {
-  CaptureCommand command;
+  CaptureRequest command;
 };
 struct CommandAnswered {
   std::uint64_t ticket = 0;

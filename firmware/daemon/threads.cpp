@@ -80,7 +80,7 @@ bool RigThreads::frame_path_empty() const {
 void RigThreads::add_capture() {
   const auto step = [this, sets = std::uint64_t{0}]() mutable {
     firmware::Capture& capture = rig_.capture();
-    const bool asked = !capture.commands().empty();
+    const bool asked = !capture.requests().empty();
     if (!rig_.step_capture()) return false;
     capture_bell_.worked();
     const std::uint64_t now = capture.report().sets;

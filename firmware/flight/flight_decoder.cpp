@@ -103,7 +103,7 @@ Result<CaptureEvent> light(const wire::Light& from) {
   return event;
 }
 
-Result<CaptureChange> change_of(const wire::Command& from) {
+Result<CaptureCommand> change_of(const wire::Command& from) {
   if (from.has_heads()) {
     const wire::Command::Heads& heads = from.heads();
     HeadChange change;

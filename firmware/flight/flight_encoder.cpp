@@ -104,7 +104,7 @@ void put(const ExposureChange& change, wire::Command::Program& to) {
   if (change.locked) to.set_locked(*change.locked);
 }
 
-void put(const CaptureCommand& command, wire::Command& to) {
+void put(const CaptureRequest& command, wire::Command& to) {
   to.set_ticket(command.ticket);
   if (const auto* heads = std::get_if<HeadChange>(&command.what)) {
     put(*heads, *to.mutable_heads());

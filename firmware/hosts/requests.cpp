@@ -173,7 +173,7 @@ Status Control::command(Client& client, const wire::Request& request, Instant no
     if (!unread) operation_.note_refused(requester, kind_of(request).name, unread.error(), now);
     if (!unread) return unread;
   }
-  const auto* change = std::get_if<CaptureChange>(&*wanted);
+  const auto* change = std::get_if<CaptureCommand>(&*wanted);
   const bool ends_lease = change && std::holds_alternative<LeaseEnd>(*change);
   NODAL_TRY_ASSIGN(const auto ticket, operation_.ask(requester, std::move(*wanted), now));
   if (request.has_head_set() && request.head_set().temporary()) client.leases = !ends_lease;

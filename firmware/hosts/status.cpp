@@ -254,7 +254,7 @@ void fill_sync(const RaymapInfo& info, wire::RaymapHeader& into) {
   }
 }
 
-void fill_calibrations(const KeeperAnswer::Listed& listed, wire::Calibrations& into) {
+void fill_calibrations(const CalibrationAnswer::Listed& listed, wire::Calibrations& into) {
   const auto add = [&](const CalibrationStore::Entry& entry) -> wire::CalibrationEntry& {
     wire::CalibrationEntry& added = *into.add_entries();
     added.set_id(sha256_to_wire(entry.id));

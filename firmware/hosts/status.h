@@ -24,7 +24,7 @@ void fill_heads(const RigConfig& config, const CaptureReport& capture, const Ble
 void fill_capture(const RigConfig& config, const CaptureReport& capture, wire::RigStatus& into);
 /// The evidence of how well the set of this raymap was exposed together.
 void fill_sync(const RaymapInfo& info, wire::RaymapHeader& into);
-void fill_calibrations(const KeeperAnswer::Listed& listed, wire::Calibrations& into);
+void fill_calibrations(const CalibrationAnswer::Listed& listed, wire::Calibrations& into);
 void fill_trial(const Trial& trial, Instant now, wire::Trial& into);
 void fill_takes(const TakeAnswer::Listed& listed, wire::Takes& into);
 void fill_disk_test(const TakeAnswer::DiskTested& tested, wire::DiskTested& into);

@@ -52,9 +52,9 @@ Result<Command> head_command(const wire::HeadSetRequest& request, const RigConfi
     constexpr std::uint32_t kMost = std::numeric_limits<std::int32_t>::max();
     change.gamma = hal::Gamma::thousandths(static_cast<std::int32_t>(std::min(request.gamma(), kMost)));
   }
-  if (request.temporary() && change.empty()) return CaptureChange(LeaseEnd{host});
+  if (request.temporary() && change.empty()) return CaptureCommand(LeaseEnd{host});
   if (request.temporary()) command.lease = host;
-  return CaptureChange(command);
+  return CaptureCommand(command);
 }
 
 Result<Command> exposure_command(const wire::ExposureRequest& request, const RigConfig& config) {
@@ -79,11 +79,11 @@ Result<Command> exposure_command(const wire::ExposureRequest& request, const Rig
   if (request.has_longest_ns()) change.longest = Exposure::of(duration_of(request.longest_ns()));
   if (request.has_highest_gain_mdb()) change.highest = Gain::millidecibels(request.highest_gain_mdb());
   if (request.has_locked()) change.locked = request.locked();
-  return CaptureChange(change);
+  return CaptureCommand(change);
 }
 
 Result<Command> genlock_command(const wire::GenlockRequest& request) {
-  if (request.action() == wire::GenlockRequest::STOP) return CaptureChange(GenlockStop{});
+  if (request.action() == wire::GenlockRequest::STOP) return CaptureCommand(GenlockStop{});
   if (request.action() != wire::GenlockRequest::START) {
     return fail(Errc::kUnsupported, "this rig does not support that genlock action; update nodald");
   }
@@ -97,7 +97,7 @@ Result<Command> genlock_command(const wire::GenlockRequest& request) {
     }
   }
   if (request.pulse_width_ns() != 0) start.pulse_width = duration_of(request.pulse_width_ns());
-  return CaptureChange(start);
+  return CaptureCommand(start);
 }
 
 Command take_start_command(const wire::TakeStart& request) {
@@ -128,14 +128,15 @@ Result<Command> command_of(const wire::Request& request, const RigConfig& config
     case wire::Request::kHeadSet: return head_command(request.head_set(), config, host);
     case wire::Request::kExposure: return exposure_command(request.exposure(), config);
     case wire::Request::kGenlock: return genlock_command(request.genlock());
-    case wire::Request::kCalibrationList: return CalibrationCommand(KeeperRequest::List{});
-    case wire::Request::kCalibrationGet: return CalibrationCommand(KeeperRequest::Get{request.calibration_get().id()});
+    case wire::Request::kCalibrationList: return CalibrationCommand(CalibrationRequest::List{});
+    case wire::Request::kCalibrationGet:
+      return CalibrationCommand(CalibrationRequest::Get{request.calibration_get().id()});
     case wire::Request::kCalibrationUse:
       return CalibrationCommand(
-          KeeperRequest::Use{request.calibration_use().id(), request.calibration_use().allow_older()});
-    case wire::Request::kCalibrationRollback: return CalibrationCommand(KeeperRequest::Rollback{});
+          CalibrationRequest::Use{request.calibration_use().id(), request.calibration_use().allow_older()});
+    case wire::Request::kCalibrationRollback: return CalibrationCommand(CalibrationRequest::Rollback{});
     case wire::Request::kTrialEnd:
-      return CalibrationCommand(KeeperRequest::EndTrial{request.trial_end().id(), request.trial_end().keep()});
+      return CalibrationCommand(CalibrationRequest::EndTrial{request.trial_end().id(), request.trial_end().keep()});
     case wire::Request::kTakeStart: return take_start_command(request.take_start());
     case wire::Request::kTakeStop: return TakeCommand(TakeRequest::Stop{});
     case wire::Request::kTakeMark: return TakeCommand(TakeRequest::Mark{request.take_mark().text()});
@@ -149,11 +150,11 @@ Result<Command> command_of(const wire::Request& request, const RigConfig& config
   }
 }
 
-Result<KeeperRequest::Install> install_of(const wire::UploadCommit& commit) {
+Result<CalibrationRequest::Install> install_of(const wire::UploadCommit& commit) {
   if (commit.signature().size() > kMaxSignatureBytes) {
     return fail(Errc::kTooLarge, "a signature has at most " + std::to_string(kMaxSignatureBytes) + " bytes");
   }
-  KeeperRequest::Install install{"", std::nullopt, commit.signature(), commit.allow_older()};
+  CalibrationRequest::Install install{"", std::nullopt, commit.signature(), commit.allow_older()};
   if (commit.has_trial_ns()) install.trial = duration_of(commit.trial_ns());
   return install;
 }
@@ -171,9 +172,9 @@ wire::Reply reply_of(const Answer& answer, const RigConfig& config) {
     fill_genlock(config, *genlock, *reply.mutable_genlock());
   } else if (const auto* exposure = std::get_if<ExposureControl::Report>(&outcome)) {
     fill_exposure(*exposure, config.heads.size(), *reply.mutable_exposure());
-  } else if (const auto* listed = std::get_if<KeeperAnswer::Listed>(&outcome)) {
+  } else if (const auto* listed = std::get_if<CalibrationAnswer::Listed>(&outcome)) {
     fill_calibrations(*listed, *reply.mutable_calibrations());
-  } else if (const auto* document = std::get_if<KeeperAnswer::Document>(&outcome)) {
+  } else if (const auto* document = std::get_if<CalibrationAnswer::Document>(&outcome)) {
     reply.mutable_calibration()->set_id(sha256_to_wire(document->id));
     reply.mutable_calibration()->set_json(document->json);
   } else if (const auto* take = std::get_if<TakeAnswer::Done>(&outcome)) {

@@ -13,7 +13,7 @@ namespace nodal::firmware {
 /// then refuses values that are not allowed. Errors: kBadValue, kMissingField, kUnsupported.
 Result<Command> command_of(const wire::Request& request, const RigConfig& config, std::uint64_t host);
 /// The command for an upload_commit, without its document, which the caller adds. Errors: kTooLarge.
-Result<KeeperRequest::Install> install_of(const wire::UploadCommit& commit);
+Result<CalibrationRequest::Install> install_of(const wire::UploadCommit& commit);
 
 /// The reply for an answer; the caller sets its id.
 wire::Reply reply_of(const Answer& answer, const RigConfig& config);

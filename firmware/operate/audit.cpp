@@ -125,7 +125,7 @@ std::string calibration_text(const std::optional<Sha256>& id) {
 
 std::string values_before(const Command& command, const CaptureReport& capture, const KeeperReport& keeper) {
   if (std::holds_alternative<TakeCommand>(command)) return "takes";
-  const auto* change = std::get_if<CaptureChange>(&command);
+  const auto* change = std::get_if<CaptureCommand>(&command);
   if (!change) return calibration_text(keeper.in_force) + (keeper.trial ? " on trial" : "");
   if (const auto* heads = std::get_if<HeadChange>(change)) return heads_before(*heads, capture);
   if (const auto* exposure = std::get_if<ExposureChange>(change)) return text_of(capture.exposure.settings, *exposure);
@@ -146,13 +146,13 @@ std::string values_after(const Command& command, const RigConfig& config, const 
     return std::holds_alternative<TakeRequest::Start>(*take) ? "a take is recorded" : "no take is recorded";
   }
   if (const auto* calibration = std::get_if<CalibrationCommand>(&command)) {
-    const auto* install = std::get_if<KeeperRequest::Install>(calibration);
-    const auto* use = std::get_if<KeeperRequest::Use>(calibration);
+    const auto* install = std::get_if<CalibrationRequest::Install>(calibration);
+    const auto* use = std::get_if<CalibrationRequest::Use>(calibration);
     const bool older = (install && install->allow_older) || (use && use->allow_older);
     return calibration_text(in_force) + (install && install->trial ? " on trial" : "") +
            (older ? ", an older signature is allowed" : "");
   }
-  const CaptureChange& change = std::get<CaptureChange>(command);
+  const CaptureCommand& change = std::get<CaptureCommand>(command);
   if (const auto* heads = std::get_if<HeadChange>(&change)) {
     return heads_after(*heads, config.heads.size()) + (heads->lease != 0 ? ", temporary" : "");
   }

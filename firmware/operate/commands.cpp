@@ -80,7 +80,7 @@ Status check(const GenlockStart& start, const RigConfig& config) {
               "a trigger pulse must be shorter than a frame, " + std::to_string(period.ns()) + " ns, and not 0");
 }
 
-Status check(const KeeperRequest::Install& install) {
+Status check(const CalibrationRequest::Install& install) {
   constexpr Duration kLongest = Duration::seconds(24 * 3600);  // a trial takes several sets, also at one set in 1000 s
   if (!install.trial || (*install.trial >= Duration::seconds(1) && *install.trial <= kLongest)) return {};
   return fail(Errc::kBadValue, "a trial lasts 1 s to 24 hours");
@@ -89,14 +89,14 @@ Status check(const KeeperRequest::Install& install) {
 }  // namespace
 
 CommandStage stage_of(const Command& command) {
-  return std::visit(Overloaded{[](const CaptureChange&) { return CommandStage::kCapture; },
+  return std::visit(Overloaded{[](const CaptureCommand&) { return CommandStage::kCapture; },
                                [](const CalibrationCommand&) { return CommandStage::kKeeper; },
                                [](const TakeCommand&) { return CommandStage::kTakes; }},
                     command);
 }
 
 std::string_view command_name(const Command& command) {
-  if (const auto* change = std::get_if<CaptureChange>(&command)) {
+  if (const auto* change = std::get_if<CaptureCommand>(&command)) {
     return std::visit(
         Overloaded{[](const HeadChange&) { return "head_set"; }, [](const GenlockStart&) { return "genlock"; },
                    [](const GenlockStop&) { return "genlock"; }, [](const ExposureChange&) { return "exposure"; },
@@ -114,12 +114,12 @@ std::string_view command_name(const Command& command) {
                                  [](const TakeRequest::Eject&) { return "disk_eject"; }},
                       *take);
   }
-  return std::visit(Overloaded{[](const KeeperRequest::List&) { return "calibration_list"; },
-                               [](const KeeperRequest::Get&) { return "calibration_get"; },
-                               [](const KeeperRequest::Install&) { return "upload_commit"; },
-                               [](const KeeperRequest::Use&) { return "calibration_use"; },
-                               [](const KeeperRequest::Rollback&) { return "calibration_rollback"; },
-                               [](const KeeperRequest::EndTrial&) { return "trial_end"; }},
+  return std::visit(Overloaded{[](const CalibrationRequest::List&) { return "calibration_list"; },
+                               [](const CalibrationRequest::Get&) { return "calibration_get"; },
+                               [](const CalibrationRequest::Install&) { return "upload_commit"; },
+                               [](const CalibrationRequest::Use&) { return "calibration_use"; },
+                               [](const CalibrationRequest::Rollback&) { return "calibration_rollback"; },
+                               [](const CalibrationRequest::EndTrial&) { return "trial_end"; }},
                     std::get<CalibrationCommand>(command));
 }
 
@@ -131,12 +131,12 @@ bool is_important(const Command& command) {
 bool changes_rig(const Command& command) {
   if (const auto* take = std::get_if<TakeCommand>(&command)) return !std::holds_alternative<TakeRequest::List>(*take);
   const auto* calibration = std::get_if<CalibrationCommand>(&command);
-  return !calibration || !(std::holds_alternative<KeeperRequest::List>(*calibration) ||
-                           std::holds_alternative<KeeperRequest::Get>(*calibration));
+  return !calibration || !(std::holds_alternative<CalibrationRequest::List>(*calibration) ||
+                           std::holds_alternative<CalibrationRequest::Get>(*calibration));
 }
 
 Status check(const Command& command, const RigConfig& config) {
-  if (const auto* change = std::get_if<CaptureChange>(&command)) {
+  if (const auto* change = std::get_if<CaptureCommand>(&command)) {
     return std::visit(Overloaded{[&](const auto& values) { return check(values, config); },
                                  [](const GenlockStop&) { return Status(); }, [](const LeaseEnd&) { return Status(); }},
                       *change);
@@ -156,7 +156,7 @@ Status check(const Command& command, const RigConfig& config) {
     }
     return {};
   }
-  const auto* install = std::get_if<KeeperRequest::Install>(&std::get<CalibrationCommand>(command));
+  const auto* install = std::get_if<CalibrationRequest::Install>(&std::get<CalibrationCommand>(command));
   return install ? check(*install) : Status();
 }
 

@@ -15,8 +15,9 @@
 
 namespace nodal::firmware {
 
-/// One alternative for each stage that carries commands out.
-using Command = std::variant<CaptureChange, CalibrationCommand, TakeCommand>;
+/// One alternative for each stage that carries commands out. A stage gets a command in a request, such as
+/// CaptureRequest, with a ticket by which its answer is known, such as CaptureAnswer.
+using Command = std::variant<CaptureCommand, CalibrationCommand, TakeCommand>;
 enum class CommandStage : std::uint8_t { kCapture, kKeeper, kTakes };
 CommandStage stage_of(const Command& command);
 
@@ -48,8 +49,8 @@ using Ticket = std::uint64_t;
 struct CommandDone {
   std::optional<Instant> at;  ///< when a HeadChange was carried out; empty for other commands
 };
-using Outcome = std::variant<CommandDone, GenlockReport, ExposureControl::Report, KeeperAnswer::Listed,
-                             KeeperAnswer::Document, TakeAnswer::Done, TakeAnswer::Listed, TakeAnswer::DiskTested>;
+using Outcome = std::variant<CommandDone, GenlockReport, ExposureControl::Report, CalibrationAnswer::Listed,
+                             CalibrationAnswer::Document, TakeAnswer::Done, TakeAnswer::Listed, TakeAnswer::DiskTested>;
 struct Answer {
   Ticket ticket = 0;
   Result<Outcome> outcome;

@@ -14,8 +14,8 @@ Requester stored_settings() { return {Requester::Kind::kStoredSettings, 0, "stor
 /// The command for the audit log, which needs no copy of a calibration's document: that may have megabytes.
 Command without_document(const Command& command) {
   if (const auto* calibration = std::get_if<CalibrationCommand>(&command)) {
-    if (const auto* install = std::get_if<KeeperRequest::Install>(calibration)) {
-      return CalibrationCommand(KeeperRequest::Install{"", install->trial, "", install->allow_older});
+    if (const auto* install = std::get_if<CalibrationRequest::Install>(calibration)) {
+      return CalibrationCommand(CalibrationRequest::Install{"", install->trial, "", install->allow_older});
     }
   }
   return command;
@@ -95,8 +95,8 @@ Result<Ticket> Operation::ask(const Requester& requester, Command command, Insta
 }
 
 Status Operation::hand_over(Ticket ticket, Command command, const Presence& host) {
-  if (auto* change = std::get_if<CaptureChange>(&command)) {
-    if (stages_.capture.commands().push(CaptureCommand{ticket, std::move(*change)})) return {};
+  if (auto* change = std::get_if<CaptureCommand>(&command)) {
+    if (stages_.capture.requests().push(CaptureRequest{ticket, std::move(*change)})) return {};
     return fail(Errc::kBusy, "the rig's command queue is full; try again");
   }
   if (auto* take = std::get_if<TakeCommand>(&command)) {
@@ -113,14 +113,14 @@ Status Operation::hand_over(Ticket ticket, Command command, const Presence& host
     if (stages_.takes && stages_.takes->requests().push({ticket, std::move(*take), host})) return {};
     return fail(Errc::kBusy, "the rig's queue of requests about takes is full; try again");
   }
-  KeeperRequest request{ticket, std::move(std::get<CalibrationCommand>(command)), head_shapes(), host};
+  CalibrationRequest request{ticket, std::move(std::get<CalibrationCommand>(command)), head_shapes(), host};
   if (stages_.keeper.requests().push(std::move(request))) return {};
   return fail(Errc::kBusy, "the rig's queue of requests about calibrations is full; try again");
 }
 
 bool Operation::has_room(CommandStage stage) const {
   switch (stage) {
-    case CommandStage::kCapture: return !stages_.capture.commands().full();
+    case CommandStage::kCapture: return !stages_.capture.requests().full();
     case CommandStage::kKeeper: return !stages_.keeper.requests().full();
     case CommandStage::kTakes: return !stages_.takes || !stages_.takes->requests().full();
   }
@@ -156,7 +156,7 @@ void Operation::take_capture_answers(std::vector<Answer>& answers, Instant now) 
       answers.push_back({answer.ticket, fail(answer.status.error())});
       return;
     }
-    CaptureChange& change = std::get<CaptureChange>(open.command);
+    CaptureCommand& change = std::get<CaptureCommand>(open.command);
     Outcome outcome = CommandDone{answer.at};
     if (auto* exposure = std::get_if<ExposureChange>(&change)) {
       // The program is stored even when the command does not name it, because Settings::commands() first switches to
@@ -175,9 +175,9 @@ void Operation::take_capture_answers(std::vector<Answer>& answers, Instant now) 
 }
 
 void Operation::take_keeper_answers(std::vector<Answer>& answers, Instant now) {
-  drain(stages_.keeper.answers(), [&](KeeperAnswer answer) {
+  drain(stages_.keeper.answers(), [&](CalibrationAnswer answer) {
     const Open open = close(answer.ticket);
-    const auto* done = answer.result ? std::get_if<KeeperAnswer::Done>(&*answer.result) : nullptr;
+    const auto* done = answer.result ? std::get_if<CalibrationAnswer::Done>(&*answer.result) : nullptr;
     const auto receipt = audit(open, done ? done->in_force : keeper_->in_force,
                                answer.result ? Status() : fail(answer.result.error()), now);
     if (!answer.result) {
@@ -185,8 +185,8 @@ void Operation::take_keeper_answers(std::vector<Answer>& answers, Instant now) {
       return;
     }
     Outcome outcome = CommandDone{};
-    if (auto* listed = std::get_if<KeeperAnswer::Listed>(&*answer.result)) outcome = std::move(*listed);
-    else if (auto* document = std::get_if<KeeperAnswer::Document>(&*answer.result)) outcome = std::move(*document);
+    if (auto* listed = std::get_if<CalibrationAnswer::Listed>(&*answer.result)) outcome = std::move(*listed);
+    else if (auto* document = std::get_if<CalibrationAnswer::Document>(&*answer.result)) outcome = std::move(*document);
     answer_when_recorded({answer.ticket, std::move(outcome)}, receipt);
   });
 }
@@ -277,7 +277,7 @@ void Operation::watch_trial(Instant now) {
   if (!kept && now >= on_trial_->until) {
     AuditEntry entry;
     entry.who = "timeout of the trial";
-    entry.what = command_name(Command(KeeperRequest::EndTrial{}));
+    entry.what = command_name(Command(CalibrationRequest::EndTrial{}));
     entry.before = calibration_text(on_trial_->id) + " on trial";
     entry.after = calibration_text(keeper_->in_force);
     audit_.record(std::move(entry), "the rig", true, now);
@@ -294,7 +294,7 @@ void Operation::end_lease(std::uint64_t host, const std::string& name) {
 void Operation::end_leases(Instant now) {
   std::erase_if(leases_to_end_, [&](const auto& lease) {
     const auto& [host, who] = lease;
-    return ask({Requester::Kind::kLease, 0, who}, CaptureChange(LeaseEnd{host}), now).has_value();
+    return ask({Requester::Kind::kLease, 0, who}, CaptureCommand(LeaseEnd{host}), now).has_value();
   });
 }
 
@@ -318,7 +318,7 @@ void Operation::read_settings() {
     return;
   }
   settings_ = std::move(*settings);
-  for (CaptureChange& change : settings_.commands()) restoring_->push_back(std::move(change));
+  for (CaptureCommand& change : settings_.commands()) restoring_->push_back(std::move(change));
   news_.say(NewsKind::kRig, "restoring the stored settings");
 }
 
@@ -359,12 +359,12 @@ void Operation::act(PanelAction action, Instant now) {
   const std::string what = takes_ ? "a take" : "the genlock";
   news_.say(NewsKind::kRig, "the button " + std::string(start ? "starts " : "stops ") + what);
   if (!takes_) {
-    ask_by_button(start ? CaptureChange(GenlockStart{}) : CaptureChange(GenlockStop{}), now);
+    ask_by_button(start ? CaptureCommand(GenlockStart{}) : CaptureCommand(GenlockStop{}), now);
     return;
   }
   const bool runs_free = config_.trigger.source == SyncSource::kNone;
   if (start && !runs_free && capture_->genlock.state == GenlockState::kOff)
-    ask_by_button(CaptureChange(GenlockStart{}), now);
+    ask_by_button(CaptureCommand(GenlockStart{}), now);
   ask_by_button(start ? TakeCommand(TakeRequest::Start{}) : TakeCommand(TakeRequest::Stop{}), now);
 }
 

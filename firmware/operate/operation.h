@@ -195,7 +195,7 @@ class Operation {
   News news_;
 
   Settings settings_;
-  std::optional<std::deque<CaptureChange>> restoring_;  ///< stored settings still to restore; empty: not read yet
+  std::optional<std::deque<CaptureCommand>> restoring_;  ///< stored settings still to restore; empty: not read yet
   SettingsWriter settings_writer_;
 
   std::uint64_t sets_seen_ = 0;

@@ -133,7 +133,7 @@ std::variant<GenlockStart, GenlockStop> read_genlock(TomlReader reader) {
 
 }  // namespace
 
-void Settings::remember(const CaptureChange& change) {
+void Settings::remember(const CaptureCommand& change) {
   if (const auto* heads = std::get_if<HeadChange>(&change)) {
     for (std::size_t i = 0; heads->lease == 0 && i < kMaxHeads; ++i) {
       if ((heads->heads & head_bit(i)) == 0) continue;
@@ -150,8 +150,8 @@ void Settings::remember(const CaptureChange& change) {
   }
 }
 
-std::vector<CaptureChange> Settings::commands() const {
-  std::vector<CaptureChange> all;
+std::vector<CaptureCommand> Settings::commands() const {
+  std::vector<CaptureCommand> all;
   // Heads can only be set in the program "manual", so the first change selects it, whatever rig.toml selects.
   if (exposure_) {
     ExposureChange by_hand;

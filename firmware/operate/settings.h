@@ -15,7 +15,7 @@
 
 namespace nodal::firmware {
 
-/// The newest value of every setting that a CaptureChange can set. Running commands() restores the same settings. The
+/// The newest value of every setting that a CaptureCommand can set. Running commands() restores the same settings. The
 /// number of values is fixed, so no sequence of commands makes a file larger than kMaxSettingsBytes.
 ///
 /// Threading: thread-bound to control.
@@ -24,9 +24,9 @@ namespace nodal::firmware {
 class Settings {
  public:
   /// Records a change that was carried out.
-  void remember(const CaptureChange& change);
+  void remember(const CaptureCommand& change);
   /// The changes that restore the settings, in order.
-  std::vector<CaptureChange> commands() const;
+  std::vector<CaptureCommand> commands() const;
 
   /// The settings as a file: a line with the SHA-256 of the rest, then TOML. The file names its rig.toml by SHA-256 and
   /// is not used after rig.toml is changed.

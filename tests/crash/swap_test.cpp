@@ -11,10 +11,10 @@
 namespace nodal::crash {
 namespace {
 
+using firmware::CalibrationAnswer;
 using firmware::CalibrationKeeper;
+using firmware::CalibrationRequest;
 using firmware::CalibrationStore;
-using firmware::KeeperAnswer;
-using firmware::KeeperRequest;
 using hal::sim::SimDisk;
 
 firmware::RigConfig tiny_config() {
@@ -40,8 +40,8 @@ class Keeping {
     }
     FAIL() << "the keeper does not come to rest";
   }
-  Status ask(decltype(KeeperRequest::what) what) {
-    EXPECT_TRUE(keeper.requests().push(KeeperRequest{1, std::move(what), {}}));
+  Status ask(decltype(CalibrationRequest::what) what) {
+    EXPECT_TRUE(keeper.requests().push(CalibrationRequest{1, std::move(what), {}}));
     run();
     const auto answer = keeper.answers().pop();
     if (!answer) return fail(Errc::kInternal, "no answer");
@@ -61,7 +61,7 @@ class Keeping {
 
 Calibration numbered(int n) { return scenario::small_calibration("number " + std::to_string(n)); }
 
-KeeperRequest::Install install(const Calibration& calibration) { return {to_json(calibration), {}}; }
+CalibrationRequest::Install install(const Calibration& calibration) { return {to_json(calibration), {}}; }
 
 /// The calibrations that may be in force after the power loss; the one in force must be complete.
 void expect_either(std::unique_ptr<SimDisk> disk, const std::optional<Sha256>& old, const Sha256& fresh,
@@ -78,7 +78,7 @@ void expect_either(std::unique_ptr<SimDisk> disk, const std::optional<Sha256>& o
   // A rig that starts on this disk uses that calibration, and accepts the new one.
   Keeping again(*disk);
   EXPECT_EQ(again.running, store->in_force()) << when;
-  EXPECT_TRUE(again.ask(KeeperRequest::List{})) << when;
+  EXPECT_TRUE(again.ask(CalibrationRequest::List{})) << when;
 }
 
 /// Fails the disk at every operation of `act` on a disk made by `arrange`, and checks the result.
@@ -133,11 +133,11 @@ TEST(CalibrationSwap, KilledInAnyDiskOperationOfARollback_EitherOfTheTwoIsInForc
         ASSERT_TRUE(keeping.ask(install(numbered(1))));
         ASSERT_TRUE(keeping.ask(install(numbered(2))));
       },
-      [](Keeping& keeping) { return keeping.ask(KeeperRequest::Rollback{}); }, calibration_id(numbered(2)),
+      [](Keeping& keeping) { return keeping.ask(CalibrationRequest::Rollback{}); }, calibration_id(numbered(2)),
       calibration_id(numbered(1)), 20, 5);
 }
 
-KeeperRequest::Use use(const Calibration& calibration) {
+CalibrationRequest::Use use(const Calibration& calibration) {
   const Sha256 id = calibration_id(calibration);
   return {std::string(id.begin(), id.end())};
 }
@@ -156,10 +156,10 @@ TEST(CalibrationSwap, KilledInAnyDiskOperationOfKeepingATrial_TheOldOneOrTheTrie
   kill_everywhere(
       [](Keeping& keeping) {
         ASSERT_TRUE(keeping.ask(install(numbered(1))));
-        ASSERT_TRUE(keeping.ask(KeeperRequest::Install{to_json(numbered(2)), Duration::seconds(60)}));
+        ASSERT_TRUE(keeping.ask(CalibrationRequest::Install{to_json(numbered(2)), Duration::seconds(60)}));
       },
       [](Keeping& keeping) {
-        return keeping.ask(KeeperRequest::EndTrial{"", true});
+        return keeping.ask(CalibrationRequest::EndTrial{"", true});
       },
       calibration_id(numbered(1)), calibration_id(numbered(2)), 20);
 }
@@ -169,7 +169,7 @@ TEST(CalibrationSwap, ATrial_TouchesNoDiskUntilItIsKept) {
   Keeping keeping(disk);
   ASSERT_TRUE(keeping.ask(install(numbered(1))));
   const std::uint64_t before = disk.operations();
-  ASSERT_TRUE(keeping.ask(KeeperRequest::Install{to_json(numbered(2)), Duration::seconds(60)}));
+  ASSERT_TRUE(keeping.ask(CalibrationRequest::Install{to_json(numbered(2)), Duration::seconds(60)}));
   EXPECT_EQ(keeping.running, calibration_id(numbered(2)));
   keeping.now = keeping.now + Duration::seconds(59);
   keeping.run();

@@ -86,7 +86,7 @@ TEST(CalibrationKeeper, HostsThatHaveGoneAsked_NothingIsDoneForThemAndTheNextIsS
   firmware::CalibrationKeeper keeper(small_config(), disk, tables_out, tables_back);
   keeper.step({});
   const auto ask = [&](std::uint64_t ticket, firmware::CalibrationCommand what, bool leaves) {
-    firmware::KeeperRequest request{.ticket = ticket, .what = std::move(what), .heads = {}, .host = {}};
+    firmware::CalibrationRequest request{.ticket = ticket, .what = std::move(what), .heads = {}, .host = {}};
     request.host = firmware::Presence::of_host();
     if (leaves) request.host.end();
     ASSERT_TRUE(keeper.requests().push(std::move(request)));
@@ -100,15 +100,15 @@ TEST(CalibrationKeeper, HostsThatHaveGoneAsked_NothingIsDoneForThemAndTheNextIsS
     EXPECT_FALSE(answer->result);
     return answer->result ? Errc::kInternal : answer->result.error().code;
   };
-  ask(1, firmware::KeeperRequest::List{}, true);
+  ask(1, firmware::CalibrationRequest::List{}, true);
   EXPECT_EQ(error_of(1), Errc::kCancelled);
-  ask(2, firmware::KeeperRequest::Install{.json = to_json(small_calibration())}, true);
+  ask(2, firmware::CalibrationRequest::Install{.json = to_json(small_calibration())}, true);
   EXPECT_EQ(error_of(2), Errc::kCancelled);
   EXPECT_FALSE(disk.list("calibrations").value_or(std::vector<std::string>{}).size()) << "nothing was stored";
-  ask(3, firmware::KeeperRequest::List{}, false);
+  ask(3, firmware::CalibrationRequest::List{}, false);
   const auto answer = keeper.answers().pop();
   ASSERT_TRUE(answer && answer->result);
-  EXPECT_TRUE(std::get<firmware::KeeperAnswer::Listed>(*answer->result).entries.empty());
+  EXPECT_TRUE(std::get<firmware::CalibrationAnswer::Listed>(*answer->result).entries.empty());
 }
 
 TEST(CalibrationRehearsalBytes, GrowWithTheRaymapsPixels) {

@@ -188,8 +188,8 @@ void FlightPlayer::step() {
   for (const CaptureEvent& event : step_) {
     bool there = true;
     if (const auto* command = std::get_if<CommandTaken>(&event)) {
-      CaptureCommand copy = command->command;
-      there = capture_->commands().push(std::move(copy));
+      CaptureRequest copy = command->command;
+      there = capture_->requests().push(std::move(copy));
     } else if (const auto* light = std::get_if<LightTaken>(&event)) {
       blend::SphereLight copy = light->light;
       there = light_.push(std::move(copy));

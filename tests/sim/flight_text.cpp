@@ -45,7 +45,7 @@ std::string closed(const SetClosed& event) {
   return text;
 }
 
-std::string command(const CaptureCommand& command) {
+std::string command(const CaptureRequest& command) {
   std::string text = fmt::format("command {}: ", command.ticket);
   if (const auto* heads = std::get_if<HeadChange>(&command.what)) {
     text += fmt::format("heads {:#x}", heads->heads);

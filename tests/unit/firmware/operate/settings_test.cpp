@@ -18,7 +18,7 @@ Result<Settings> read_back(const std::string& file, const Sha256& rig_toml = {})
 }
 
 /// The longest value of every setting, for every head that a rig can have.
-std::vector<CaptureChange> longest_changes() {
+std::vector<CaptureCommand> longest_changes() {
   constexpr auto k64 = std::numeric_limits<std::int64_t>::max();
   constexpr auto k32 = -std::numeric_limits<std::int32_t>::max();
   HeadChange heads{head_bit(kMaxHeads) - 1, {}};
@@ -38,7 +38,7 @@ std::vector<CaptureChange> longest_changes() {
 
 TEST(SettingsSize, EveryFieldAtItsLargest_IsFarBelowTheLimit) {
   Settings settings;
-  for (const CaptureChange& change : longest_changes()) settings.remember(change);
+  for (const CaptureCommand& change : longest_changes()) settings.remember(change);
   const std::string file = settings.encode(Sha256{});
   // A line is a name of at most 16 letters, " = ", a number of at most 20 characters and an end of line.
   constexpr std::size_t kLine = 16 + 3 + 20 + 1;
@@ -56,7 +56,7 @@ TEST(SettingsFile, AChangeThatNamesNoProgram_IsReadBackWithoutOne) {
   settings.remember(lock);
   const auto again = read_back(settings.encode(Sha256{}));
   ASSERT_TRUE(again);
-  const std::vector<CaptureChange> commands = again->commands();
+  const std::vector<CaptureCommand> commands = again->commands();
   EXPECT_FALSE(std::get<ExposureChange>(commands.back()).program);
   EXPECT_EQ(std::get<ExposureChange>(commands.back()).locked, true);
   EXPECT_EQ(std::get<ExposureChange>(commands.front()).program, ExposureProgram::kManual)
@@ -76,7 +76,7 @@ TEST(SettingsFile, NewerValues_GoOverOlderOnesAndTheOthersStay) {
   settings.remember(GenlockStop{});
   const auto again = read_back(settings.encode(Sha256{}));
   ASSERT_TRUE(again);
-  const std::vector<CaptureChange> commands = again->commands();
+  const std::vector<CaptureCommand> commands = again->commands();
   ASSERT_EQ(commands.size(), 3u) << "two heads and the genlock";
   const auto& head0 = std::get<HeadChange>(commands[0]);
   const auto& head2 = std::get<HeadChange>(commands[1]);

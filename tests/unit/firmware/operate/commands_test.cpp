@@ -141,12 +141,12 @@ TEST(Commands, EveryRequestThatAStageCarriesOut_IsACommandOfThatStageUnderItsOwn
     EXPECT_EQ(stage_of(*command), kind_of(request).slow_stage.value_or(CommandStage::kCapture))
         << kind_of(request).name;
   }
-  const Command install(CalibrationCommand(KeeperRequest::Install{"", Duration::seconds(1), ""}));
+  const Command install(CalibrationCommand(CalibrationRequest::Install{"", Duration::seconds(1), ""}));
   EXPECT_EQ(command_name(install), "upload_commit");
   EXPECT_TRUE(check(install, two_heads()));
   for (const Duration trial :
        {Duration::milliseconds(999), Duration::seconds(24 * 3600 + 1), Duration::milliseconds(-1)}) {
-    EXPECT_FALSE(check(Command(CalibrationCommand(KeeperRequest::Install{"", trial, ""})), two_heads()));
+    EXPECT_FALSE(check(Command(CalibrationCommand(CalibrationRequest::Install{"", trial, ""})), two_heads()));
   }
 }
 

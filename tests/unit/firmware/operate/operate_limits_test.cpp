@@ -60,9 +60,9 @@ TEST(Audit, OfAChangeOfHeads_NamesThoseItIsFor) {
   HeadChange set;
   set.change.exposure = Exposure::microseconds(4000);
   set.heads = 3;
-  EXPECT_EQ(values_after(CaptureChange(set), config, {}).find("all heads: "), 0u);
+  EXPECT_EQ(values_after(CaptureCommand(set), config, {}).find("all heads: "), 0u);
   set.heads = 2;
-  EXPECT_EQ(values_after(CaptureChange(set), config, {}).find("heads 1: "), 0u);
+  EXPECT_EQ(values_after(CaptureCommand(set), config, {}).find("heads 1: "), 0u);
 }
 
 TEST(News, TheSummary_SaysHowManyOfWhatInHowManySeconds) {
