@@ -1,7 +1,6 @@
 #include "firmware/capture/capture.h"
 
 #include <algorithm>
-#include <bit>
 
 #include "firmware/capture/capture_log.h"
 #include "firmware/frame/drain.h"
@@ -28,29 +27,24 @@ hal::TriggerSettings settings_of(const RigConfig& config) {
 }  // namespace
 
 Capture::Capture(const RigConfig& config, hal::HeadEnumerator& heads, hal::TriggerPort* trigger)
-    : trigger_settings_(settings_of(config)),
-      source_(config.trigger.source),
+    : trigger_{settings_of(config), config.trigger.source, config.trigger.start},
       genlock_(trigger),
       exposure_(config.exposure),
-      clock_(config.rate),
-      rate_(config.rate),
-      rate_now_(config.rate),
-      genlock_wanted_(config.trigger.start),
+      timing_(config),
+      assembly_([this](FrameSet& set, std::uint32_t collection) { release_frames(set, collection); }),
       requests_(kCommands),
       answers_(kCommands) {
   for (const HeadConfig& head : config.heads) heads_.emplace_back(head, head.port.text(), heads);
-  for (std::size_t i = 0; i < heads_.size(); ++i) wiring_[i] = {config.heads[i].wired, config.heads[i].trigger_delay};
   report_.heads.resize(heads_.size());
-  open_.reserve(kMaxOpenSets);
-  restart_clocks(rate_, false, Instant());
+  restart_clocks(config.rate, false, Instant());
 }
 
 Capture::~Capture() { close(); }
 
 void Capture::close() {
   close_all(Instant());
-  for (Outlet<SetLoan>& outlet : outlets_) outlet.drop_waiting();
-  if (sets_) collect_sets();
+  for (Outlet<SetLoan>& outlet : assembly_.outlets()) outlet.drop_waiting();
+  assembly_.collect();
   genlock_.stop();
   for (CaptureHead& head : heads_) head.close();
   update_report(Instant(), true);
@@ -58,10 +52,9 @@ void Capture::close() {
 
 bool Capture::step(Instant now) {
   now_ = now;
-  collections_ = 0;
   if (log_) log_->note(StepBegun{now});
-  if (!sets_) make_sets();
-  bool busy = collect_sets();
+  assembly_.begin_step();
+  bool busy = assembly_.collect();
   busy |= follow_light();
   busy |= run_commands(now);
   busy |= take_edges();
@@ -70,8 +63,7 @@ bool Capture::step(Instant now) {
   busy |= close_due_sets(now);
   align();
   genlock_.step(now);
-  if (genlock_wanted_) {
-    genlock_wanted_ = false;
+  if (std::exchange(trigger_.start, false)) {
     (void)start_genlock({}, now);  // on failure the state stays "off", which status shows
     busy = true;
   }
@@ -85,17 +77,13 @@ bool Capture::step(Instant now) {
 void Capture::add_wake_ups(hal::WakeUps& to) const {
   for (const CaptureHead& head : heads_) head.add_wake_ups(to);
   genlock_.add_wake_ups(to);
-  if (!open_.empty()) to.at(due(open_.front()));
+  if (!assembly_.empty()) to.at(due(assembly_.oldest()));
   to.at(next_report_);
 }
 
 void Capture::restart_clocks(FrameRate rate, bool genlocked, Instant now) {
-  clock_.restart(rate, genlocked, now);
-  set_rate_.restart(rate);
-  pulse_drift_.restart(rate);
+  timing_.restart(rate, genlocked, now);
   aligner_.restart(rate.period());
-  for (DriftMeter& drift : head_drift_) drift.restart(rate);
-  for (PulseWatch& watch : pulse_watch_) watch.restart(rate);
 }
 
 bool Capture::take_edges() {
@@ -104,8 +92,7 @@ bool Capture::take_edges() {
   for (; taken < kEdges; ++taken) {
     const auto edge = genlock_.take_edge(now_);
     if (!edge) break;
-    clock_.on_edge(*edge);
-    pulse_drift_.add(static_cast<std::int64_t>(edge->number), edge->at);
+    timing_.on_edge(*edge);
   }
   return taken > 0;
 }
@@ -194,17 +181,18 @@ Status Capture::end_lease(std::uint64_t lease) {
 }
 
 Status Capture::start_genlock(const GenlockStart& start, Instant now) {
-  if (source_ == SyncSource::kNone) {
-    if (start.pulse_width || (start.rate && start.rate->period() != rate_.period())) {
+  const FrameRate configured = timing_.configured();
+  if (trigger_.source == SyncSource::kNone) {
+    if (start.pulse_width || (start.rate && start.rate->period() != configured.period())) {
       return fail(Errc::kUnsupported,
                   "this rig has no trigger ([trigger] source is \"none\"): its heads run free and can only be "
                   "aligned at the rate of rig.toml");
     }
-    genlock_.align(rate_, now);
-    aligner_.restart(rate_.period());
+    genlock_.align(configured, now);
+    aligner_.restart(configured.period());
     return {};
   }
-  hal::TriggerSettings settings = trigger_settings_;
+  hal::TriggerSettings settings = trigger_.settings;
   settings.rate = start.rate.value_or(settings.rate);
   settings.pulse_width = start.pulse_width.value_or(settings.pulse_width);
   if (Status started = genlock_.start(settings, now); !started) {
@@ -212,9 +200,8 @@ Status Capture::start_genlock(const GenlockStart& start, Instant now) {
     return started;
   }
   mode_ = hal::TriggerMode::kExternal;
-  rate_now_ = settings.rate;
   close_all(now);
-  restart_clocks(rate_now_, true, now);
+  restart_clocks(settings.rate, true, now);
   return {};
 }
 
@@ -222,34 +209,18 @@ void Capture::stop_genlock(Instant now) {
   genlock_.stop();
   if (mode_ == hal::TriggerMode::kFreeRun) return;
   mode_ = hal::TriggerMode::kFreeRun;
-  rate_now_ = rate_;
   close_all(now);
-  restart_clocks(rate_now_, false, now);
+  restart_clocks(timing_.configured(), false, now);
 }
 
 Outlet<SetLoan>& Capture::add_outlet(const OutletSpec& spec, bool open) {
-  NODAL_ASSERT(!sets_);
   report_.outlets.push_back({spec.name, {}});
-  return outlets_.add(spec, open);
+  return assembly_.add_outlet(spec, open);
 }
 
-void Capture::make_sets() {
-  // One more than can be held, because a new set is opened before the oldest one is closed.
-  sets_.emplace(kMaxOpenSets + outlets_.held_at_most() + 1, [this](FrameSet& set) { release_frames(set); });
-}
-
-/// Takes back the sets that no reader holds. Returns whether there was one.
-bool Capture::collect_sets() {
-  ++collections_;
-  if (log_) log_->collecting(collections_);
-  return sets_->collect();
-}
-
-/// Empty if a reader holds more sets than it registered for.
-SetLoan Capture::take_set() {
-  ++collections_;
-  if (log_) log_->collecting(collections_);
-  return sets_->take();
+void Capture::log_to(CaptureLog& log) {
+  log_ = &log;
+  assembly_.log_to(&log);
 }
 
 void Capture::log_changes() {
@@ -264,8 +235,8 @@ void Capture::log_changes() {
     log_->note(GenlockChanged{genlock_.state()});
 }
 
-void Capture::release_frames(FrameSet& set) {
-  if (log_) log_->note(SetReturned{set.number, collections_});
+void Capture::release_frames(FrameSet& set, std::uint32_t collection) {
+  if (log_) log_->note(SetReturned{set.number, collection});
   for (std::size_t i = 0; i < heads_.size(); ++i) {
     if (set.has(i)) heads_[i].release(set.frames[i].slot);
   }
@@ -278,25 +249,19 @@ void Capture::check() const {
     NODAL_ASSERT(head.conserved());
     all.add(head.report().counts);
   }
-  std::uint64_t held = 0;
-  for (const OpenSet& open : open_) held += static_cast<std::uint64_t>(std::popcount(open.set->mask));
-  NODAL_ASSERT(all.held == held && all.conserved());
+  NODAL_ASSERT(all.held == assembly_.held() && all.conserved());
 }
 
 GenlockReport Capture::genlock_report() const {
   GenlockReport report = genlock_.report();
-  if (!genlock_.running()) report.rate = rate_;
+  if (!genlock_.running()) report.rate = timing_.configured();
   if (genlock_.aligning()) {
     report.fixed = aligner_.fixed();
     report.one_way = aligner_.one_way();
     report.unresponsive = aligner_.unresponsive();
   }
-  if (pulsed()) {
-    for (std::size_t i = 0; i < heads_.size(); ++i) {
-      if (wiring_[i].wired) report.wired[i] = {pulse_watch_[i].state(), pulse_watch_[i].drift_ppb()};
-    }
-  }
-  report.drift_ppb = drift_ppb();
+  if (pulsed()) timing_.report_wired(report);
+  report.drift_ppb = timing_.drift_ppb(pulsed());
   return report;
 }
 
@@ -309,9 +274,9 @@ void Capture::update_report(Instant now, bool changed) {
     report_.frames.add(heads_[i].report().counts);
   }
   std::size_t next_outlet = 0;
-  for (const Outlet<SetLoan>& outlet : outlets_) report_.outlets[next_outlet++].losses = outlet.losses();
+  for (const Outlet<SetLoan>& outlet : assembly_.outlets()) report_.outlets[next_outlet++].losses = outlet.losses();
   report_.genlock = genlock_report();
-  report_.rate = set_rate_.rate();
+  report_.rate = timing_.rate();
   report_.exposure = exposure_.report();
   if (now >= next_report_ || report_.sets != reported_sets_) {
     snapshot_.publish(report_);

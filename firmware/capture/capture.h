@@ -12,15 +12,14 @@
 
 #include "firmware/capture/capture_head.h"
 #include "firmware/capture/exposure.h"
+#include "firmware/capture/set_assembly.h"
+#include "firmware/capture/set_timing.h"
 #include "firmware/config/config.h"
 #include "firmware/frame/frame_set.h"
 #include "firmware/frame/outlet.h"
 #include "firmware/frame/snapshot.h"
 #include "firmware/sync/aligner.h"
-#include "firmware/sync/drift.h"
 #include "firmware/sync/genlock.h"
-#include "firmware/sync/pulse_watch.h"
-#include "firmware/sync/rate_in_force.h"
 #include "firmware/sync/set_clock.h"
 #include "hal/head.h"
 #include "hal/trigger.h"
@@ -104,7 +103,7 @@ class Capture {
   /// The ring with the meter's readings. Without it the exposure programs change nothing.
   void meter_from(SpscRing<blend::SphereLight>& light) { light_in_ = &light; }
   /// Notes everything that determines what capture does; call it before the first step(). See capture_log.h.
-  void log_to(CaptureLog& log) { log_ = &log; }
+  void log_to(CaptureLog& log);
   SpscRing<CaptureRequest>& requests() { return requests_; }
   SpscRing<CaptureAnswer>& answers() { return answers_; }
   Snapshot<CaptureReport>& snapshot() { return snapshot_; }
@@ -112,18 +111,12 @@ class Capture {
   /// Number of calls of step(). Any thread.
   std::uint64_t steps() const { return steps_.load(std::memory_order_relaxed); }
 
-  static constexpr std::size_t kMaxOpenSets = 4;
+  static constexpr std::size_t kMaxOpenSets = SetAssembly::kMaxOpenSets;
   static constexpr int kHalfPeriodsToWait = 5;
   /// Together with kMaxOpenSets periods: the largest plausible age of a frame on arrival.
   static constexpr Duration kOldest = Duration::seconds(1);
 
  private:
-  struct OpenSet {
-    SetClock::Slot slot = 0;
-    SetLoan set;
-    Skews skews;
-  };
-
   bool run_commands(Instant now);
   Status change_heads(const HeadChange& change);
   Status end_lease(std::uint64_t lease);
@@ -135,59 +128,41 @@ class Capture {
   bool plausible(const hal::FrameView& frame) const;
   std::optional<SetClock::Match> match(std::size_t head, const hal::FrameView& frame);
   void place(std::size_t head, const hal::FrameView& frame);
-  OpenSet* open_set(SetClock::Slot slot);
   bool close_complete_sets();
   bool close_due_sets(Instant now);
-  Instant due(const OpenSet& open) const;
-  bool complete(const OpenSet& open) const;
+  Instant due(const SetAssembly::OpenSet& open) const;
+  bool complete(const FrameSet& set) const;
   void close_oldest();
-  void describe(const OpenSet& open);
-  std::optional<std::int32_t> drift_ppb() const;
   bool pulsed() const { return genlock_.running() && !genlock_.aligning(); }
   void align();
   void restart_clocks(FrameRate rate, bool genlocked, Instant now);
-  void make_sets();
-  bool collect_sets();
-  SetLoan take_set();
-  void release_frames(FrameSet& set);
+  void release_frames(FrameSet& set, std::uint32_t collection);
   void log_changes();
   void close_all(Instant now);
   GenlockReport genlock_report() const;
   void update_report(Instant now, bool changed);
   void check() const;
 
-  struct Wiring {
-    bool wired = false;
-    Duration delay;  ///< from the trigger to the head's exposure
+  /// From rig.toml.
+  struct Trigger {
+    hal::TriggerSettings settings;
+    SyncSource source{};
+    bool start = false;  ///< the genlock starts with the rig, and was not started yet
   };
-  const hal::TriggerSettings trigger_settings_;  ///< from rig.toml
-  std::array<Wiring, kMaxHeads> wiring_{};
-  const SyncSource source_;
+  Trigger trigger_;
   std::deque<CaptureHead> heads_;
   Genlock genlock_;
   Aligner aligner_;
   bool align_now_ = false;  ///< since the last align(), a set was closed or an exposure was requested
   ExposureControl exposure_;
   SpscRing<blend::SphereLight>* light_in_ = nullptr;
-  SetClock clock_;
-  DriftMeter pulse_drift_;
-  std::array<DriftMeter, kMaxHeads> head_drift_;
-  /// Phase and drift of each wired head's exposures; unused for other heads.
-  std::array<PulseWatch, kMaxHeads> pulse_watch_;
-  const FrameRate rate_;  ///< from rig.toml
-  FrameRate rate_now_;    ///< rate_, or the rate that a host started the genlock with
-  RateInForce set_rate_;
-  bool genlock_wanted_;  ///< rig.toml says that the genlock starts with the rig, and it was not started yet
+  SetTiming timing_;
   hal::TriggerMode mode_ = hal::TriggerMode::kFreeRun;
 
-  Outlets<SetLoan> outlets_;
-  std::optional<LoanPool<FrameSet>> sets_;  ///< made in the first step(), when every outlet has registered
-  std::vector<OpenSet> open_;               ///< sorted by slot, oldest first
-  std::optional<SetClock::Slot> newest_closed_;
+  SetAssembly assembly_;
   Instant now_;  ///< time of the current step
 
-  CaptureLog* log_ = nullptr;      ///< null: nothing is noted
-  std::uint32_t collections_ = 0;  ///< calls of CaptureLog::collecting() in the current step
+  CaptureLog* log_ = nullptr;  ///< null: nothing is noted
   /// What log_ knows.
   struct Logged {
     GenlockState genlock = GenlockState::kOff;
