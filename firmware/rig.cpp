@@ -1,5 +1,7 @@
 #include "firmware/rig.h"
 
+#include <memory>
+
 #include "firmware/flight/flight_recorder.h"
 
 namespace nodal::firmware {
@@ -24,22 +26,27 @@ Rig::Rig(const RigConfig& config, const RigPorts& ports, const std::string& soft
       settings_(ports.disk),
       audit_(ports.disk),
       frame_sets_(capture_.add_outlet(FrameSender::kSets, false)),
-      control_(config, software, stages(config, ports, software), frame_sets_, ports.listeners, ports.watchdog,
-               ports.panel, ports.scan, ports.clock.now()) {
+      takes_(config.takes && ports.takes ? std::make_unique<Takes>(*this, config, ports, software) : nullptr),
+      control_(config, software, stages(ports), frame_sets_, ports.listeners, ports.watchdog, ports.panel, ports.scan,
+               ports.clock.now()) {
   capture_.meter_from(blender_.light_out());
   if (flight_) capture_.log_to(*flight_);
 }
 
 /// The recorder registers its outlets, so this comes before the first step.
-Stages Rig::stages(const RigConfig& config, const RigPorts& ports, const std::string& software) {
+Rig::Takes::Takes(Rig& rig, const RigConfig& config, const RigPorts& ports, const std::string& software)
+    : recorder(config, rig.capture_.add_outlet(Recorder::kSets, false), rig.encoder_),
+      flight_log(rig.flight_ ? std::make_unique<FlightLog>(*rig.flight_, software, kSetsHeld) : nullptr),
+      keeper(config, *ports.takes, recorder, software, ports.utc, flight_log.get(),
+             rig.places_seams_ ? &rig.blender_ : nullptr, ports.recovery),
+      reader(*ports.takes_read, recorder, keeper.in_use()) {}
+
+Stages Rig::stages(const RigPorts& ports) {
   Stages stages{capture_, blender_, encoder_, keeper_, settings_, audit_, ports.utc};
   stages.heartbeats = ports.heartbeats;
-  if (!config.takes || !ports.takes) return stages;
-  recorder_.emplace(config, capture_.add_outlet(Recorder::kSets, false), encoder_);
-  if (flight_) flight_log_ = std::make_unique<FlightLog>(*flight_, software, kSetsHeld);
-  stages.takes = &takes_.emplace(config, *ports.takes, *recorder_, software, ports.utc, flight_log_.get(),
-                                 places_seams_ ? &blender_ : nullptr, ports.recovery);
-  stages.take_reader = &take_reader_.emplace(*ports.takes_read, *recorder_, takes_->in_use());
+  if (!takes_) return stages;
+  stages.takes = &takes_->keeper;
+  stages.take_reader = &takes_->reader;
   return stages;
 }
 
@@ -68,7 +75,7 @@ bool Rig::step_all() {
 }
 
 void Rig::close() {
-  if (takes_) takes_->close(clock_.now());
+  if (takes_) takes_->keeper.close(clock_.now());
   blender_.close();
   capture_.close();
   settings_.close();

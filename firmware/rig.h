@@ -78,11 +78,11 @@ class Rig {
   bool step_keeper();
   bool step_control();
   /// False in a rig that records nothing.
-  bool step_record() { return recorder_ && recorder_->step(); }
+  bool step_record() { return takes_ && takes_->recorder.step(); }
   /// Blocks on the disk of the takes.
-  bool step_takes() { return takes_ && takes_->step(clock_.now()); }
+  bool step_takes() { return takes_ && takes_->keeper.step(clock_.now()); }
   /// Blocks on the same disk, reading.
-  bool step_take_reader() { return take_reader_ && take_reader_->step(); }
+  bool step_take_reader() { return takes_ && takes_->reader.step(); }
 
   /// One step of every stage, for an executor with one thread; the blend and the encoder until they have no work.
   bool step_all();
@@ -98,12 +98,21 @@ class Rig {
   Control& control() { return control_; }
   /// Frame sets wait that control sends to hosts.
   bool hosts_have_sets() const { return !frame_sets_.empty(); }
-  bool records() const { return recorder_.has_value(); }
-  Recorder& recorder() { return *recorder_; }
-  TakeKeeper& takes() { return *takes_; }
+  bool records() const { return takes_ != nullptr; }
+  Recorder& recorder() { return takes_->recorder; }
+  TakeKeeper& takes() { return takes_->keeper; }
 
  private:
-  Stages stages(const RigConfig& config, const RigPorts& ports, const std::string& software);
+  /// The stages of a rig that records.
+  struct Takes {
+    Takes(Rig& rig, const RigConfig& config, const RigPorts& ports, const std::string& software);
+
+    Recorder recorder;
+    std::unique_ptr<FlightLog> flight_log;  ///< null without [takes] flight_recorder
+    TakeKeeper keeper;
+    TakeReader reader;
+  };
+  Stages stages(const RigPorts& ports);
 
   hal::ClockPort& clock_;
   std::unique_ptr<FlightRecorder> flight_;  ///< null without [takes] flight_recorder
@@ -115,11 +124,8 @@ class Rig {
   CalibrationKeeper keeper_;
   SettingsStore settings_;
   AuditStore audit_;
-  std::optional<Recorder> recorder_;
-  std::unique_ptr<FlightLog> flight_log_;
-  std::optional<TakeKeeper> takes_;
-  std::optional<TakeReader> take_reader_;
-  Outlet<SetLoan>& frame_sets_;  ///< capture's, for hosts
+  Outlet<SetLoan>& frame_sets_;   ///< capture's, for hosts
+  std::unique_ptr<Takes> takes_;  ///< null in a rig that records nothing
   Control control_;
 };
 
