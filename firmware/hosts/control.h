@@ -58,7 +58,7 @@ class Control {
   void set_resident_bytes(std::uint64_t bytes) { resident_bytes_.store(bytes, std::memory_order_relaxed); }
   wire::RigStatus status(Instant now);
   /// Frame sets that the blend missed because its queue was full, as of the newest step.
-  std::uint64_t sets_missed_by_blend() const { return operation_.sets_missed_by_blend(); }
+  std::uint64_t sets_missed_by_blend() const { return RigWatch::sets_missed_by_blend(operation_.capture()); }
 
   static constexpr Duration kFarewell = Duration::milliseconds(500);
   static constexpr std::size_t kMaxRequests = 16;  ///< unanswered requests of one client

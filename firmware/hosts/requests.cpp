@@ -255,9 +255,9 @@ wire::RigStatus Control::status(Instant now) {
   }
   status.set_publish_shed(publisher_.shed());
   status.set_published(publisher_.published());
-  status.set_rate_wanted_millihertz(operation_.rate_wanted_millihertz());
+  status.set_rate_wanted_millihertz(operation_.watch().rate_wanted_millihertz(operation_.capture()));
   status.set_raymaps_a_set(static_cast<std::uint32_t>(config_.raymap.raymaps_a_set()));
-  status.set_rate_millihertz(operation_.rate_millihertz());
+  status.set_rate_millihertz(operation_.watch().rate_millihertz());
   status.set_blend_ns(static_cast<std::uint64_t>(stages_.blender.times().median().ns()));
   status.set_encode_ns(static_cast<std::uint64_t>(stages_.encoder.times().median().ns()));
   status.set_encode_failures(stages_.encoder.failed());

@@ -27,26 +27,27 @@ Operation::Operation(const RigConfig& config, const Stages& stages, hal::Watchdo
                      Instant now)
     : config_(config),
       stages_(stages),
-      capture_(&stages.capture.snapshot().read()),
-      keeper_(&stages.keeper.snapshot().read()),
-      takes_(stages.takes ? &stages.takes->snapshot().read() : nullptr),
       audit_(stages.audit, stages.utc),
       news_(now),
-      newest_set_(now),
-      unstable_(now),
-      supervisor_(watchdog),
-      panel_(panel) {}
+      settings_(stages.settings, config.text_id),
+      take_watch_(stages, config.takes && config.takes->at_start),
+      watch_(config_, stages, news_, watchdog, now),
+      panel_(panel) {
+  read_reports();
+}
+
+void Operation::read_reports() {
+  reports_ = {&stages_.capture.snapshot().read(), &stages_.keeper.snapshot().read(),
+              stages_.takes ? &stages_.takes->snapshot().read() : nullptr};
+}
 
 void Operation::begin_step(Instant now) {
-  capture_ = &stages_.capture.snapshot().read();
-  keeper_ = &stages_.keeper.snapshot().read();
-  if (stages_.takes) takes_ = &stages_.takes->snapshot().read();
+  read_reports();
   news_.step(now);
   watch_takes(now);
-  tell_takes_the_calibration();
   watch_trial(now);
   end_leases(now);
-  read_settings();
+  settings_.read(news_);
   restore_settings(now);
 }
 
@@ -55,13 +56,13 @@ std::vector<Answer> Operation::take_answers(Instant now) {
   take_capture_answers(answers, now);
   take_keeper_answers(answers, now);
   take_takes_answers(answers, now);
-  take_settings_answers();
+  settings_.take_answers(news_);
   step_audit(answers, now);
-  write_settings(now);
+  settings_.write(now);
   // An answer waits for the result of the write, unless the write takes too long or is not due yet.
-  if (!settings_writer_.worth_waiting(now)) {
+  if (!settings_.worth_waiting(now)) {
     for (Answer& answer : std::exchange(unstored_, {})) {
-      answer.not_stored = settings_writer_.problem();
+      answer.not_stored = settings_.problem();
       answers.push_back(std::move(answer));
     }
   }
@@ -69,15 +70,14 @@ std::vector<Answer> Operation::take_answers(Instant now) {
 }
 
 void Operation::end_step(bool lossless, Instant now) {
-  watch(lossless, now);
-  watch_seams();
-  watch_stability(now);
+  const std::string& store_problem = settings_.problem().empty() ? audit_.problem() : settings_.problem();
+  watch_.step({reports_, store_problem, lossless, asked_to_end() ? &end_reason_ : nullptr}, now);
   step_panel(now);
 }
 
 Result<Ticket> Operation::ask(const Requester& requester, Command command, Instant now) {
   Open open{requester, without_document(command),
-            changes_rig(command) ? values_before(command, *capture_, *keeper_) : ""};
+            changes_rig(command) ? values_before(command, capture(), keeper()) : ""};
   const Ticket ticket = next_ticket_++;
   Status asked = check(command, config_);
   if (asked) asked = hand_over(ticket, std::move(command), requester.presence);
@@ -86,7 +86,7 @@ Result<Ticket> Operation::ask(const Requester& requester, Command command, Insta
     const bool retried =
         requester.kind == Requester::Kind::kStoredSettings || requester.kind == Requester::Kind::kLease;
     if (!retried || asked.error().code != Errc::kBusy) {
-      audit(open, keeper_->in_force, asked, now);
+      audit(open, keeper().in_force, asked, now);
     }
     return fail(asked.error());
   }
@@ -101,14 +101,15 @@ Status Operation::hand_over(Ticket ticket, Command command, const Presence& host
   }
   if (auto* take = std::get_if<TakeCommand>(&command)) {
     if (auto* start = std::get_if<TakeRequest::Start>(take)) {
-      start->calibration = told_calibration_ = keeper_->in_force;
-      if (keeper_->document) start->calibration_json = *keeper_->document;
+      start->calibration = keeper().in_force;
+      take_watch_.note_start(start->calibration);
+      if (keeper().document) start->calibration_json = *keeper().document;
       start->heads = head_shapes();
-      start->rate = capture_->rate;
+      start->rate = capture().rate;
     }
     if (auto* test = std::get_if<TakeRequest::TestDisk>(take)) {
       test->heads = head_shapes();
-      test->rate = capture_->rate;
+      test->rate = capture().rate;
     }
     if (stages_.takes && stages_.takes->requests().push({ticket, std::move(*take), host})) return {};
     return fail(Errc::kBusy, "the rig's queue of requests about takes is full; try again");
@@ -168,7 +169,6 @@ void Operation::take_capture_answers(std::vector<Answer>& answers, Instant now) 
     }
     if (open.requester.kind != Requester::Kind::kStoredSettings) {
       settings_.remember(change);
-      settings_writer_.changed();
     }
     if (open.requester.kind == Requester::Kind::kHost) unstored_.push_back({answer.ticket, std::move(outcome)});
   });
@@ -178,7 +178,7 @@ void Operation::take_keeper_answers(std::vector<Answer>& answers, Instant now) {
   drain(stages_.keeper.answers(), [&](CalibrationAnswer answer) {
     const Open open = close(answer.ticket);
     const auto* done = answer.result ? std::get_if<CalibrationAnswer::Done>(&*answer.result) : nullptr;
-    const auto receipt = audit(open, done ? done->in_force : keeper_->in_force,
+    const auto receipt = audit(open, done ? done->in_force : keeper().in_force,
                                answer.result ? Status() : fail(answer.result.error()), now);
     if (!answer.result) {
       answers.push_back({answer.ticket, fail(answer.result.error())});
@@ -205,81 +205,31 @@ void Operation::take_takes_answers(std::vector<Answer>& answers, Instant now) {
   });
 }
 
-/// Logs what happens to takes and to their disk.
 void Operation::watch_takes(Instant now) {
-  if (!takes_) return;
-  if (takes_->problem != take_problem_) {
-    take_problem_ = takes_->problem;
-    if (!take_problem_.empty()) news_.say(NewsKind::kRig, take_problem_);
-  }
-  if (takes_->no_disk != no_disk_) {
-    no_disk_ = takes_->no_disk;
-    news_.say(NewsKind::kRig,
-              no_disk_.empty() ? "the disk of the takes is there" : "the disk of the takes: " + no_disk_);
-  }
-  if (config_.takes->at_start) start_take_at_boot(now);
-}
-
-/// Starts the take of [takes] start = "boot" when the rig has a calibration and frames, and another one after a take
-/// that ended for a reason that has passed: a new disk, room. A take that somebody stopped stays stopped.
-void Operation::start_take_at_boot(Instant now) {
-  TakeAtStart& state = take_at_start_;
-  if (takes_->recording) {
-    state = {true, takes_->disks, now, kFirstTakeWait};
-    return;
-  }
-  if (std::exchange(state.disks, takes_->disks) != takes_->disks)
-    state = {state.begun, takes_->disks, now, kFirstTakeWait};
-  const bool wanted = (!state.begun || takes_->interrupted) && takes_->has_room;
-  if (!wanted || now < state.next || !takes_->ready || !keeper_->ready || capture_->full_sets == 0) return;
-  state.next = now + state.wait;
-  state.wait = std::min(state.wait * 2, kLastTakeWait);
+  if (!take_watch_.step(reports_, news_, now)) return;
   if (const auto asked = ask({Requester::Kind::kConfiguration, 0, "rig.toml"}, TakeCommand(TakeRequest::Start{}), now);
       !asked) {
     news_.say(NewsKind::kRig, "the take of [takes] start = \"boot\": " + asked.error().message);
   }
 }
 
-/// A take has every calibration that its raymaps were made with.
-void Operation::tell_takes_the_calibration() {
-  if (!takes_) return;
-  if (keeper_->in_force && keeper_->document && (documents_.empty() || documents_.back().first != *keeper_->in_force)) {
-    documents_.emplace_back(*keeper_->in_force, keeper_->document);
-    if (documents_.size() > kDocumentsKept) documents_.pop_front();
-  }
-  if (!takes_->recording) return;
-  const Adoption& adopted = stages_.blender.swap().adoption().read();
-  if (adopted.calibration == told_calibration_) return;
-  const auto known = std::ranges::find(documents_, adopted.calibration, &std::pair<Sha256, Document>::first);
-  if (known == documents_.end()) return;
-  if (stages_.takes->calibrations().push({adopted.first_set, adopted.calibration, *known->second}))
-    told_calibration_ = adopted.calibration;
-}
-
-void Operation::take_settings_answers() {
-  drain(stages_.settings.answers(), [&](const Status& stored) {
-    if (!settings_writer_.ended(stored)) return;
-    news_.say(NewsKind::kRig, stored ? "settings are stored again" : settings_writer_.problem());
-  });
-}
-
 /// Reports the start and the end of a trial, and audits its end by time.
 void Operation::watch_trial(Instant now) {
-  if (keeper_->trial.has_value() == on_trial_.has_value()) return;
-  if (keeper_->trial) {
-    on_trial_ = *keeper_->trial;
-    news_.say(NewsKind::kRig, "calibration '" + keeper_->name + "' is on trial");
+  if (keeper().trial.has_value() == on_trial_.has_value()) return;
+  if (keeper().trial) {
+    on_trial_ = *keeper().trial;
+    news_.say(NewsKind::kRig, "calibration '" + keeper().name + "' is on trial");
     return;
   }
-  const bool kept = keeper_->in_force == on_trial_->id;
+  const bool kept = keeper().in_force == on_trial_->id;
   news_.say(NewsKind::kRig, kept ? "the calibration on trial stays in force"
-                                 : "the trial has ended; calibration '" + keeper_->name + "' is in force again");
+                                 : "the trial has ended; calibration '" + keeper().name + "' is in force again");
   if (!kept && now >= on_trial_->until) {
     AuditEntry entry;
     entry.who = "timeout of the trial";
     entry.what = command_name(Command(CalibrationRequest::EndTrial{}));
     entry.before = calibration_text(on_trial_->id) + " on trial";
-    entry.after = calibration_text(keeper_->in_force);
+    entry.after = calibration_text(keeper().in_force);
     audit_.record(std::move(entry), "the rig", true, now);
   }
   on_trial_.reset();
@@ -298,72 +248,41 @@ void Operation::end_leases(Instant now) {
   });
 }
 
-/// Takes the stored settings when the store has read them.
-void Operation::read_settings() {
-  if (restoring_) return;
-  const SettingsReport& stored = stages_.settings.snapshot().read();
-  if (!stored.file) return;
-  restoring_.emplace();
-  if (!stored.problem.empty()) {
-    news_.say(NewsKind::kRig, stored.problem);
-    settings_writer_.unreadable(stored.problem);
-  }
-  if (stored.file->empty()) return;
-  auto settings = Settings::decode(
-      std::span(reinterpret_cast<const std::uint8_t*>(stored.file->data()), stored.file->size()), config_.text_id);
-  if (!settings) {
-    news_.say(NewsKind::kRig, settings.error().message);
-    // A changed rig.toml is intended and no problem; an unreadable file is one.
-    if (settings.error().code != Errc::kWrongState) settings_writer_.unreadable(settings.error().message);
-    return;
-  }
-  settings_ = std::move(*settings);
-  for (CaptureCommand& change : settings_.commands()) restoring_->push_back(std::move(change));
-  news_.say(NewsKind::kRig, "restoring the stored settings");
-}
-
 /// Sends the stored settings to capture, as many as its queue takes in each step.
 void Operation::restore_settings(Instant now) {
-  while (restoring_ && !restoring_->empty()) {
-    const auto asked = ask(stored_settings(), Command(restoring_->front()), now);
+  while (const CaptureCommand* stored = settings_.next_to_restore()) {
+    const auto asked = ask(stored_settings(), Command(*stored), now);
     if (!asked && asked.error().code == Errc::kBusy) return;
     if (!asked) news_.say(NewsKind::kRig, "could not restore a stored setting: " + asked.error().message);
-    restoring_->pop_front();
-  }
-}
-
-void Operation::write_settings(Instant now) {
-  if (!settings_writer_.due(now)) return;
-  if (stages_.settings.writes().push(settings_.encode(config_.text_id))) {
-    settings_writer_.begun(now);
+    settings_.restored();
   }
 }
 
 void Operation::step_panel(Instant now) {
-  const bool on = takes_ ? takes_->recording.has_value() : capture_->genlock.state != GenlockState::kOff;
-  const bool rolling = on && !supervisor_.actions().end;
-  const auto action = panel_.step({health().state, rolling, capture_->sets, period()}, now);
+  const bool on = takes() ? takes()->recording.has_value() : capture().genlock.state != GenlockState::kOff;
+  const bool rolling = on && !watch_.ends();
+  const auto action = panel_.step({health().state, rolling, capture().sets, period()}, now);
   if (action) act(*action, now);
   while (auto problem = panel_.take_problem()) news_.say(NewsKind::kRig, std::move(*problem));
 }
 
 void Operation::act(PanelAction action, Instant now) {
   if (action == PanelAction::kMark) {
-    marks_.push_back({capture_->sets == 0 ? 0 : capture_->sets - 1, now});
+    marks_.push_back({capture().sets == 0 ? 0 : capture().sets - 1, now});
     if (marks_.size() > kMarksKept) marks_.pop_front();
     news_.say(NewsKind::kRig, "marked set " + std::to_string(marks_.back().set));
-    if (takes_) ask_by_button(TakeCommand(TakeRequest::Mark{"button"}), now);
+    if (takes()) ask_by_button(TakeCommand(TakeRequest::Mark{"button"}), now);
     return;
   }
   const bool start = action == PanelAction::kStart;
-  const std::string what = takes_ ? "a take" : "the genlock";
+  const std::string what = takes() ? "a take" : "the genlock";
   news_.say(NewsKind::kRig, "the button " + std::string(start ? "starts " : "stops ") + what);
-  if (!takes_) {
+  if (!takes()) {
     ask_by_button(start ? CaptureCommand(GenlockStart{}) : CaptureCommand(GenlockStop{}), now);
     return;
   }
   const bool runs_free = config_.trigger.source == SyncSource::kNone;
-  if (start && !runs_free && capture_->genlock.state == GenlockState::kOff)
+  if (start && !runs_free && capture().genlock.state == GenlockState::kOff)
     ask_by_button(CaptureCommand(GenlockStart{}), now);
   ask_by_button(start ? TakeCommand(TakeRequest::Start{}) : TakeCommand(TakeRequest::Stop{}), now);
 }
@@ -374,9 +293,14 @@ void Operation::ask_by_button(Command command, Instant now) {
   }
 }
 
+void Operation::ask_to_end(std::string reason) {
+  end_reason_ = std::move(reason);
+  end_asked_.store(true, std::memory_order_release);
+}
+
 HeadShapes Operation::head_shapes() const {
   HeadShapes shapes;
-  for (const HeadReport& head : capture_->heads) {
+  for (const HeadReport& head : capture().heads) {
     shapes.emplace_back();
     if (head.format) shapes.back() = HeadShape{head.format->pixels, head.format->width, head.format->height};
   }

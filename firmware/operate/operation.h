@@ -9,46 +9,22 @@
 #include <string>
 #include <vector>
 
-#include "firmware/calibration/calibration_keeper.h"
-#include "firmware/capture/capture.h"
 #include "firmware/config/config.h"
-#include "firmware/frame/statistics.h"
 #include "firmware/operate/audit_log.h"
 #include "firmware/operate/commands.h"
-#include "firmware/operate/health.h"
 #include "firmware/operate/news.h"
 #include "firmware/operate/panel.h"
-#include "firmware/operate/settings.h"
-#include "firmware/operate/settings_writer.h"
-#include "firmware/operate/shedding.h"
-#include "firmware/picture/blender.h"
-#include "firmware/picture/encoder.h"
-#include "firmware/record/take_keeper.h"
-#include "firmware/record/take_reader.h"
-#include "firmware/storage/audit_store.h"
-#include "firmware/storage/settings_store.h"
-#include "hal/heartbeats.h"
+#include "firmware/operate/rig_watch.h"
+#include "firmware/operate/settings_keeper.h"
+#include "firmware/operate/stages.h"
+#include "firmware/operate/take_watch.h"
 #include "hal/watchdog.h"
 
 namespace nodal::firmware {
 
-/// The stages that Operation controls.
-struct Stages {
-  Capture& capture;
-  Blender& blender;
-  EncodeStage& encoder;
-  CalibrationKeeper& keeper;
-  SettingsStore& settings;
-  AuditStore& audit;
-  AuditLog::UtcClock utc;
-  TakeKeeper* takes = nullptr;                ///< null: the rig records nothing
-  TakeReader* take_reader = nullptr;          ///< null if `takes` is
-  hal::HeartbeatsPort* heartbeats = nullptr;  ///< null: every stage runs on one thread, in tests
-};
-
 /// Passes commands with a ticket to the stages that carry them out, and returns the answers when they arrive. Every
-/// change is audited, whatever its origin; every setting that a stage applied is stored. It also assesses the rig's
-/// state, sheds work, serves the button and the lamps, and feeds the watchdog.
+/// change is audited, whatever its origin; every setting that a stage applied is stored. It also serves the
+/// button and the lamps; RigWatch assesses the rig's state.
 ///
 /// Threading: thread-bound to control, except ask_to_end().
 /// Ownership: the stages outlive it.
@@ -94,22 +70,19 @@ class Operation {
   void ask_to_end(std::string reason);
   bool asked_to_end() const { return end_asked_.load(std::memory_order_acquire); }
   /// The reason, after the supervisor has started the end; null before.
-  const std::string* end_reason() const { return supervisor_.actions().end ? &end_reason_ : nullptr; }
+  const std::string* end_reason() const { return watch_.ends() ? &end_reason_ : nullptr; }
 
   /// The stages' reports as of this step.
-  const CaptureReport& capture() const { return *capture_; }
-  const KeeperReport& keeper() const { return *keeper_; }
+  const CaptureReport& capture() const { return *reports_.capture; }
+  const KeeperReport& keeper() const { return *reports_.keeper; }
   /// Null: the rig records nothing.
-  const TakeReport* takes() const { return takes_; }
-  const Health& health() const { return supervisor_.health(); }
+  const TakeReport* takes() const { return reports_.takes; }
+  const RigWatch& watch() const { return watch_; }
+  const Health& health() const { return watch_.health(); }
   const AuditLog& audit_log() const { return audit_; }
   News& news() { return news_; }
-  std::uint32_t rate_millihertz() const { return rate_.millihertz(); }  ///< measured rate of raymaps
-  std::uint32_t rate_wanted_millihertz() const;
   /// Period of the frame rate in force.
-  Duration period() const { return capture_->genlock.rate.period(); }
-  /// Frame sets that the blend missed because its queue was full.
-  std::uint64_t sets_missed_by_blend() const;
+  Duration period() const { return capture().genlock.rate.period(); }
   /// The known formats of the heads.
   HeadShapes head_shapes() const;
 
@@ -121,10 +94,6 @@ class Operation {
   const std::deque<Mark>& marks() const { return marks_; }
 
   static constexpr std::size_t kMarksKept = 32;
-  /// [takes] start = "boot": the wait before a take is tried again, doubled each time.
-  static constexpr Duration kFirstTakeWait = Duration::seconds(2), kLastTakeWait = Duration::seconds(64);
-  /// A start counts as good after this time without a hanging stage: twice the time until a hanging stage is detected.
-  static constexpr Duration kStableAfter = Supervisor::kStuckAfter * 2;
 
  private:
   /// An unanswered command.
@@ -134,49 +103,27 @@ class Operation {
     std::string before;  ///< values_before() of a change; empty for a query
   };
 
+  void read_reports();
   Status hand_over(Ticket ticket, Command command, const Presence& host);
   Open close(Ticket ticket);
   void take_capture_answers(std::vector<Answer>& answers, Instant now);
   void take_keeper_answers(std::vector<Answer>& answers, Instant now);
   void take_takes_answers(std::vector<Answer>& answers, Instant now);
-  void take_settings_answers();
   AuditLog::Receipt audit(const Open& open, const std::optional<Sha256>& in_force, const Status& done, Instant now);
   void note_finding(const std::string& finding, Instant now);
   void answer_when_recorded(Answer answer, AuditLog::Receipt receipt);
   void step_audit(std::vector<Answer>& answers, Instant now);
   void watch_trial(Instant now);
   void watch_takes(Instant now);
-  void start_take_at_boot(Instant now);
-  void tell_takes_the_calibration();
   void end_leases(Instant now);
-  void read_settings();
   void restore_settings(Instant now);
-  void write_settings(Instant now);
-  void watch(bool lossless, Instant now);
-  void watch_frames(Condition condition, Instant now);
-  void watch_disk();
-  void shed(bool lossless, Instant now);
-  void watch_seams();
-  void watch_stability(Instant now);
   void step_panel(Instant now);
   void act(PanelAction action, Instant now);
   void ask_by_button(Command command, Instant now);
 
   const RigConfig config_;
   Stages stages_;
-  const CaptureReport* capture_;  ///< the newest report
-  const KeeperReport* keeper_;
-  const TakeReport* takes_ = nullptr;
-  /// State of [takes] start = "boot".
-  struct TakeAtStart {
-    bool begun = false;       ///< a take has been recorded since nodald started
-    std::uint64_t disks = 0;  ///< TakeReport::disks at the newest try
-    Instant next;             ///< no try before
-    Duration wait = kFirstTakeWait;
-  };
-  TakeAtStart take_at_start_;
-  std::string take_problem_;  ///< the newest that was logged
-  std::string no_disk_;       ///< the newest reason for no disk that was logged
+  Reports reports_;
 
   Ticket next_ticket_ = 1;
   std::map<Ticket, Open> open_;
@@ -194,32 +141,9 @@ class Operation {
   AuditLog audit_;
   News news_;
 
-  Settings settings_;
-  std::optional<std::deque<CaptureCommand>> restoring_;  ///< stored settings still to restore; empty: not read yet
-  SettingsWriter settings_writer_;
-
-  std::uint64_t sets_seen_ = 0;
-  Instant newest_set_;
-  std::uint64_t sets_lost_by_disk_ = 0;  ///< sets of the current take that were lost because the disk was too slow
-  std::optional<Instant> newest_lost_set_;
-  bool seams_refused_told_ = false;
-  bool frames_arrive_ = true;  ///< as last logged by watch_frames()
-  std::vector<hal::Heartbeat> threads_;
-  bool disk_silent_ = false;  ///< as last logged by watch_disk()
-  std::uint64_t adopted_ = 0;
-  Instant steady_since_;
-  RecentRate rate_;
-  std::optional<Instant> judged_;
-  std::optional<Sha256> judged_with_;       ///< the calibration that was in force then
-  std::optional<Sha256> told_calibration_;  ///< the newest that the take has
-  /// Those that were in force last: the blend may still use one when the next is in force.
-  using Document = std::shared_ptr<const std::string>;
-  std::deque<std::pair<Sha256, Document>> documents_;
-  static constexpr std::size_t kDocumentsKept = 8;
-  Instant unstable_;           ///< the last time the rig was starting or hanging
-  bool stable_noted_ = false;  ///< by the settings' store
-  Supervisor supervisor_;
-  Shedding shedding_;
+  SettingsKeeper settings_;
+  TakeWatch take_watch_;
+  RigWatch watch_;
   std::string end_reason_;  ///< valid when end_asked_ is true
   std::atomic<bool> end_asked_{false};
   Panel panel_;

@@ -7,13 +7,13 @@
 namespace nodal::firmware {
 
 SeamFeed::SeamFeed(Blender* blender) : blender_(blender) {
-  if (blender_) blender_->log_seams();
+  if (blender_) blender_->seams().log_changes();
 }
 
 bool SeamFeed::step(TakeWriter* writer) {
   if (!blender_) return false;
   bool busy = false;
-  auto& changes = blender_->seam_changes_out();
+  auto& changes = blender_->seams().changes();
   for (std::size_t taken = 0; taken < changes.capacity() && (!writer || writer->takes_seams()); ++taken) {
     auto change = changes.pop();
     if (!change) break;

@@ -39,7 +39,7 @@ class SettingsStore {
   SpscRing<std::string>& writes() { return writes_; }
   /// The result of each write, in order.
   SpscRing<Status>& answers() { return answers_; }
-  /// The rig has run for Operation::kStableAfter without a fault: this start does not count as failed. Any thread.
+  /// The rig has run for RigWatch::kStableAfter without a fault: this start does not count as failed. Any thread.
   void note_stable_run() { stable_.store(true, std::memory_order_relaxed); }
   Snapshot<SettingsReport>& snapshot() { return snapshot_; }
 

@@ -10,7 +10,7 @@
 namespace nodal::firmware {
 
 /// Counts on the disk the failed starts with stored settings: runs that ended without a request, before
-/// Operation::kStableAfter. After kMostFailed of them in a row it renames the settings file to kSettingsAsideFile (an
+/// RigWatch::kStableAfter. After kMostFailed of them in a row it renames the settings file to kSettingsAsideFile (an
 /// older one is overwritten), and the rig starts with the settings of rig.toml.
 ///
 /// Threading: thread-bound to its SettingsStore. Calls take as long as the disk does.
@@ -23,7 +23,7 @@ class StartCount {
   explicit StartCount(hal::DiskPort& disk) : disk_(disk) {}
   /// Call before stored settings are restored. Returns a sentence when they must not be: it has just moved them aside.
   std::optional<std::string> begin();
-  /// The rig has run for Operation::kStableAfter, or ends on request: resets the count.
+  /// The rig has run for RigWatch::kStableAfter, or ends on request: resets the count.
   void succeeded();
 
  private:

@@ -82,7 +82,7 @@ TEST(CalibrationKeeper, TheOneInForceIsLoadedAgain_NothingOfTheStoreIsWritten) {
 
 TEST(CalibrationKeeper, HostsThatHaveGoneAsked_NothingIsDoneForThemAndTheNextIsServed) {
   hal::sim::SimDisk disk;
-  SpscRing<sets::InstalledPtr> tables_out(1), tables_back(8);
+  SpscRing<sets::BlendSetup> tables_out(1), tables_back(8);
   firmware::CalibrationKeeper keeper(small_config(), disk, tables_out, tables_back);
   keeper.step({});
   const auto ask = [&](std::uint64_t ticket, firmware::CalibrationCommand what, bool leaves) {
