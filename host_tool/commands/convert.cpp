@@ -1,5 +1,4 @@
-#include "host_tool/commands/layout_option.h"
-#include "host_tool/commands/raymap_frames.h"
+#include "host_tool/commands/frame_options.h"
 
 namespace nodal::host {
 namespace {
@@ -14,7 +13,7 @@ Status run_convert(Context& context, const ConvertArgs& args) {
   const Result<geometry::LayoutName> to = layout_named(args.layout);
   if (!to) return fail(to.error().in("--layout"));
   std::unique_ptr<geometry::RaymapLayout> layout;
-  return run_frames(context, args.frames,
+  return run_frames(context.console(), args.frames,
                     [&](const geometry::LayoutName& from, geometry::RaymapSize size) -> Result<Outcome> {
                       const double natural = to->width_for_resolution(size.width / from.width_for_resolution(1));
                       const geometry::RaymapSize made = to->size_for_width(args.width > 0 ? args.width : natural);

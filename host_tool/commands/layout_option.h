@@ -5,7 +5,7 @@
 #include <string>
 
 #include "host_tool/commands/command.h"
-#include "host_tool/console/files.h"
+#include "host_tool/output/layout_name.h"
 #include "stitch/geometry/raymap/registry.h"
 
 namespace nodal::host {
@@ -40,11 +40,6 @@ inline CLI::Option* add_layout_option(CLI::App& command, std::string& layout, co
   }
   help += " rays:FILE";
   return command.add_option("--layout", layout, help)->type_name(layout_type())->check(layout_check());
-}
-
-/// The layout with a name as users write it: also "rays:FILE". Errors: those of LayoutName::parse() and read_file().
-inline Result<geometry::LayoutName> layout_named(const std::string& text) {
-  return geometry::LayoutName::parse(text, [](const std::string& file) { return read_file(file, kMaxRayFileBytes); });
 }
 
 /// "1920x1080". Errors: kBadValue unless both are 1 to `most`.

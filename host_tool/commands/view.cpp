@@ -5,8 +5,7 @@
 #include <optional>
 
 #include "host_tool/commands/envelope_option.h"
-#include "host_tool/commands/layout_option.h"
-#include "host_tool/commands/raymap_frames.h"
+#include "host_tool/commands/frame_options.h"
 #include "host_tool/console/files.h"
 #include "protocol/base/try.h"
 #include "stitch/geometry/envelope/envelope.h"
@@ -74,7 +73,7 @@ Status run_mesh_view(Context& context, const ViewArgs& args, const view::CameraS
     const geometry::RaymapSize any = from->size_for_width(64);
     scattered = geometry::make_layout(*from, any.width, any.height).value()->scattered();
   }
-  return run_frames_as(context, args.frames, {spec.width, spec.height},
+  return run_frames_as(context.console(), args.frames, {spec.width, spec.height},
                        [&](const DecodedImage& raymap) { return seen->paint(raymap.view(), scattered, workers); });
 }
 
@@ -134,17 +133,18 @@ Status run_view(Context& context, const ViewArgs& args) {
   }
   FrameOptions frames = args.frames;
   if (path && frames.inputs.size() == 1) frames.pictures = static_cast<std::size_t>(path->keys().back().picture) + 1;
-  return run_frames(context, frames, [&](const geometry::LayoutName&, geometry::RaymapSize) -> Result<Outcome> {
-    Outcome outcome{target, std::nullopt};
-    if (path) {
-      outcome.target_of = [&](std::size_t k) {
-        // Cannot fail: a field of view is between those of two keys.
-        camera = view::Camera::make(along(spec, *path, k));
-        return target;
-      };
-    }
-    return outcome;
-  });
+  return run_frames(context.console(), frames,
+                    [&](const geometry::LayoutName&, geometry::RaymapSize) -> Result<Outcome> {
+                      Outcome outcome{target, std::nullopt};
+                      if (path) {
+                        outcome.target_of = [&](std::size_t k) {
+                          // Cannot fail: a field of view is between those of two keys.
+                          camera = view::Camera::make(along(spec, *path, k));
+                          return target;
+                        };
+                      }
+                      return outcome;
+                    });
 }
 
 }  // namespace

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "host_tool/commands/command.h"
+#include "host_tool/console/console.h"
 #include "protocol/base/result.h"
 #include "stitch/geometry/raymap/layout.h"
 #include "stitch/view/resampler.h"
@@ -25,9 +25,6 @@ struct FrameOptions {
   std::size_t pictures = 0;  ///< number of results made from one input; 0: one from each input
 };
 
-/// Adds INPUT, --out, --from, --filter, --quality and --threads.
-void add_frame_options(CLI::App& command, FrameOptions& options);
-
 /// What every picture becomes.
 struct Outcome {
   view::Target target;
@@ -39,11 +36,11 @@ struct Outcome {
 /// Reads every input, resamples it, and writes it: to files or, with --out -, as JPEGs to standard output. All inputs
 /// must have the size of the first. `outcome` is called once.
 Status run_frames(
-    Context& context, const FrameOptions& options,
+    Console& console, const FrameOptions& options,
     const std::function<Result<Outcome>(const geometry::LayoutName& from, geometry::RaymapSize size)>& outcome);
 
 /// The same with pictures of `size` that `paint` makes of the inputs, whatever their layout is.
-Status run_frames_as(Context& context, const FrameOptions& options, geometry::RaymapSize size,
+Status run_frames_as(Console& console, const FrameOptions& options, geometry::RaymapSize size,
                      const std::function<DecodedImage(const DecodedImage& raymap)>& paint);
 
 }  // namespace nodal::host

@@ -1,15 +1,15 @@
-#include "host_tool/commands/raymap_frames.h"
+#include "host_tool/output/raymap_frames.h"
 
 #include <fmt/format.h>
 
 #include <chrono>
 
-#include "host_tool/commands/layout_option.h"
 #include "host_tool/console/console.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/overwriting.h"
 #include "host_tool/input/pictures.h"
+#include "host_tool/output/layout_name.h"
 #include "host_tool/output/raymap_sink.h"
 #include "protocol/base/try.h"
 #include "stitch/media/gpano.h"
@@ -112,9 +112,8 @@ struct FrameJob {
 };
 
 /// Reads every input, paints and writes it. `begin` is called with the first.
-Status run_frame_job(Context& context, const FrameOptions& options,
+Status run_frame_job(Console& console, const FrameOptions& options,
                      const std::function<Result<FrameJob>(const FrameInput& first)>& begin) {
-  Console& console = context.console();
   const Stopwatch whole;
   double resampling_seconds = 0;
   const bool piped = options.out == "-";
@@ -182,47 +181,23 @@ Status run_frame_job(Context& context, const FrameOptions& options,
 
 }  // namespace
 
-void add_frame_options(CLI::App& command, FrameOptions& options) {
-  command.add_option("RAYMAP", options.inputs, "Raymaps of one size: JPEG, PNG or TIFF, 8 or 16 bits")
-      ->required()
-      ->type_name("");
-  command
-      .add_option("-o,--out", options.out,
-                  "The result, .png, .tif or .raw with the raymap's bits, or .jpg with 8; %04d numbers it;\n"
-                  "-: JPEGs on standard output, for | ffmpeg -f mjpeg -i - film.mp4")
-      ->required()
-      ->type_name("FILE");
-  command.add_option("--from", options.from, "The raymaps' layout; as their metadata says when not given")
-      ->type_name(layout_type())
-      ->check(layout_check());
-  command.add_option("--filter", options.filter, "Between pixels (bicubic when not given)")
-      ->type_name("nearest|bilinear|bicubic|lanczos")
-      ->check(checked_by(view::parse_filter));
-  command.add_option("--quality", options.quality, "JPEG quality (92 when not given)")
-      ->type_name("N")
-      ->check(CLI::Range(1, 100));
-  command.add_option("--threads", options.threads, "One a core when not given; the result is the same")
-      ->type_name("N")
-      ->check(CLI::Range(1, 256));
-}
-
-Status run_frames(Context& context, const FrameOptions& options,
+Status run_frames(Console& console, const FrameOptions& options,
                   const std::function<Result<Outcome>(const geometry::LayoutName&, geometry::RaymapSize)>& outcome) {
   const parallel::Workers workers(options.threads);
   const view::Filter filter = view::parse_filter(options.filter).value();
   std::unique_ptr<geometry::RaymapLayout> source;
   std::optional<view::Resampler> resampler;
   view::Resampler::Plan plan;
-  return run_frame_job(context, options, [&](const FrameInput& first) -> Result<FrameJob> {
+  return run_frame_job(console, options, [&](const FrameInput& first) -> Result<FrameJob> {
     NODAL_TRY_ASSIGN(const geometry::LayoutName from, layout_of(options, first));
     const geometry::RaymapSize size{first.picture.width, first.picture.height};
     auto layout = geometry::make_layout(from, size.width, size.height);
     if (!layout) return fail(layout.error().in(options.inputs.front()));
     source = std::move(*layout);
-    if (!source->scattered()) warn_of_shape(context.console(), options.inputs.front(), from, size);
+    if (!source->scattered()) warn_of_shape(console, options.inputs.front(), from, size);
     NODAL_TRY_ASSIGN(const Outcome made, outcome(from, size));
     const Stopwatch watch;
-    interruptible(context.console(), [&] {
+    interruptible(console, [&] {
       resampler.emplace(*source, filter, workers);
       plan = resampler->plan(made.target, workers);
     });
@@ -236,9 +211,9 @@ Status run_frames(Context& context, const FrameOptions& options,
   });
 }
 
-Status run_frames_as(Context& context, const FrameOptions& options, geometry::RaymapSize size,
+Status run_frames_as(Console& console, const FrameOptions& options, geometry::RaymapSize size,
                      const std::function<DecodedImage(const DecodedImage& raymap)>& paint) {
-  return run_frame_job(context, options, [&](const FrameInput&) -> Result<FrameJob> {
+  return run_frame_job(console, options, [&](const FrameInput&) -> Result<FrameJob> {
     return FrameJob{size, std::nullopt, [&](const DecodedImage& raymap, std::size_t) { return paint(raymap); }, 0};
   });
 }

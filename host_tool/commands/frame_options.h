@@ -1,0 +1,35 @@
+// The options of commands that resample raymaps, picture by picture.
+#pragma once
+
+#include "host_tool/commands/command.h"
+#include "host_tool/commands/layout_option.h"
+#include "host_tool/output/raymap_frames.h"
+
+namespace nodal::host {
+
+/// Adds INPUT, --out, --from, --filter, --quality and --threads.
+inline void add_frame_options(CLI::App& command, FrameOptions& options) {
+  command.add_option("RAYMAP", options.inputs, "Raymaps of one size: JPEG, PNG or TIFF, 8 or 16 bits")
+      ->required()
+      ->type_name("");
+  command
+      .add_option("-o,--out", options.out,
+                  "The result, .png, .tif or .raw with the raymap's bits, or .jpg with 8; %04d numbers it;\n"
+                  "-: JPEGs on standard output, for | ffmpeg -f mjpeg -i - film.mp4")
+      ->required()
+      ->type_name("FILE");
+  command.add_option("--from", options.from, "The raymaps' layout; as their metadata says when not given")
+      ->type_name(layout_type())
+      ->check(layout_check());
+  command.add_option("--filter", options.filter, "Between pixels (bicubic when not given)")
+      ->type_name("nearest|bilinear|bicubic|lanczos")
+      ->check(checked_by(view::parse_filter));
+  command.add_option("--quality", options.quality, "JPEG quality (92 when not given)")
+      ->type_name("N")
+      ->check(CLI::Range(1, 100));
+  command.add_option("--threads", options.threads, "One a core when not given; the result is the same")
+      ->type_name("N")
+      ->check(CLI::Range(1, 256));
+}
+
+}  // namespace nodal::host
