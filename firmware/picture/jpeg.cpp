@@ -8,13 +8,6 @@
 #include "stitch/media/jpeg_writer.h"
 
 namespace nodal::firmware {
-namespace {
-
-std::string sphere_metadata(const RaymapConfig& config) {
-  return config.layout == "equirectangular" ? media::gpano_packet(config.width, config.height) : "";
-}
-
-}  // namespace
 
 void RaymapComment::add(const char* format, ...) {
   std::va_list arguments;
@@ -35,7 +28,7 @@ RaymapComment::RaymapComment(const RaymapInfo& info) {
 }
 
 JpegEncoder::JpegEncoder(const RaymapConfig& config) : config_(config) {
-  const std::string xmp = sphere_metadata(config);
+  const std::string xmp = media::raymap_packet(config.layout, config.width, config.height);
   writer_ = std::make_unique<media::JpegWriter>(
       media::JpegSpec{in_8_bits(config.format), config.width, config.height, config.jpeg_quality, xmp});
 }

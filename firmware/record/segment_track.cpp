@@ -6,6 +6,7 @@
 #include "protocol/base/raymap_rate.h"
 #include "protocol/base/try.h"
 #include "stitch/decode/jpeg_frame.h"
+#include "stitch/media/gpano.h"
 #include "stitch/media/jpeg_writer.h"
 #include "stitch/media/ut_video.h"
 
@@ -59,7 +60,7 @@ take::VideoTrack SegmentWriter::track_of(const File& file) const {
     if (utc >= 0) track.utc_ns = utc;
   }
   track.coding = file.stream.coding;
-  track.equirectangular = !file.head && place_.layout == "equirectangular";
+  track.equirectangular = !file.head && media::is_whole_sphere(place_.layout);
   track.writer = place_.software;
   if (!place_.calibration_json.empty()) {
     track.attachments.push_back({take::kCalibrationFile, "application/json", place_.calibration_json});
