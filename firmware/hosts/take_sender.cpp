@@ -11,8 +11,8 @@
 namespace nodal::firmware {
 
 static_assert(TakesInUse::kMaxReaders >= Admission::in_all(Admission::kMaxClients));
-// Of each host the piece that it receives, and one of an ended transfer that its session sends to its end; what is ordered; and
-// what the only reader had before others came.
+// Of each host the piece that it receives, and one of an ended transfer that its session sends to its end; what is
+// ordered; and what the only reader had before others came.
 static_assert(TakeReader::kBuffers >= Admission::places(Admission::kMaxClients, Access::kControl) +
                                           Admission::in_all(Admission::kMaxClients) + 2 * TakeSender::kAhead);
 
@@ -49,7 +49,7 @@ Result<StreamId> TakeSender::start(Client& client, const wire::TakeRead& request
 void TakeSender::note_reading(std::uint64_t client, std::uint64_t take, Instant now) {
   auto place = std::ranges::find(readings_, client, &Reading::client);
   if (place == readings_.end()) place = std::ranges::find(readings_, 0U, &Reading::client);
-  if (place == readings_.end()) return;  // of hosts that left a moment ago
+  if (place == readings_.end()) return;  // all places are taken by hosts that left a moment ago
   *place = {client, take, now};
   reader_->in_use().set(static_cast<std::size_t>(place - readings_.begin()), take);
 }

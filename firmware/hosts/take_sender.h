@@ -15,14 +15,15 @@
 
 namespace nodal::firmware {
 
-/// Sends one file to each host that asks. Hosts share the disk in turns of one piece (FairQueue), so a host gets its share
-/// however many others read, and however slowly they do. Each piece is one item of a lossless stream. The takes' reader reads the
-/// pieces. A host has at most kAhead pieces in memory, and one while others read too. A host that reads slowly keeps its
-/// stream, because nobody waits for its memory; the stream of one that reads nothing ends (StreamProgress).
+/// Sends one file to each host that asks. Hosts share the disk in turns of one piece (FairQueue), so a host gets its
+/// share however many others read, and however slowly they do. Each piece is one item of a lossless stream. The takes'
+/// reader reads the pieces. A host has at most kAhead pieces in memory, and one while others read too. A host that
+/// reads slowly keeps its stream, because nobody waits for its memory; the stream of one that reads nothing ends
+/// (StreamProgress).
 ///
-/// It notes which takes hosts read, so that nobody deletes them meanwhile. A host copies a take file by file, so it reads the take until
-/// it has neither begun a file of it nor received kReadPace more of one for kReadFor, or until it disconnects. So a host that
-/// reads a byte a minute does not keep a take on a disk that needs room.
+/// It notes which takes hosts read, so that nobody deletes them meanwhile. A host copies a take file by file, so it reads
+/// the take until it has neither begun a file of it nor received kReadPace more of one for kReadFor, or until it
+/// disconnects. So a host that reads a byte a minute does not keep a take on a disk that needs room.
 ///
 /// Threading: thread-bound to control.
 /// Ownership: the reader outlives it; sessions hold the pieces that they send.
