@@ -31,8 +31,8 @@ class SetAssembly {
   };
   static constexpr std::size_t kMaxOpenSets = 4;
 
-  /// `returned`: takes the frames out of a set that no reader holds any more; `collection` counts the calls of collect()
-  /// and open() in this step from 1.
+  /// `returned`: takes the frames out of a set that no reader holds any more; `collection` counts the calls of
+  /// collect() and open() in this step from 1.
   explicit SetAssembly(std::function<void(FrameSet& set, std::uint32_t collection)> returned);
 
   /// Before the first begin_step().

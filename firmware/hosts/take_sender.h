@@ -21,8 +21,8 @@ namespace nodal::firmware {
 /// reads slowly keeps its stream, because nobody waits for its memory; the stream of one that reads nothing ends
 /// (StreamProgress).
 ///
-/// It notes which takes hosts read, so that nobody deletes them meanwhile. A host copies a take file by file, so it reads
-/// the take until it has neither begun a file of it nor received kReadPace more of one for kReadFor, or until it
+/// It notes which takes hosts read, so that nobody deletes them meanwhile. A host copies a take file by file, so it
+/// reads the take until it has neither begun a file of it nor received kReadPace more of one for kReadFor, or until it
 /// disconnects. So a host that reads a byte a minute does not keep a take on a disk that needs room.
 ///
 /// Threading: thread-bound to control.

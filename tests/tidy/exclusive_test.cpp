@@ -36,8 +36,7 @@ TEST(House, ARigsFiles_AreCreatedExclusivelyAndNoTreeIsDeleted) {
 
 /// Outputs of commands are written where console/overwriting.h is asked: by write_file(), and as films.
 TEST(House, ACommandsFiles_AreWrittenInTwoPlacesThatAskForTheName) {
-  constexpr std::array<std::string_view, 2> kMayWrite{"host_tool/console/files.cpp",
-                                                      "host_tool/output/film_file.cpp"};
+  constexpr std::array<std::string_view, 2> kMayWrite{"host_tool/console/files.cpp", "host_tool/output/film_file.cpp"};
   constexpr std::array<std::string_view, 5> kWays{"open_descriptor_to_write(", "O_TRUNC", "ofstream", "std::fstream",
                                                   "fopen("};
   for (const TextFile& file : project_files()) {
