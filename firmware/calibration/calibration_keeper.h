@@ -130,7 +130,7 @@ class CalibrationKeeper {
     bool handed_over = false;                       ///< it is in tables_out_; the blend takes it between two sets
     std::shared_ptr<const std::string> document{};  ///< canonical form of the calibration
     std::uint64_t signed_generation = 0;            ///< generation of its signature; 0: none
-    std::optional<CalibrationRequest> rehearsed{};       ///< an upload that is parsed and compiled elsewhere first
+    std::optional<CalibrationRequest> rehearsed{};  ///< an upload that is parsed and compiled elsewhere first
   };
   using Answered = std::variant<CalibrationAnswer::Done, CalibrationAnswer::Listed, CalibrationAnswer::Document>;
 
