@@ -65,9 +65,9 @@ class RigWatch {
   std::uint64_t sets_lost_by_disk_ = 0;  ///< sets of the current take that were lost because the disk was too slow
   std::optional<Instant> newest_lost_set_;
   bool seams_refused_told_ = false;
-  bool frames_arrive_ = true;  ///< as last logged by watch_frames()
+  bool frames_arrive_ = true;  ///< what watch_frames() logged last
   std::vector<hal::Heartbeat> threads_;
-  bool disk_silent_ = false;   ///< as last logged by watch_disk()
+  bool disk_silent_ = false;   ///< what watch_disk() logged last
   std::uint64_t adopted_ = 0;  ///< calibrations and seams that the blend had adopted at the newest assessment
   Instant steady_since_;       ///< end of the last pause of the sets, or the last adoption
   std::optional<Instant> judged_;

@@ -91,7 +91,7 @@ bool Recording::write_rows(Instant now) {
   return busy;
 }
 
-/// Some records a step: at the end of a take there may be all since nodald's start.
+/// A limited number of records in each step, because at the end of a take all records since nodald's start may be left.
 bool Recording::write_flight() {
   if (!parts_.flight || phase_ == Phase::kOver) return false;
   for (int k = 0; k < kFlightRecordsAStep; ++k) {
@@ -107,7 +107,7 @@ bool Recording::write_flight() {
   return true;
 }
 
-/// The disk does not take any more: the recorder is told to end, and what comes until then is dropped.
+/// The disk accepts no more data: the recorder is asked to end, and the rows that it closes until then are dropped.
 void Recording::give_up(const Error& error) {
   if (cause_.empty()) cause_ = error.message;
   end(error.code == Errc::kDiskFull   ? "disk full"
