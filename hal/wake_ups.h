@@ -15,7 +15,7 @@ namespace nodal::hal {
 class WakeUps {
  public:
   /// Room for the heads and the trigger, or for the hosts' links and their listeners.
-  static constexpr std::size_t kMost = 64;
+  static constexpr std::size_t kMax = 64;
   struct Descriptor {
     int number = -1;
     bool readable = false;                 ///< wakes when there is something to read
@@ -30,7 +30,7 @@ class WakeUps {
   /// A descriptor that waits for neither is left out: the kernel would report its errors without end.
   void on(const Descriptor& descriptor) {
     if (descriptor.number < 0 || !(descriptor.readable || descriptor.writable)) return;
-    NODAL_ASSERT(count_ < kMost);
+    NODAL_ASSERT(count_ < kMax);
     descriptors_[count_++] = descriptor;
   }
 
@@ -38,7 +38,7 @@ class WakeUps {
   std::span<const Descriptor> descriptors() const { return std::span(descriptors_).first(count_); }
 
  private:
-  std::array<Descriptor, kMost> descriptors_{};
+  std::array<Descriptor, kMax> descriptors_{};
   std::size_t count_ = 0;
   std::optional<Instant> at_;
 };

@@ -123,7 +123,7 @@ inline constexpr std::size_t kMaxCalibrationBytes = 1 << 20;
 inline constexpr double kFarthestPosition = 100;  ///< m
 inline constexpr double kLongestDistance = 1e6;   ///< m
 /// Lowest ratio of `distance` to the position of the farthest head.
-inline constexpr double kLeastDistancePerPosition = 1.25;
+inline constexpr double kMinDistancePerPosition = 1.25;
 
 /// m from the rig's nodal point.
 double farthest_position(const Calibration& calibration);

@@ -264,10 +264,10 @@ Status check_distance(const Calibration& calibration) {
                                      " m, but no head has a position, so it would change nothing; add each head's "
                                      "position, or leave distance out");
   }
-  if (calibration.distance >= farthest * kLeastDistancePerPosition) return {};
+  if (calibration.distance >= farthest * kMinDistancePerPosition) return {};
   return fail(Errc::kBadValue, "distance is " + six_digits(calibration.distance) + " m, and the farthest head is " +
                                    six_digits(farthest) + " m from the rig's nodal point; it must be at least " +
-                                   six_digits(farthest * kLeastDistancePerPosition) + " m");
+                                   six_digits(farthest * kMinDistancePerPosition) + " m");
 }
 
 /// The same rule as for names in rig.toml, so that the two can match.

@@ -195,16 +195,16 @@ void CalibrationStore::add_note(const std::string& sentence) {
 Result<CalibrationStore::Entry> CalibrationStore::put(const Calibration& calibration,
                                                       const std::optional<SignedDocument>& original) {
   const Sha256 id = calibration_id(calibration);
-  const Entry* const there = entry(id);
+  const Entry* const stored = entry(id);
   Entry added{next_generation_, id, calibration.name, calibration.heads.size(), file_name(next_generation_, id)};
   if (original) {
     // The signature is written first: a rig that requires signatures cannot use a calibration without one.
-    const std::string file = signed_file(there ? there->file : added.file);
+    const std::string file = signed_file(stored ? stored->file : added.file);
     const std::string signature = original->signature.substr(0, original->signature.find(kSignatureEnd));
     const std::string text = signature + std::string(kSignatureEnd) + "\n" + original->json;
     NODAL_TRY(write_durably(*disk_, kFolder, file, text));
   }
-  if (there) return *there;
+  if (stored) return *stored;
   NODAL_TRY(write_durably(*disk_, kFolder, added.file, canonical_json(calibration)));
   ++next_generation_;
   entries_.insert(entries_.begin(), added);
@@ -233,11 +233,11 @@ Status CalibrationStore::set_in_force(const Sha256& id) {
 
 void CalibrationStore::remove(const Sha256& id) {
   if (in_force_ == id || before_ == id) return;
-  const Entry* there = entry(id);
-  if (!there) return;
-  (void)disk_->remove(there->file);
-  (void)disk_->remove(signed_file(there->file));
-  entries_.erase(entries_.begin() + (there - entries_.data()));
+  const Entry* stored = entry(id);
+  if (!stored) return;
+  (void)disk_->remove(stored->file);
+  (void)disk_->remove(signed_file(stored->file));
+  entries_.erase(entries_.begin() + (stored - entries_.data()));
 }
 
 void CalibrationStore::prune() {
@@ -271,9 +271,9 @@ Result<CalibrationStore::Entry> CalibrationStore::find(std::string_view id_prefi
 }
 
 Result<std::string> CalibrationStore::read(const Sha256& id) const {
-  const Entry* there = entry(id);
-  if (!there) return fail(Errc::kNotFound, "calibration " + short_id(id) + " is not stored here");
-  return read(*there);
+  const Entry* stored = entry(id);
+  if (!stored) return fail(Errc::kNotFound, "calibration " + short_id(id) + " is not stored here");
+  return read(*stored);
 }
 
 Result<std::string> CalibrationStore::read(const Entry& entry) const {
@@ -284,21 +284,21 @@ Result<std::string> CalibrationStore::read(const Entry& entry) const {
 }
 
 Result<std::optional<SignedDocument>> CalibrationStore::original(const Sha256& id) const {
-  const Entry* there = entry(id);
-  if (!there) return fail(Errc::kNotFound, "calibration " + short_id(id) + " is not stored here");
-  const auto bytes = disk_->read(signed_file(there->file), kMaxSignatureBytes + kMaxCalibrationBytes);
+  const Entry* stored = entry(id);
+  if (!stored) return fail(Errc::kNotFound, "calibration " + short_id(id) + " is not stored here");
+  const auto bytes = disk_->read(signed_file(stored->file), kMaxSignatureBytes + kMaxCalibrationBytes);
   if (!bytes && bytes.error().code == Errc::kNotFound) return std::nullopt;
   if (!bytes) return fail(bytes.error());
   const std::string text(bytes->begin(), bytes->end());
   const std::size_t border = text.find('\n', std::min(text.find(kSignatureEnd), text.size()));
-  if (border == std::string::npos) return fail(Errc::kChecksum, signed_file(there->file) + " is damaged");
+  if (border == std::string::npos) return fail(Errc::kChecksum, signed_file(stored->file) + " is damaged");
   return SignedDocument{text.substr(0, border), text.substr(border + 1)};
 }
 
 Result<Calibration> CalibrationStore::load(const Sha256& id) const {
-  const Entry* there = entry(id);
-  if (!there) return fail(Errc::kNotFound, "calibration " + short_id(id) + " is not stored here");
-  return load(*there);
+  const Entry* stored = entry(id);
+  if (!stored) return fail(Errc::kNotFound, "calibration " + short_id(id) + " is not stored here");
+  return load(*stored);
 }
 
 Result<Calibration> CalibrationStore::load(const Entry& entry) const {

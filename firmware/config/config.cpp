@@ -92,8 +92,8 @@ void read_exposure(TomlReader reader, const std::vector<HeadConfig>& heads, Expo
   settings.difference = stops_from(reader.number("difference_stops", 0, 8, 1));
   settings.ramp = stops_from(reader.number("ramp_stops", 0.001, 8, 4));
   settings.longest = Exposure::microseconds(reader.integer("longest_us", 1, 10'000'000, settings.longest.us()));
-  settings.highest = Gain::millidecibels(static_cast<std::int32_t>(
-      reader.integer("highest_gain_mdb", -kMostGainMdb, kMostGainMdb, settings.highest.mdb())));
+  settings.highest = Gain::millidecibels(
+      static_cast<std::int32_t>(reader.integer("highest_gain_mdb", -kMaxGainMdb, kMaxGainMdb, settings.highest.mdb())));
   const std::string anchor = reader.text("anchor", "");
   if (anchor.empty()) return;
   const auto found =

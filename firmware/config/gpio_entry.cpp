@@ -33,10 +33,10 @@ std::optional<GpioLine> parse(std::string_view text, const LineOptions& allowed)
   line.chip = text.substr(0, colon);
   text.remove_prefix(colon + 1);
   const std::string_view number = take_word(text);
-  constexpr std::uint32_t kMostLines = 65'536;
+  constexpr std::uint32_t kMaxLines = 65'536;
   const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), line.offset);
   if (!is_chip(line.chip) || error != std::errc{} || end != number.data() + number.size()) return std::nullopt;
-  if (line.offset >= kMostLines) return std::nullopt;
+  if (line.offset >= kMaxLines) return std::nullopt;
   while (!text.empty()) {
     const std::string_view word = take_word(text);
     if (word == "low" && allowed.low && !line.low) line.low = true;

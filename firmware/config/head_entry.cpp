@@ -78,7 +78,7 @@ void read_device(TomlReader& reader, PortKind kind, FrameRate rate, DeviceConfig
   device.separate_fields = reader.boolean("separate_fields", false);
   device.input = reader.text("input", "");
   device.standard = reader.text("standard", "");
-  device.gain_step_mdb = static_cast<std::int32_t>(reader.integer("gain_step_mdb", 1, kMostGainMdb, 0));
+  device.gain_step_mdb = static_cast<std::int32_t>(reader.integer("gain_step_mdb", 1, kMaxGainMdb, 0));
   if (reader.has("readout_us")) {
     device.readout = Duration::microseconds(reader.integer("readout_us", 0, 10 * rate.period().us(), 0));
   }
@@ -133,7 +133,7 @@ HeadConfig read_head(TomlReader& reader, FrameRate rate) {
   }
   if (reader.has("gain_mdb")) {
     head.gain =
-        Gain::millidecibels(static_cast<std::int32_t>(reader.integer("gain_mdb", -kMostGainMdb, kMostGainMdb, 0)));
+        Gain::millidecibels(static_cast<std::int32_t>(reader.integer("gain_mdb", -kMaxGainMdb, kMaxGainMdb, 0)));
   }
   if (reader.has("red_q12") != reader.has("blue_q12")) {
     reader.refuse(reader.has("red_q12") ? "blue_q12" : "red_q12", "is missing; a white balance needs both colours",

@@ -22,8 +22,8 @@ namespace nodal::daemon {
 /// Wakes threads that sleep because they have no work. ring() takes a lock only if a thread sleeps, otherwise it is one
 /// atomic addition, so that the frame path takes no lock.
 ///
-///   const auto heard = bell.count();     read before looking for work
-///   if (!work()) bell.wait(heard, ...);  returns at once if the bell rang after count()
+///   const auto count = bell.count();     read before looking for work
+///   if (!work()) bell.wait(count, ...);  returns at once if the bell rang after count()
 ///
 /// Threading: thread-safe.
 /// Ownership: none.
@@ -45,11 +45,11 @@ class Bell {
     condition_.notify_all();
   }
 
-  void wait(std::uint64_t heard, std::chrono::microseconds at_most) {
+  void wait(std::uint64_t since, std::chrono::microseconds at_most) {
     sleepers_.fetch_add(1);
     {
       std::unique_lock lock(mutex_);
-      condition_.wait_for(lock, at_most, [&] { return rung_.load() != heard; });
+      condition_.wait_for(lock, at_most, [&] { return rung_.load() != since; });
     }
     sleepers_.fetch_sub(1);
   }
@@ -88,7 +88,7 @@ class PortBell {
   ///
   /// A port may wake the thread and then have nothing to do for it, again and again: a driver's error that lasts, or a
   /// time that has passed. The thread then polls its ports every kPoll, which uses little of a core.
-  void wait(std::uint64_t heard, const hal::WakeUps& ports) {
+  void wait(std::uint64_t since, const hal::WakeUps& ports) {
     const Instant now = clock_.now();
     const bool passed = ports.at() && *ports.at() <= now;
     const bool poll = std::exchange(by_port_, false) || passed;
@@ -96,9 +96,9 @@ class PortBell {
     std::optional<bool> written;  // stays empty if the thread does not sleep
     wake_ups.on({event_, true, false, &written});
     sleeps_.store(true);
-    if (rung_.load() == heard) {
+    if (rung_.load() == since) {
       const bool by_descriptor = hal::wait_for(wake_ups, now, poll ? kPoll : kLongest);
-      by_port_ = !poll && by_descriptor && rung_.load() == heard;
+      by_port_ = !poll && by_descriptor && rung_.load() == since;
     }
     sleeps_.store(false);
     if (!written.value_or(true)) return;

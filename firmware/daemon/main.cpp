@@ -183,7 +183,8 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
   auto ports = BoardPorts::make(config, base);
   if (!ports) return give_up(ports.error(), kExitBadInput);
   if (options.check) {
-    if (const Status there = (*ports)->check_devices(config); !there) return give_up(there.error(), kExitBadInput);
+    if (const Status checked = (*ports)->check_devices(config); !checked)
+      return give_up(checked.error(), kExitBadInput);
     const std::vector<Error> problems = (*ports)->claim_lines(config);
     for (const Error& problem : problems) log_line(LogLevel::kError, problem.text());
     if (!problems.empty()) return kExitBadInput;

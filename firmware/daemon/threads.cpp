@@ -32,20 +32,20 @@ RigThreads::~RigThreads() { stop(); }
 /// A thread that steps until there is no work, and then sleeps until the bell rings that it read before the last step.
 template <class AnyBell, class Step, class Sleep>
 void RigThreads::add(const char* name, AnyBell& bell, Step step, Sleep sleep) {
-  const auto heard = std::make_shared<std::uint64_t>(0);
+  const auto count = std::make_shared<std::uint64_t>(0);
   threads_.push_back({name, hal::Thread(
                                 name,
-                                [this, &bell, heard, step = std::move(step)]() mutable {
+                                [this, &bell, count, step = std::move(step)]() mutable {
                                   if (stop_.load()) return hal::Round::kEnd;
-                                  *heard = bell.count();
+                                  *count = bell.count();
                                   return step() ? hal::Round::kAgain : hal::Round::kSleep;
                                 },
-                                [heard, sleep = std::move(sleep)] { sleep(*heard); })});
+                                [count, sleep = std::move(sleep)] { sleep(*count); })});
 }
 
 template <class Step>
 void RigThreads::add(const char* name, Bell& bell, Step step) {
-  add(name, bell, std::move(step), [&bell](std::uint64_t heard) { bell.wait(heard, kSleep); });
+  add(name, bell, std::move(step), [&bell](std::uint64_t count) { bell.wait(count, kSleep); });
 }
 
 void RigThreads::start(int blend_threads) {
@@ -92,13 +92,13 @@ void RigThreads::add_capture() {
     if (asked || rig_.hosts_have_sets()) control_bell_.ring();  // it answers requests and sends the heads' pictures
     return true;
   };
-  add("nodal-capture", capture_bell_, step, [this](std::uint64_t heard) {
+  add("nodal-capture", capture_bell_, step, [this](std::uint64_t count) {
     hal::WakeUps wake_ups;
     rig_.capture().add_wake_ups(wake_ups);
     if (hooks_.advance && frame_path_empty()) {
       hooks_.advance(*wake_ups.at());
     } else {
-      capture_bell_.wait(heard, wake_ups);
+      capture_bell_.wait(count, wake_ups);
     }
   });
 }
@@ -190,10 +190,10 @@ void RigThreads::add_control() {
     encode_bell_.ring();
     return true;
   };
-  add("nodal-control", control_bell_, step, [this](std::uint64_t heard) {
+  add("nodal-control", control_bell_, step, [this](std::uint64_t count) {
     hal::WakeUps wake_ups;
     rig_.control().add_wake_ups(wake_ups);
-    control_bell_.wait(heard, wake_ups);
+    control_bell_.wait(count, wake_ups);
   });
 }
 

@@ -10,7 +10,7 @@ namespace {
 namespace wire = take::flight;
 
 constexpr std::int64_t kLatestNs = std::int64_t{1} << 60;
-constexpr std::uint32_t kMostPixels = 1U << 16;
+constexpr std::uint32_t kMaxPixels = 1U << 16;
 constexpr int kPixelFormats = static_cast<int>(PixelFormat::kYuv411);
 constexpr int kGenlockStates = static_cast<int>(GenlockState::kLost) + 1;
 constexpr std::uint8_t kAnyByte = 0;  ///< stands for the pictures, which nothing reads
@@ -38,7 +38,7 @@ Result<HeadIndex> head_of(std::uint32_t head) {
 }
 
 bool is_picture(std::uint32_t format, std::uint32_t width, std::uint32_t height, std::uint32_t fields) {
-  return format >= 1 && format <= kPixelFormats && width <= kMostPixels && height <= kMostPixels &&
+  return format >= 1 && format <= kPixelFormats && width <= kMaxPixels && height <= kMaxPixels &&
          fields <= static_cast<std::uint32_t>(Fields::kBottomOnly);
 }
 

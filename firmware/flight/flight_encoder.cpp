@@ -7,7 +7,7 @@ namespace {
 
 namespace wire = take::flight;
 
-constexpr std::size_t kMostMessageBytes = 1024;  ///< so that a record is not larger than a frame
+constexpr std::size_t kMaxMessageBytes = 1024;  ///< so that a record is not larger than a frame
 
 /// The difference of two times, which may be any, because heads may report any.
 std::int64_t before(std::int64_t step_ns, Instant at) {
@@ -16,7 +16,7 @@ std::int64_t before(std::int64_t step_ns, Instant at) {
 
 void put(const Error& error, wire::Status& to) {
   to.set_code(static_cast<std::uint32_t>(error.code));
-  to.set_message(error.message.substr(0, kMostMessageBytes));
+  to.set_message(error.message.substr(0, kMaxMessageBytes));
 }
 
 /// Success is the empty message, which is left out.

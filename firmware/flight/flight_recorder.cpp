@@ -69,7 +69,7 @@ void FlightLog::close_record() {
   bytes_ += records_.back().size();
   open_.Clear();
   open_bytes_ = 0;
-  while (bytes_ > kMost) {
+  while (bytes_ > kMax) {
     bytes_ -= records_.front().size();
     records_.pop_front();
     ++dropped_;
@@ -84,7 +84,7 @@ bool FlightLog::begin() {
 }
 
 std::span<const std::uint8_t> FlightLog::next() {
-  if (!in_take_ || next_ < dropped_ || next_ - dropped_ == records_.size() || in_take_bytes_ > kMostInTake) return {};
+  if (!in_take_ || next_ < dropped_ || next_ - dropped_ == records_.size() || in_take_bytes_ > kMaxInTake) return {};
   const std::vector<std::uint8_t>& record = records_[next_++ - dropped_];
   in_take_bytes_ += record.size();
   return record;
@@ -94,9 +94,9 @@ std::vector<std::uint8_t> FlightLog::end() {
   if (!std::exchange(in_take_, false)) return {};
   take::flight::Record last;
   const bool behind = next_ < dropped_;
-  last.mutable_end()->set_reason(overrun_ || behind             ? "events were lost, because the disk was too slow"
-                                 : in_take_bytes_ > kMostInTake ? "it has the largest size that it may have"
-                                                                : "the take ended");
+  last.mutable_end()->set_reason(overrun_ || behind            ? "events were lost, because the disk was too slow"
+                                 : in_take_bytes_ > kMaxInTake ? "it has the largest size that it may have"
+                                                               : "the take ended");
   if (dropped_ > 0) {
     records_.clear();
     bytes_ = 0;

@@ -52,7 +52,7 @@ class FlightRecorder final : public CaptureLog {
 };
 
 /// The records since nodald was started. A take gets all of them, because capture's state at a later moment cannot be
-/// restored. When they exceed kMost, a take that is being recorded keeps its record, and later takes have none.
+/// restored. When they exceed kMax, a take that is being recorded keeps its record, and later takes have none.
 ///
 /// Threading: thread-bound to the disk's stage.
 /// Ownership: the recorder outlives it.
@@ -77,9 +77,9 @@ class FlightLog {
   bool overrun() const { return overrun_; }
 
   /// With ten heads at 29.97 Hz about an hour: firmware/flight/README.md.
-  static constexpr std::size_t kMost = std::size_t{64} << 20;
+  static constexpr std::size_t kMax = std::size_t{64} << 20;
   /// Size limit of a take's flight record, bytes. The record ends there.
-  static constexpr std::uint64_t kMostInTake = std::uint64_t{1} << 30;
+  static constexpr std::uint64_t kMaxInTake = std::uint64_t{1} << 30;
   static constexpr Duration kRecordEvery = Duration::milliseconds(100);
   static constexpr std::size_t kRecordBytes = 16U << 10;
 

@@ -64,14 +64,14 @@ Client* host_to_close(const ClientList& hosts, Instant now) {
     return one;
   // Among hosts that send requests all the time, the newest host would be the one idle longest, so new hosts are
   // spared. In a flood of new hosts, these are closed and no older one.
-  const auto fresh = [&](const Client& c) { return !c.works() && now - c.since() < Admission::kSpared; };
+  const auto fresh = [&](const Client& c) { return !c.has_work() && now - c.since() < Admission::kSpared; };
   if (const ClientList young = select(some, fresh); young.size() > Admission::kMaxSpared) {
     const ClientList silent = select(young, [](const Client& c) { return !c.has_requested(); });
     return idle_longest(silent.size() > Admission::kMaxSpared ? silent : young);
   }
   if (Client* one = first([&](const Client& c) { return !fresh(c) && !c.active(now); })) return one;
-  if (Client* one = first([&](const Client& c) { return !fresh(c) && !c.works(); })) return one;
-  if (Client* one = first([](const Client& c) { return !c.works(); })) return one;
+  if (Client* one = first([&](const Client& c) { return !fresh(c) && !c.has_work(); })) return one;
+  if (Client* one = first([](const Client& c) { return !c.has_work(); })) return one;
   return idle_longest(some);
 }
 
@@ -133,17 +133,17 @@ void Admission::close_excess(Clients& clients, Instant now) {
 
 Status Admission::may_work(const Clients& clients, const Client& client, Instant now) {
   const ClientList working =
-      select(clients, [&](const Client& c) { return c.access() == client.access() && c.works(); });
+      select(clients, [&](const Client& c) { return c.access() == client.access() && c.has_work(); });
   const std::size_t most = places(kMaxWorking, client.access());
-  if (client.works() || working.size() < most) return {};
+  if (client.has_work() || working.size() < most) return {};
   if (Client* one = idle_longest(select(working, [&](const Client& c) { return !c.active(now); }))) {
     one->end(displaced("this host's link has made no progress for " +
                        std::to_string(Client::kStalledAfter.ms() / 1000) + " s"),
              now);
     return {};
   }
-  const ClientList many = of_heaviest_user(
-      select(clients, [&](const Client& c) { return c.access() == client.access() && (c.works() || &c == &client); }));
+  const ClientList many = of_heaviest_user(select(
+      clients, [&](const Client& c) { return c.access() == client.access() && (c.has_work() || &c == &client); }));
   if (std::find(many.begin(), many.end(), &client) == many.end()) {
     idle_longest(many)->end(displaced("this host's user has the most hosts that pull or upload"), now);
     return {};

@@ -25,7 +25,7 @@ Client::Client(std::uint64_t number, std::unique_ptr<hal::LinkPort> link, Access
       session_(Role::kRig, mine),
       since_(now),
       used_(now),
-      heard_(now),
+      received_at_(now),
       moved_(now),
       pinged_(now),
       frame_since_(now) {}
@@ -64,7 +64,7 @@ bool Client::active(Instant now) const {
   bool pending = (frame_set && waits_for_link(*frame_set)) || (take_file && waits_for_link(*take_file));
   for (const auto& [stream, pull] : pulls) pending |= pull.ended || waits_for_link(stream);
   const bool takes = !pulls.empty() || frame_set || take_file;
-  return (takes && !pending) || (works() && now - moved_ < kStalledAfter);
+  return (takes && !pending) || (has_work() && now - moved_ < kStalledAfter);
 }
 
 std::optional<Error> Client::overdue(Instant now) const {
@@ -78,7 +78,7 @@ std::optional<Error> Client::overdue(Instant now) const {
   if (under_way > 0 && session_.wants_input() && now - frame_since_ > kFrameWithin + more) {
     return Error{Errc::kTimeout, "a frame that began " + seconds(now - frame_since_) + " ago is still incomplete"};
   }
-  if (session_.version() >= kProtocolPing && now - std::max(heard_, moved_) > kSilentFor) {
+  if (session_.version() >= kProtocolPing && now - std::max(received_at_, moved_) > kSilentFor) {
     return Error{Errc::kTimeout, "the host sent nothing for " + seconds(kSilentFor) + ", not even answers to pings"};
   }
   return std::nullopt;
@@ -97,7 +97,7 @@ bool Client::pump_in(Instant now) {
     if (*read == 0) break;
     any = true;
     bytes_in_ += *read;
-    heard_ = now;
+    received_at_ = now;
     const bool fresh = session_.bytes_under_way() == 0;
     if (!session_.receive(std::span(bytes).first(*read))) {
       ending_since_ = now;
@@ -112,7 +112,7 @@ bool Client::pump_in(Instant now) {
     return true;
   }
   const Duration ping_every = leases ? kLeasePingEvery : kPingEvery;
-  if (now - heard_ > ping_every && now - pinged_ > ping_every) {
+  if (now - received_at_ > ping_every && now - pinged_ > ping_every) {
     session_.ping();
     pinged_ = now;
   }

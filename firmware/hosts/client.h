@@ -65,14 +65,14 @@ class Client {
   bool ending() const { return gone_ || session_.error() != nullptr; }
   bool said_hello() const { return session_.peer_hello() != nullptr; }
   /// It pulls, uploads, or receives a frame set or a file of a take.
-  bool works() const { return !pulls.empty() || !uploads.empty() || frame_set || take_file; }
+  bool has_work() const { return !pulls.empty() || !uploads.empty() || frame_set || take_file; }
   /// It waits for an answer, or its bytes move: it is not closed for another host.
   bool active(Instant now) const;
   /// When it last sent a request, or bytes of its streams and uploads last moved.
   Instant idle_since() const { return used_; }
   Instant since() const { return since_; }
   /// How long nothing was received from it.
-  Duration silence(Instant now) const { return now - heard_; }
+  Duration silence(Instant now) const { return now - received_at_; }
   bool has_requested() const { return has_requested_; }
   std::uint64_t number() const { return number_; }
   const std::string& peer() const { return link_->peer(); }
@@ -133,7 +133,7 @@ class Client {
   const Instant since_;
   Instant used_;
   bool has_requested_ = false;
-  Instant heard_;           ///< when bytes were last received
+  Instant received_at_;     ///< when bytes were last received
   Instant moved_;           ///< when bytes of its streams and uploads last moved
   std::uint64_t bulk_ = 0;  ///< so many bytes of them had moved then
   Instant pinged_;

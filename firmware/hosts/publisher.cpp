@@ -79,19 +79,19 @@ bool Publisher::step(const Clients& clients) {
 }
 
 std::size_t Publisher::most_pending(std::size_t bytes) {
-  return std::clamp(kLosslessBytes / std::max<std::size_t>(bytes, 1), kLosslessLeast, kLosslessQueueItems);
+  return std::clamp(kLosslessBytes / std::max<std::size_t>(bytes, 1), kLosslessMin, kLosslessQueueItems);
 }
 
 bool Publisher::offer(Client& client, StreamId stream, Pull& pull, const Raymap& raymap) {
   const bool jpeg = pull.coding == wire::PullRequest::JPEG;
   const bool evidence = pull.coding == wire::PullRequest::EVIDENCE;  // without pixels, and so never shed
-  const bool there = jpeg ? static_cast<bool>(raymap.jpeg) : static_cast<bool>(raymap.pixels);
+  const bool present = jpeg ? static_cast<bool>(raymap.jpeg) : static_cast<bool>(raymap.pixels);
   // Both fields have the evidence of their set, which is sent once.
   const bool repeated = evidence && raymap.info.field && raymap.info.field->number > 0;
   const bool shed = raymap.shed && !pull.lossless && !evidence;
   const auto before = client.session().counts(stream);
   if (pull.ended || repeated || shed || !before || client.ending()) return false;
-  if (!evidence && !there) {
+  if (!evidence && !present) {
     // Raymaps that were already in the path when the pull began may lack a JPEG or pixels; that is no loss.
     if (pull.lossless && before->offered > 0) {
       end_lossless(client, stream, pull,
@@ -144,9 +144,9 @@ BulkItem Publisher::item(const Raymap& raymap, wire::PullRequest::Coding coding)
   header.set_calibration_id(sha256_to_wire(info.calibration));
   header.set_heads_mask(info.heads);
   for (std::size_t i = 0; info.heads >> i != 0; ++i) {
-    const bool there = (info.heads & head_bit(i)) != 0;
-    header.add_exposure_ns(there ? static_cast<std::uint64_t>(info.in_effect[i].exposure.duration().ns()) : 0);
-    header.add_gain_mdb(there ? info.in_effect[i].gain.mdb() : 0);
+    const bool present = (info.heads & head_bit(i)) != 0;
+    header.add_exposure_ns(present ? static_cast<std::uint64_t>(info.in_effect[i].exposure.duration().ns()) : 0);
+    header.add_gain_mdb(present ? info.in_effect[i].gain.mdb() : 0);
   }
   if (info.field) {
     header.set_field(static_cast<std::uint32_t>(info.field->number));

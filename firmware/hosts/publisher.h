@@ -56,10 +56,10 @@ class Publisher {
   /// does not read holds the one raymap that it has received in part.
   static constexpr std::size_t kMaxPinned = Admission::in_all(Admission::kMaxWorking) + kMaxExtraPulls;
   /// Bounds of a lossless pull's backlog: kLosslessBytes and kLosslessQueueItems raymaps, which is one second of JPEGs
-  /// of ten heads, but at least kLosslessLeast raymaps of any size. Lossless pulls share the raymaps in their backlogs,
+  /// of ten heads, but at least kLosslessMin raymaps of any size. Lossless pulls share the raymaps in their backlogs,
   /// so all of them together need no more memory than this.
   static constexpr std::size_t kLosslessBytes = 24U << 20;
-  static constexpr std::size_t kLosslessLeast = 2;
+  static constexpr std::size_t kLosslessMin = 2;
 
  private:
   bool offer(Client& client, StreamId stream, Pull& pull, const Raymap& raymap);

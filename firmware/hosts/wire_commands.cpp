@@ -15,14 +15,14 @@ namespace {
 
 /// Clamped to the longest Duration, which check() refuses as well.
 Duration duration_of(std::uint64_t ns) {
-  constexpr std::uint64_t kMost = std::numeric_limits<std::int64_t>::max();
-  return Duration::nanoseconds(static_cast<std::int64_t>(std::min(ns, kMost)));
+  constexpr std::uint64_t kMax = std::numeric_limits<std::int64_t>::max();
+  return Duration::nanoseconds(static_cast<std::int64_t>(std::min(ns, kMax)));
 }
 
 /// Clamped to 1000 stops, far above the limit of check().
 Stops stops_of(std::uint32_t thousandths) {
-  constexpr std::uint32_t kMost = 1'000'000;
-  return static_cast<Stops>((std::min(thousandths, kMost) * std::uint64_t{kStop} + 500) / 1000);
+  constexpr std::uint32_t kMax = 1'000'000;
+  return static_cast<Stops>((std::min(thousandths, kMax) * std::uint64_t{kStop} + 500) / 1000);
 }
 
 Result<Command> head_command(const wire::HeadSetRequest& request, const RigConfig& config, std::uint64_t host) {
@@ -43,14 +43,14 @@ Result<Command> head_command(const wire::HeadSetRequest& request, const RigConfi
     return fail(Errc::kMissingField, "a white balance needs both red_q12 and blue_q12");
   }
   if (request.has_red_q12()) {
-    constexpr std::uint32_t kMost = std::numeric_limits<std::uint16_t>::max();
-    // A value above kMost becomes 0, which check() refuses as well.
-    const auto q12 = [](std::uint32_t gain) { return static_cast<std::uint16_t>(gain <= kMost ? gain : 0); };
+    constexpr std::uint32_t kMax = std::numeric_limits<std::uint16_t>::max();
+    // A value above kMax becomes 0, which check() refuses as well.
+    const auto q12 = [](std::uint32_t gain) { return static_cast<std::uint16_t>(gain <= kMax ? gain : 0); };
     change.white_balance = WhiteBalance{q12(request.red_q12()), q12(request.blue_q12())};
   }
   if (request.has_gamma()) {
-    constexpr std::uint32_t kMost = std::numeric_limits<std::int32_t>::max();
-    change.gamma = hal::Gamma::thousandths(static_cast<std::int32_t>(std::min(request.gamma(), kMost)));
+    constexpr std::uint32_t kMax = std::numeric_limits<std::int32_t>::max();
+    change.gamma = hal::Gamma::thousandths(static_cast<std::int32_t>(std::min(request.gamma(), kMax)));
   }
   if (request.temporary() && change.empty()) return CaptureCommand(LeaseEnd{host});
   if (request.temporary()) command.lease = host;

@@ -19,9 +19,9 @@ template <class... Of>
 Overloaded(Of...) -> Overloaded<Of...>;  // clang 14 deduces nothing for aggregates
 
 Status gain_allowed(Gain gain) {
-  if (gain.mdb() >= -kMostGainMdb && gain.mdb() <= kMostGainMdb) return {};
+  if (gain.mdb() >= -kMaxGainMdb && gain.mdb() <= kMaxGainMdb) return {};
   return fail(Errc::kBadValue, "a gain of " + std::to_string(gain.mdb()) + " mdB is not allowed; allowed is " +
-                                   std::to_string(-kMostGainMdb) + " to " + std::to_string(kMostGainMdb) + " mdB");
+                                   std::to_string(-kMaxGainMdb) + " to " + std::to_string(kMaxGainMdb) + " mdB");
 }
 
 Status stops_allowed(Stops stops, std::int64_t low, const char* what) {

@@ -13,8 +13,8 @@ namespace {
 
 constexpr std::string_view kHead = "# nodal-settings 2, SHA-256 of what follows: ";
 constexpr std::size_t kHexBytes = 2 * Sha256{}.size();
-constexpr std::int64_t kMost32 = std::numeric_limits<std::int32_t>::max();
-constexpr std::int64_t kMost64 = std::numeric_limits<std::int64_t>::max();
+constexpr std::int64_t kMax32 = std::numeric_limits<std::int32_t>::max();
+constexpr std::int64_t kMax64 = std::numeric_limits<std::int64_t>::max();
 
 std::string hex_of(std::string_view text) {
   return to_hex(sha256(std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size())));
@@ -72,11 +72,11 @@ void write_genlock(std::string& text, const GenlockStart* start) {
 // --- reading: only checks that a value fits its type; check() of the command then checks that it is allowed ---
 
 Duration duration(TomlReader& reader, std::string_view key) {
-  return Duration::nanoseconds(reader.integer(key, 0, kMost64, 0));
+  return Duration::nanoseconds(reader.integer(key, 0, kMax64, 0));
 }
 
 std::int32_t number(TomlReader& reader, std::string_view key) {
-  return static_cast<std::int32_t>(reader.integer(key, -kMost32, kMost32, 0));
+  return static_cast<std::int32_t>(reader.integer(key, -kMax32, kMax32, 0));
 }
 
 std::uint16_t q12(TomlReader& reader, std::string_view key) {
@@ -118,9 +118,9 @@ std::variant<GenlockStart, GenlockStop> read_genlock(TomlReader reader) {
   if (!reader.boolean("running", false)) return GenlockStop{};
   GenlockStart start;
   if (reader.has("rate_numerator")) {
-    constexpr std::int64_t kMost = std::numeric_limits<std::uint32_t>::max();
-    const auto above = static_cast<std::uint32_t>(reader.integer("rate_numerator", 0, kMost, 0));
-    const auto below = static_cast<std::uint32_t>(reader.integer("rate_denominator", 0, kMost, 0));
+    constexpr std::int64_t kMax = std::numeric_limits<std::uint32_t>::max();
+    const auto above = static_cast<std::uint32_t>(reader.integer("rate_numerator", 0, kMax, 0));
+    const auto below = static_cast<std::uint32_t>(reader.integer("rate_denominator", 0, kMax, 0));
     start.rate = FrameRate::make(above, below);
     if (!start.rate) {
       reader.refuse("rate_numerator", "makes a rate of " + std::to_string(above) + "/" + std::to_string(below) +

@@ -22,14 +22,14 @@ void Shedding::step(std::uint64_t sets, std::uint64_t not_taken, bool excused, D
   calm_ = lost == 0 ? calm_ + 1 : 0;
   if (overloaded_ == 2 && level_ + 1 < kShedLevels.size()) {
     ++level_;
-    if (lowered_) patience_ = std::min(2 * patience_, kMostPatience);
+    if (lowered_) patience_ = std::min(2 * patience_, kMaxPatience);
     lowered_ = false;
     overloaded_ = 0;
   } else if (calm_ >= patience_ && level_ > 0) {
     --level_;
     lowered_ = true;
     calm_ = 0;
-  } else if (calm_ >= kMostPatience) {
+  } else if (calm_ >= kMaxPatience) {
     patience_ = kPatience;
   }
 }

@@ -32,7 +32,7 @@ class Shedding {
  public:
   static constexpr FrameTime kWindow{Duration::seconds(1), 4};
   static constexpr int kPatience = 5;
-  static constexpr int kMostPatience = 80;
+  static constexpr int kMaxPatience = 80;
 
   /// `sets` and `not_taken` are totals since the start. `excused`: this window does not reflect the board's speed.
   /// `period`: of the frame rate in force.

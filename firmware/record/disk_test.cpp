@@ -39,7 +39,7 @@ DiskVerdict judge_disk(const DiskSpeed& speed, std::string_view mode, std::uint6
 }
 
 DiskTest::DiskTest(hal::DiskPort& disk, Duration length, std::uint64_t most_bytes, Instant now)
-    : disk_(disk), length_(length), most_bytes_(most_bytes), began_(now), piece_(kPiece), synced_at_(now) {
+    : disk_(disk), length_(length), most_bytes_(most_bytes), start_(now), piece_(kPiece), synced_at_(now) {
   // Nothing that a file system or a card could compress.
   std::mt19937_64 random(1);
   for (std::uint8_t& byte : piece_) byte = static_cast<std::uint8_t>(random());
@@ -47,13 +47,13 @@ DiskTest::DiskTest(hal::DiskPort& disk, Duration length, std::uint64_t most_byte
 
 Result<std::unique_ptr<DiskTest>> DiskTest::begin(hal::DiskPort& disk, Duration length, Instant now) {
   NODAL_TRY_ASSIGN(const auto free, disk.free_bytes());
-  if (free < kLeastRoom) {
+  if (free < kMinRoom) {
     return fail(Errc::kDiskFull,
                 fmt::format("the disk of the takes has {} MB free, and the test needs {} MB; delete takes "
                             "(nodal take delete) or change the card",
-                            free / 1'000'000, kLeastRoom / 1'000'000));
+                            free / 1'000'000, kMinRoom / 1'000'000));
   }
-  std::unique_ptr<DiskTest> made(new DiskTest(disk, length, std::min(kMostBytes, free / 2), now));
+  std::unique_ptr<DiskTest> made(new DiskTest(disk, length, std::min(kMaxBytes, free / 2), now));
   remove_leftover(disk);
   NODAL_TRY_ASSIGN(const auto file, disk.create(kFile));
   made->file_ = file;
@@ -70,11 +70,11 @@ void DiskTest::remove_leftover(hal::DiskPort& disk) {
 }
 
 Result<std::optional<DiskSpeed>> DiskTest::step(Instant now) {
-  const bool enough = now - began_ >= length_ || written_ + kPiece > most_bytes_;
+  const bool enough = now - start_ >= length_ || written_ + kPiece > most_bytes_;
   if (syncing_since_) {
     speed_.worst_sync = std::max(speed_.worst_sync, now - *syncing_since_);
     speed_.bytes = written_;
-    speed_.took = now - began_;
+    speed_.took = now - start_;
     syncing_since_.reset();
     synced_at_ = now;
     if (enough) return std::optional(speed_);
@@ -91,7 +91,7 @@ Result<std::optional<DiskSpeed>> DiskTest::step(Instant now) {
 }
 
 std::uint32_t DiskTest::percent(Instant now) const {
-  const std::int64_t by_time = 100 * (now - began_).ms() / std::max<std::int64_t>(1, length_.ms());
+  const std::int64_t by_time = 100 * (now - start_).ms() / std::max<std::int64_t>(1, length_.ms());
   const auto by_bytes = static_cast<std::int64_t>(100 * written_ / std::max<std::uint64_t>(1, most_bytes_));
   return static_cast<std::uint32_t>(std::clamp<std::int64_t>(std::max(by_time, by_bytes), 0, 100));
 }

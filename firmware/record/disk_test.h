@@ -41,7 +41,7 @@ DiskVerdict judge_disk(const DiskSpeed& speed, std::string_view mode, std::uint6
 ///
 /// Threading: thread-bound to the disk's stage; a step blocks on the disk.
 /// Ownership: the disk outlives it.
-/// Errors: the disk's; kDiskFull if it has less than kLeastRoom.
+/// Errors: the disk's; kDiskFull if it has less than kMinRoom.
 class DiskTest {
  public:
   /// `length` is within kShortest and kLongest.
@@ -63,8 +63,8 @@ class DiskTest {
   static constexpr Duration kShortest = Duration::seconds(1);
   static constexpr Duration kLongest = Duration::seconds(60);
   static constexpr std::size_t kPiece = std::size_t{4} << 20;
-  static constexpr std::uint64_t kMostBytes = std::uint64_t{4} << 30;
-  static constexpr std::uint64_t kLeastRoom = std::uint64_t{256} << 20;
+  static constexpr std::uint64_t kMaxBytes = std::uint64_t{4} << 30;
+  static constexpr std::uint64_t kMinRoom = std::uint64_t{256} << 20;
   static constexpr Duration kSyncEvery = Duration::milliseconds(500);
 
  private:
@@ -73,7 +73,7 @@ class DiskTest {
   hal::DiskPort& disk_;
   Duration length_;
   const std::uint64_t most_bytes_;
-  const Instant began_;
+  const Instant start_;
   hal::FileHandle file_ = 0;
   std::vector<std::uint8_t> piece_;
   DiskSpeed speed_;

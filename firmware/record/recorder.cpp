@@ -49,14 +49,14 @@ Recorder::Recorder(const RigConfig& config, Outlet<SetLoan>& sets_in, EncodeStag
   std::ranges::transform(config.heads, modes_.begin(), &HeadConfig::take_mode);
   for (std::size_t k = 0; k < kRows; ++k) {
     spare_.push_back(std::make_unique<TakeRow>());
-    spare_.back()->sets.reserve(TakeRow::kMostSets);
-    spare_.back()->raymaps.reserve(2 * TakeRow::kMostSets);
+    spare_.back()->sets.reserve(TakeRow::kMaxSets);
+    spare_.back()->raymaps.reserve(2 * TakeRow::kMaxSets);
   }
 }
 
 bool Recorder::step() {
   drain(rows_back_, [&](std::unique_ptr<TakeRow> row) { spare_.push_back(std::move(row)); });
-  bool busy = obey();
+  bool busy = run_orders();
   busy |= drain(sets_in_, [&](const SetLoan& set) {
     if (take_ && !ending_ && !not_for_still(*set)) record(*set);
   });
@@ -72,7 +72,7 @@ bool Recorder::step() {
   return busy;
 }
 
-bool Recorder::obey() {
+bool Recorder::run_orders() {
   return drain(orders_, [&](const RecordOrder& order) {
     if (order.kind == RecordOrder::Kind::kBegin) {
       take_ = order.take;
@@ -161,7 +161,7 @@ void Recorder::record(const FrameSet& set) {
   const bool changed = changes_streams(set) || changed_rate;
   if (row_ && !row_->sets.empty()) {
     const Duration since = set.mid_exposure - row_->sets.front().mid_exposure;
-    bool full = changed || row_->sets.size() == TakeRow::kMostSets || since >= kLongestRow;
+    bool full = changed || row_->sets.size() == TakeRow::kMaxSets || since >= kLongestRow;
     for (std::size_t head = 0; head < heads_; ++head) {
       if (!set.has(head)) continue;
       full |= row_bytes_[head] + most_bytes(set.frames[head], head) > take::MatroskaWriter::kLargestCluster;
@@ -214,7 +214,7 @@ std::size_t Recorder::most_bytes(const hal::FrameView& frame, std::size_t head) 
 
 int Recorder::quality_now() const {
   const int quarters = static_cast<int>(4 * ring_.used() / ring_.size());
-  return std::min(takes_.quality, std::max(kLeastQuality, takes_.quality - quarters * kQualityStep));
+  return std::min(takes_.quality, std::max(kMinQuality, takes_.quality - quarters * kQualityStep));
 }
 
 bool Recorder::store(const hal::FrameView& view, std::size_t head, RecordedFrame& to) {

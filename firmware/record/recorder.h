@@ -70,9 +70,9 @@ class Recorder {
   static constexpr std::size_t kRows = 64;
   /// Percentage of the ring in use above which raymaps are left out.
   static constexpr std::size_t kRaymapsUpTo = 50;
-  /// The quality is that of [takes], lower by this for each full quarter of the ring, but at least kLeastQuality.
+  /// The quality is that of [takes], lower by this for each full quarter of the ring, but at least kMinQuality.
   static constexpr int kQualityStep = 15;
-  static constexpr int kLeastQuality = 30;
+  static constexpr int kMinQuality = 30;
   /// Until this time after a head's first picture, a picture of another format is replaced by a placeholder; later it
   /// starts a segment.
   static constexpr Duration kFormatStays = Duration::seconds(1);
@@ -80,7 +80,7 @@ class Recorder {
   static constexpr FrameTime kStillWaits{Duration::seconds(2), 3};
 
  private:
-  bool obey();
+  bool run_orders();
   void record(const FrameSet& set);
   bool copy(const FrameSet& set, RecordedSet& to);
   void record(const Raymap& raymap);

@@ -28,8 +28,9 @@ Recording::Recording(const Parts& parts, const Order& order, std::unique_ptr<Tak
         number(),
         parts_.flight->overrun() ? "events were lost, because the disk was too slow" : "nodald runs for too long");
   }
-  const bool told = parts_.recorder.orders().push({RecordOrder::Kind::kBegin, number(), order_.raymaps, order_.still});
-  NODAL_ASSERT(told);
+  const bool pushed =
+      parts_.recorder.orders().push({RecordOrder::Kind::kBegin, number(), order_.raymaps, order_.still});
+  NODAL_ASSERT(pushed);
 }
 
 bool Recording::step(Instant now, std::int64_t utc_ns, TakeReport& report) {
@@ -45,8 +46,8 @@ void Recording::end(const std::string& reason) {
   if (phase_ != Phase::kRunning) return;
   phase_ = Phase::kEnding;
   reason_ = reason;
-  const bool told = parts_.recorder.orders().push({RecordOrder::Kind::kEnd, number(), false, false});
-  NODAL_ASSERT(told);
+  const bool pushed = parts_.recorder.orders().push({RecordOrder::Kind::kEnd, number(), false, false});
+  NODAL_ASSERT(pushed);
 }
 
 void Recording::close() {
@@ -62,7 +63,7 @@ void Recording::use_calibration(const TakeCalibration& calibration, TakeReport& 
     report.problem = fmt::format(
         "take {} has {} calibrations, the most that it can have: sets with later ones cannot be rendered; start "
         "another take: nodal take start",
-        number(), take::kMostCalibrations);
+        number(), take::kMaxCalibrations);
   }
 }
 
@@ -133,7 +134,7 @@ void Recording::sync_if_due(Instant now, std::int64_t utc_ns, TakeReport& report
     lost_by_sync_ = fmt::format("take {}: {} sets were lost by an error of the disk, and a new segment begins: {}",
                                 number(), cut, synced.error().message);
   }
-  if (const Status there = parts_.shelf.check_recording(number()); !there) return give_up(there.error());
+  if (const Status checked = parts_.shelf.check_recording(number()); !checked) return give_up(checked.error());
   const auto room = make_room();
   if (!room) return give_up(room.error());
   report.free_bytes = *room;

@@ -42,7 +42,7 @@ struct EvidenceFile {
 /// not more of them than may come between two syncs, because a fault of the disk in what was durable is for people to
 /// see. Errors: the disk's.
 Result<EvidenceFile> read_evidence_file(const TakePlace& place, const std::string& name) {
-  constexpr std::uint64_t kMostUnreadable = 64 << 10;
+  constexpr std::uint64_t kMaxUnreadable = 64 << 10;
   NODAL_TRY_ASSIGN(const auto size, place.disk->size(name));
   take::EvidenceReader reader(name);
   EvidenceFile read{take::Segment(), 0, PieceHashes()};
@@ -59,7 +59,7 @@ Result<EvidenceFile> read_evidence_file(const TakePlace& place, const std::strin
                                   std::min<std::uint64_t>(size, reader.bytes() + hal::DiskPort::kSector));
       if (!part || !add(*part)) break;
     }
-    if (size - reader.bytes() <= kMostUnreadable) readable = {};
+    if (size - reader.bytes() <= kMaxUnreadable) readable = {};
   }
   if (!readable) return fail(readable.error());
   read.bytes = reader.bytes();
@@ -190,15 +190,15 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::reopen(const TakePlace& pl
     if (mark.set() <= made->next_set_) made->marks_.push_back({mark.set(), mark.text()});
   }
   for (std::size_t k = 0; k < static_cast<std::size_t>(found.begin.files_size()); ++k) {
-    const take::wire::File& told = found.begin.files(static_cast<int>(k));
+    const take::wire::File& stored = found.begin.files(static_cast<int>(k));
     File& file = made->files_.emplace_back();
-    file.name = told.name();
-    if (told.has_head()) file.head = told.head();
-    file.stream = stream_of(told);
+    file.name = stored.name();
+    if (stored.has_head()) file.head = stored.head();
+    file.stream = stream_of(stored);
     std::vector<take::Xxh128> hashes = found.hashes[k];
     hashes.resize(static_cast<std::size_t>(last.file_ends[k] / PieceHashes::kPiece));
     NODAL_TRY(made->reopen(file, last.file_ends[k], std::move(hashes)));
-    file.video.emplace(made->track_of(file), told.head_bytes());
+    file.video.emplace(made->track_of(file), stored.head_bytes());
     std::size_t sets = 0, raymaps = 0;
     Duration newest;
     for (std::size_t row = 0; row < rows; ++row) {
@@ -207,10 +207,10 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::reopen(const TakePlace& pl
         return Duration::nanoseconds(found.raymaps[i].mid_exposure_ns()) - Duration::nanoseconds(first_ns);
       };
       Duration begin = newest;
-      if (told.has_head() && each.sets > sets) {
+      if (stored.has_head() && each.sets > sets) {
         begin = Duration::nanoseconds(found.sets[sets].since_start_ns());
         newest = length_of(found, each.sets);
-      } else if (!told.has_head() && each.raymaps > raymaps) {
+      } else if (!stored.has_head() && each.raymaps > raymaps) {
         begin = std::max(newest, raymap_time(raymaps));
         newest = std::max(begin, raymap_time(static_cast<std::size_t>(each.raymaps) - 1));
       }
@@ -359,8 +359,8 @@ Result<take::Manifest> recover_take(hal::DiskPort& disk, const std::string& fold
     recorded = (*done)->first_set + (*done)->sets;
     sum.add(**done);
   }
-  if (sum.manifest().marks.size() > take::kMostMarks)
-    ended += fmt::format(", without marks after the first {}", take::kMostMarks);
+  if (sum.manifest().marks.size() > take::kMaxMarks)
+    ended += fmt::format(", without marks after the first {}", take::kMaxMarks);
   NODAL_TRY_ASSIGN(auto flight, recover_flight(disk, folder));
   take::Manifest manifest = sum.finish(recorded);
   if (flight) manifest.files.push_back(std::move(*flight));

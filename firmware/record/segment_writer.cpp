@@ -54,17 +54,17 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::create(const TakePlace& pl
     file.head = head;
     file.stream = stream;
     file.fields_apart = head && fields_apart(stream, first, *head);
-    take::wire::File& told = *begin.add_files();
-    told.set_name(file.name);
-    if (head) told.set_head(static_cast<std::uint32_t>(*head));
-    told.set_format(std::string(pixel_format_name(stream.format)));
-    told.set_width(static_cast<std::uint32_t>(stream.width));
-    told.set_height(static_cast<std::uint32_t>(stream.height));
-    told.set_video_range(stream.coding.video_range);
-    told.set_bt709(stream.coding.bt709);
-    told.set_fields(std::string(fields_name(stream.fields)));
-    told.set_lossless(stream.lossless);
-    told.set_fields_apart(file.fields_apart);
+    take::wire::File& stored = *begin.add_files();
+    stored.set_name(file.name);
+    if (head) stored.set_head(static_cast<std::uint32_t>(*head));
+    stored.set_format(std::string(pixel_format_name(stream.format)));
+    stored.set_width(static_cast<std::uint32_t>(stream.width));
+    stored.set_height(static_cast<std::uint32_t>(stream.height));
+    stored.set_video_range(stream.coding.video_range);
+    stored.set_bt709(stream.coding.bt709);
+    stored.set_fields(std::string(fields_name(stream.fields)));
+    stored.set_lossless(stream.lossless);
+    stored.set_fields_apart(file.fields_apart);
   };
   for (std::size_t head = 0; head < kMaxHeads; ++head) {
     if (first.streams[head])
@@ -110,10 +110,10 @@ Status SegmentWriter::create_files() {
 /// Before `bytes` are appended. All heads' files grow together, and each in one piece is read faster. It grows by a
 /// quarter of what it has, so that a small card is not filled with empty room.
 void SegmentWriter::make_room(File& file, std::size_t bytes) {
-  constexpr std::uint64_t kLeast = 1 << 20, kMost = 32 << 20;
+  constexpr std::uint64_t kMin = 1 << 20, kMax = 32 << 20;
   const std::uint64_t end = file.hashes.bytes() + bytes;
   if (end <= file.room_until) return;
-  const std::uint64_t more = bytes + std::clamp(file.hashes.bytes() / 4, kLeast, kMost);
+  const std::uint64_t more = bytes + std::clamp(file.hashes.bytes() / 4, kMin, kMax);
   place_.disk->preallocate(file.handle, more);
   file.room_until = file.hashes.bytes() + more;
 }
@@ -281,10 +281,10 @@ Status SegmentWriter::write_raymaps(const TakeRow& row, std::uint32_t index, tak
     }
     blocks.push_back(block);
     bytes += raymap.jpeg.size();
-    take::wire::Raymap& told = *clusters.add_raymaps();
-    told.set_set(raymap.set);
-    told.set_mid_exposure_ns(raymap.mid_exposure.ns());
-    told.set_bytes(raymap.jpeg.size());
+    take::wire::Raymap& stored = *clusters.add_raymaps();
+    stored.set_set(raymap.set);
+    stored.set_mid_exposure_ns(raymap.mid_exposure.ns());
+    stored.set_bytes(raymap.jpeg.size());
   }
   file.newest = newest;
   return write();
@@ -342,10 +342,10 @@ Result<std::vector<take::Manifest::File>> SegmentWriter::finish(const std::strin
     std::vector<take::Xxh128> hashes = file.hashes.all();
     hashes.front() = take::xxh128(file.first);
     end.add_length(file.hashes.bytes());
-    std::vector<take::Xxh128> told{hashes.front()};
+    std::vector<take::Xxh128> stored{hashes.front()};
     const std::size_t from = std::max<std::size_t>(1, file.hashes_told);
-    told.insert(told.end(), hashes.begin() + static_cast<std::ptrdiff_t>(from), hashes.end());
-    end.add_hashes(bytes_of(told));
+    stored.insert(stored.end(), hashes.begin() + static_cast<std::ptrdiff_t>(from), hashes.end());
+    end.add_hashes(bytes_of(stored));
     finished.push_back({file.name, file.hashes.bytes(), take::digest_of(hashes)});
   }
   NODAL_TRY(append_record(record));

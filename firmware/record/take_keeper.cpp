@@ -83,7 +83,7 @@ bool TakeKeeper::step_recording(Instant now) {
 }
 
 std::uint64_t TakeKeeper::room_to_start() const {
-  const Duration least = config_.takes->loop ? kLeastLoopRoom : kLeastRoom;
+  const Duration least = config_.takes->loop ? kMinLoopRoom : kMinRoom;
   const auto seconds = static_cast<std::uint64_t>(least.ns() / 1'000'000'000);
   return rate_.bytes_a_second(recorder_) * seconds + 2 * Recording::kReserveBytes;
 }

@@ -60,10 +60,10 @@ class TakeKeeper {
   TakesInUse& in_use() { return shelf_.in_use(); }
 
   /// A take starts only if the disk has room for this long a take and for finishing its files.
-  static constexpr Duration kLeastRoom = Duration::seconds(60);
+  static constexpr Duration kMinRoom = Duration::seconds(60);
   /// The same in a loop. It is longer because only finished segments, of up to a minute each, can be deleted to make
   /// room for the segment that is being written.
-  static constexpr Duration kLeastLoopRoom = Duration::seconds(150);
+  static constexpr Duration kMinLoopRoom = Duration::seconds(150);
   static constexpr Duration kReportEvery = Duration::milliseconds(200);
   /// Interval of the checks whether a disk was inserted or removed.
   static constexpr Duration kLookEvery = Duration::seconds(1);

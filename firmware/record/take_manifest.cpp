@@ -41,7 +41,7 @@ Result<take::Manifest> write_manifest(hal::DiskPort& disk, const std::string& fo
     if (calibration.stored()) names.push_back(calibration.file);
   }
   for (const std::string& name : names) {
-    const auto bytes = disk.read(folder + "/" + name, kMostDocumentBytes);
+    const auto bytes = disk.read(folder + "/" + name, kMaxDocumentBytes);
     if (!bytes && bytes.error().code == Errc::kNotFound) continue;
     if (!bytes) return fail(bytes.error());
     if (name == take::kThumbFile && !media::is_whole_jpeg(*bytes)) {  // the power went while it was written

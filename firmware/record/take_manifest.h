@@ -41,10 +41,10 @@ class ManifestSum {
 };
 
 /// Files that a manifest lists beside those of segments.
-inline constexpr std::size_t kOtherFiles = 8 + take::kMostCalibrations;
+inline constexpr std::size_t kOtherFiles = 8 + take::kMaxCalibrations;
 
 /// write_manifest() reads no larger documents.
-inline constexpr std::uint64_t kMostDocumentBytes = std::uint64_t{1} << 20;
+inline constexpr std::uint64_t kMaxDocumentBytes = std::uint64_t{1} << 20;
 
 /// Adds the take's documents to a manifest whose segments are finished, and stores it.
 Result<take::Manifest> write_manifest(hal::DiskPort& disk, const std::string& folder, take::Manifest manifest);

@@ -68,10 +68,10 @@ struct TakeCalibration {
   std::string json;  ///< its canonical form
 };
 
-/// One cluster of every head: at most MatroskaWriter::kLongestCluster, kLargestCluster and kMostSets. Its pictures lie
+/// One cluster of every head: at most MatroskaWriter::kLongestCluster, kLargestCluster and kMaxSets. Its pictures lie
 /// in the recorder's ring, and are valid until the disk's stage has released `ring_end`.
 struct TakeRow {
-  static constexpr std::size_t kMostSets = 32;
+  static constexpr std::size_t kMaxSets = 32;
 
   std::uint64_t take = 0;
   /// The same for all of the row's sets. A head without one has not delivered a picture in this take yet.

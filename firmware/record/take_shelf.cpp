@@ -162,8 +162,8 @@ Status TakeShelf::check_recording(std::uint64_t take) {
     return fail(Errc::kDeviceGone,
                 "the disk was exchanged while the take was recorded; what was recorded is on the other one");
   }
-  const auto there = disk_.size(take::take_folder(take) + "/" + take::kTakeFile);
-  if (!there && there.error().code == Errc::kNotFound) {
+  const auto checked = disk_.size(take::take_folder(take) + "/" + take::kTakeFile);
+  if (!checked && checked.error().code == Errc::kNotFound) {
     return fail(Errc::kNotFound, "its folder was removed while it was recorded");
   }
   return {};

@@ -117,7 +117,7 @@ void TakeWriter::write_thumbnail(const TakeRow& row) {
   thumbnail_tried_ = true;
   const std::string name = place_.folder + "/" + take::kThumbFile;
   const auto small = media::thumbnail(row.raymaps.front().jpeg, name);
-  if (!small || small->size() > kMostDocumentBytes) return;
+  if (!small || small->size() > kMaxDocumentBytes) return;
   const auto file = place_.disk->create(name);
   if (!file) return;
   const Status written = place_.disk->write(*file, *small);
@@ -248,9 +248,9 @@ Status TakeWriter::cut_segment(const std::string& reason) {
 }
 
 Status TakeWriter::mark(const std::string& text, Instant now) {
-  if (marks().size() >= take::kMostMarks) {
+  if (marks().size() >= take::kMaxMarks) {
     return fail(Errc::kTooLarge,
-                fmt::format("take {} has {} marks, the most that there may be", place_.number, take::kMostMarks));
+                fmt::format("take {} has {} marks, the most that there may be", place_.number, take::kMaxMarks));
   }
   if (!segment_) {
     early_marks_.push_back({text, now});
@@ -266,7 +266,7 @@ Status TakeWriter::use_calibration(const TakeCalibration& calibration) {
   const std::vector<std::uint8_t> id(calibration.id.begin(), calibration.id.end());
   if (id == place_.calibration_id || left_out_calibrations()) return {};
   std::string name;  // empty: not stored
-  if (place_.calibrations.size() < take::kMostCalibrations) {
+  if (place_.calibrations.size() < take::kMaxCalibrations) {
     name = take::calibration_file(place_.calibrations.size() + 1);
     NODAL_TRY(create_durably(*place_.disk, place_.folder, place_.folder + "/" + name, calibration.json));
   }

@@ -54,12 +54,12 @@ class TakeWriter {
   Status sync(Instant now, std::int64_t utc_ns);
   Status mark(const std::string& text, Instant now);
   /// Stores a calibration durably, with the set from which on it is in force. Does nothing if it already is. After
-  /// take::kMostCalibrations notes that this one is not stored; the take continues without this and later ones.
+  /// take::kMaxCalibrations notes that this one is not stored; the take continues without this and later ones.
   Status use_calibration(const TakeCalibration& calibration);
-  /// Takes seams that were placed, before the first set that is blended with them is written. At most kMostSeamsAhead
+  /// Takes seams that were placed, before the first set that is blended with them is written. At most kMaxSeamsAhead
   /// may wait for their sets.
   void use_seams(SeamChange seams) { seams_ahead_.push_back(std::move(seams)); }
-  bool takes_seams() const { return seams_ahead_.size() < kMostSeamsAhead; }
+  bool takes_seams() const { return seams_ahead_.size() < kMaxSeamsAhead; }
   /// Appends to the flight record, and makes its file first. After an error the take continues without a flight record.
   void write_flight(std::span<const std::uint8_t> record);
   /// Finishes all files and writes the manifest. If the disk has errors this may fail; then there is no manifest, and
@@ -78,7 +78,7 @@ class TakeWriter {
   bool left_out_calibrations() const { return !place_.calibrations.empty() && !place_.calibrations.back().stored(); }
 
   static constexpr Duration kLongestSegment = Duration::seconds(60);
-  static constexpr std::size_t kMostSeamsAhead = 64;
+  static constexpr std::size_t kMaxSeamsAhead = 64;
   static constexpr std::uint64_t kLargestFile = std::uint64_t{2} << 30;
   /// Half of the size that a reader accepts.
   static constexpr std::uint64_t kLargestEvidence = take::kMaxEvidenceBytes / 2;

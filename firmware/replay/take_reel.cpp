@@ -86,15 +86,15 @@ class TakeReel final : public hal::replay::Reel {
 
   hal::replay::Shot shot(std::size_t i) override {
     if (i >= broken_from_) return {};
-    const auto there = go_to(i);
-    if (!there || !*there) {
+    const auto found = go_to(i);
+    if (!found || !*found) {
       broken_from_ = i;  // reading all sets before it again for each frame would hold up the other heads
       sets_.reset();
       return {};  // a frame that cannot be read
     }
     const media::TakeFrame& frame = set_.heads[head_];
-    hal::replay::Shot shot{frame.there, nullptr, {}};
-    if (!frame.there) return shot;
+    hal::replay::Shot shot{frame.present, nullptr, {}};
+    if (!frame.present) return shot;
     shot.in_effect = {frame.exposure, frame.gain, frame.white_balance, hal::Gamma::thousandths(frame.gamma)};
     if (!sets_->read_picture(set_, head_)) return shot;
     const ImageView& image = set_.heads[head_].image;

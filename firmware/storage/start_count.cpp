@@ -14,7 +14,7 @@ int StartCount::failed_before() const {
 
 std::optional<std::string> StartCount::begin() {
   const int failed = failed_before();
-  if (failed < kMostFailed) {
+  if (failed < kMaxFailed) {
     begun_ = true;
     (void)write_durably(disk_, "", kStartsFile, std::to_string(failed + 1));
     return std::nullopt;

@@ -10,7 +10,7 @@
 namespace nodal::firmware {
 
 /// Counts on the disk the failed starts with stored settings: runs that ended without a request, before
-/// RigWatch::kStableAfter. After kMostFailed of them in a row it renames the settings file to kSettingsAsideFile (an
+/// RigWatch::kStableAfter. After kMaxFailed of them in a row it renames the settings file to kSettingsAsideFile (an
 /// older one is overwritten), and the rig starts with the settings of rig.toml.
 ///
 /// Threading: thread-bound to its SettingsStore. Calls take as long as the disk does.
@@ -18,7 +18,7 @@ namespace nodal::firmware {
 /// Errors: none; when the disk fails, the count is lost and the rig starts anyway.
 class StartCount {
  public:
-  static constexpr int kMostFailed = 2;
+  static constexpr int kMaxFailed = 2;
 
   explicit StartCount(hal::DiskPort& disk) : disk_(disk) {}
   /// Call before stored settings are restored. Returns a sentence when they must not be: it has just moved them aside.

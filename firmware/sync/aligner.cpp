@@ -76,8 +76,8 @@ Duration Aligner::band(bool in_step) const {
   for (const Head& head : heads_) jitter = std::max(jitter, head.starts > 0 ? head.clock.jitter() : Duration());
   // The largest uniform error is twice the mean absolute error.
   const Duration left = Genlock::kSafeLimit - jitter * 4;
-  const Duration band = std::max(left / kBandsInLimit, kBandLeast);
-  return in_step ? band : std::max(band / 2, kBandLeast);
+  const Duration band = std::max(left / kBandsInLimit, kBandMin);
+  return in_step ? band : std::max(band / 2, kBandMin);
 }
 
 /// Where every head will be, and where the reference is, after `base`.
@@ -128,11 +128,11 @@ Aligner::Nudges Aligner::plan(const std::array<FreeHead, kMaxHeads>& heads, bool
     Duration off = wrapped(*reference - places[i], period_);
     if (limits.shortest == Duration() && off < -near()) off = off + period_;  // it waits for the next period
     // Requests of less than five eighths of a step would not reduce the distance.
-    const bool there = abs(off) <= std::max(band, limits.step * 5 / 8);
-    if (there && heads_[i].requested == heads_[i].done) heads_[i].responds = true;  // until it misses a request
+    const bool present = abs(off) <= std::max(band, limits.step * 5 / 8);
+    if (present && heads_[i].requested == heads_[i].done) heads_[i].responds = true;  // until it misses a request
     if (!heads_[i].responds) unresponsive_ |= head_bit(i);
     // One request at a time; with several, it would be unknown which one a movement carries out.
-    if (there || heads_[i].requested != heads_[i].done || now < heads_[i].left_alone_until) continue;
+    if (present || heads_[i].requested != heads_[i].done || now < heads_[i].left_alone_until) continue;
     if ((off < Duration() ? limits.shortest : limits.longest) == Duration()) {
       one_way_ |= head_bit(i);
       continue;

@@ -52,10 +52,10 @@ class Aligner {
 
   /// Two heads at opposite ends of the band are a quarter of the limit apart; the rest is for uncertainty and jitter.
   static constexpr std::int64_t kBandsInLimit = 8;
-  static constexpr Duration kBandMost = Genlock::kSafeLimit / kBandsInLimit;
+  static constexpr Duration kBandMax = Genlock::kSafeLimit / kBandsInLimit;
   /// How far a crystal with an error of 50 ppm moves in the longest period, 200 ms: a narrower band would cause a
   /// request in every period.
-  static constexpr Duration kBandLeast = Duration::microseconds(10);
+  static constexpr Duration kBandMin = Duration::microseconds(10);
 
  private:
   struct Head {

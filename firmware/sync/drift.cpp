@@ -64,8 +64,8 @@ std::optional<std::int32_t> DriftMeter::ppb() const {
   if (span <= 0) return std::nullopt;
   constexpr std::int64_t kBillion = 1'000'000'000;
   // ns: a billion times as much fits 64 bits, and no clock drifts this far in 17 s.
-  constexpr std::int64_t kMost = 8 * kBillion;
-  const std::int64_t ppb = std::clamp(newer.distance - older.distance, -kMost, kMost) * kBillion / span;
+  constexpr std::int64_t kMax = 8 * kBillion;
+  const std::int64_t ppb = std::clamp(newer.distance - older.distance, -kMax, kMax) * kBillion / span;
   return static_cast<std::int32_t>(std::clamp<std::int64_t>(ppb, -kBillion, kBillion));
 }
 

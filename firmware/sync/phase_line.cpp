@@ -73,8 +73,8 @@ Instant PhaseLine::nearest(Instant at) const {
 
 std::optional<std::int32_t> PhaseLine::drift_ppb() const {
   if (of_rate_ < kMomentsForRate) return std::nullopt;
-  constexpr double kMost = 1e9;
-  return static_cast<std::int32_t>(std::clamp(line_.drift_ppm() * 1000, -kMost, kMost));
+  constexpr double kMax = 1e9;
+  return static_cast<std::int32_t>(std::clamp(line_.drift_ppm() * 1000, -kMax, kMax));
 }
 
 }  // namespace nodal::firmware

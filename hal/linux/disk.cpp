@@ -113,12 +113,12 @@ Status LinuxDisk::write(FileHandle handle, std::span<const std::uint8_t> bytes) 
 
 Status LinuxDisk::write_pieces(FileHandle handle, std::span<const std::span<const std::uint8_t>> pieces) {
   NODAL_TRY_ASSIGN(const auto file, file_of(handle, false));
-  constexpr std::size_t kMostPieces = 64;  // pieces per call of writev(); the system's limit is 1024
-  std::array<iovec, kMostPieces> parts{};
+  constexpr std::size_t kMaxPieces = 64;  // pieces per call of writev(); the system's limit is 1024
+  std::array<iovec, kMaxPieces> parts{};
   std::size_t done = 0;  // bytes of pieces.front()
   while (!pieces.empty()) {
     std::size_t count = 0;
-    for (; count < std::min(pieces.size(), kMostPieces); ++count) {
+    for (; count < std::min(pieces.size(), kMaxPieces); ++count) {
       const auto rest = pieces[count].subspan(count == 0 ? done : 0);
       parts[count] = {const_cast<std::uint8_t*>(rest.data()), rest.size()};
     }

@@ -263,8 +263,8 @@ Result<std::optional<FrameView>> Deck::State::Head::take_frame() {
     slot = filled_.front();
     filled_.pop_front();
     shot = reel_->shot(static_cast<std::size_t>(buffers_[slot].start.number % reel_->size()));
-    if (!shot.there) buffers_[slot] = {};
-  } while (!shot.there);
+    if (!shot.present) buffers_[slot] = {};
+  } while (!shot.present);
   Buffer& buffer = buffers_[slot];
   buffer.filled = false;
   buffer.lent = true;
@@ -308,11 +308,11 @@ class Deck::State::Enumerator final : public HeadEnumerator {
   }
 
   std::vector<HeadIdentity> list() override {
-    std::vector<HeadIdentity> there;
+    std::vector<HeadIdentity> connected;
     for (const auto& [path, format] : deck_.known) {
-      if (present(path)) there.push_back({path, "", "pictures"});
+      if (present(path)) connected.push_back({path, "", "pictures"});
     }
-    return there;
+    return connected;
   }
 
  private:

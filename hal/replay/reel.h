@@ -14,7 +14,7 @@
 namespace nodal::hal::replay {
 
 struct Shot {
-  bool there = true;  ///< false: the head has no frame here
+  bool present = true;  ///< false: the head has no frame here
   /// Null: it cannot be read, or its format or size is another one.
   std::shared_ptr<const DecodedImage> picture{};
   HeadSettings in_effect{};

@@ -106,7 +106,7 @@ class SimHead final : public PulseSink {
   /// A head in wired mode exposes only on every n-th pulse.
   void set_pulses_an_exposure(int n) { pulses_an_exposure_ = n; }
   /// Without a signal, frames continue, grey, with kNoSignal.
-  void set_signal(bool there) { signal_ = there; }
+  void set_signal(bool present) { signal_ = present; }
   void set_faults(const HeadFaults& faults) { options_.faults = faults; }
   /// Unplugs the head; its open port returns kDeviceGone permanently.
   void unplug();

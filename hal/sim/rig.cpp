@@ -14,11 +14,11 @@ class SimRig::Enumerator final : public HeadEnumerator {
   }
 
   std::vector<HeadIdentity> list() override {
-    std::vector<HeadIdentity> there;
+    std::vector<HeadIdentity> present;
     for (const auto& head : rig_.heads_) {
-      if (head->present()) there.push_back(head->identity());
+      if (head->present()) present.push_back(head->identity());
     }
-    return there;
+    return present;
   }
 
  private:

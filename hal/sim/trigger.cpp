@@ -9,14 +9,14 @@ namespace nodal::hal::sim {
 SimTrigger::SimTrigger(ClockPort& clock, const TriggerOptions& options, std::uint64_t seed)
     : clock_(clock), options_(options), random_(seed, "trigger") {}
 
-Status SimTrigger::there() const {
+Status SimTrigger::check_present() const {
   if (safe_.load()) return fail(Errc::kDeviceGone, "trigger 'sim': its line is safe for good; the program ends");
   if (gone_) return fail(Errc::kDeviceGone, "trigger 'sim': unplugged; restart nodald when it is back");
   return {};
 }
 
 Status SimTrigger::check(const TriggerSettings& settings) const {
-  NODAL_TRY(there());
+  NODAL_TRY(check_present());
   if (!settings.rate.valid() || settings.rate.period() < options_.fastest.period()) {
     return fail(Errc::kBadValue, "trigger 'sim': a rate of " + std::to_string(settings.rate.numerator) + "/" +
                                      std::to_string(settings.rate.denominator) + " cannot be made; allowed is " +
@@ -66,7 +66,7 @@ void SimTrigger::stop() {
 }
 
 Result<std::optional<TriggerEdge>> SimTrigger::take_edge() {
-  NODAL_TRY(there());
+  NODAL_TRY(check_present());
   step(clock_.now());
   if (edges_.empty()) return std::optional<TriggerEdge>{};
   const TriggerEdge edge = edges_.front();

@@ -64,7 +64,7 @@ class SimTrigger final : public TriggerPort {
   void step(Instant now);
 
  private:
-  Status there() const;
+  Status check_present() const;
   Status check(const TriggerSettings& settings) const;
   void skip_to(Instant now);
   Instant planned(std::uint64_t number) const;

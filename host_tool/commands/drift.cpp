@@ -166,7 +166,7 @@ void add_drift(CLI::App& app, CommandLine& line) {
       ->type_name("");
   command->add_option("--sets", args->sets, "Frame sets to take from the rig (3 when not given); more see more detail")
       ->type_name("N")
-      ->check(CLI::Range(1, kMostLiveSets));
+      ->check(CLI::Range(1, kMaxLiveSets));
   command->add_option("--tolerance", args->options.tolerance_px, "Pixels a head may be off (0.5 when not given)")
       ->type_name("PX")
       ->check(CLI::Range(0.001, 1000.0));

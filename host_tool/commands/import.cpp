@@ -98,10 +98,10 @@ std::vector<std::string> picture_warnings(const interchange::ImportResult& impor
     }
     const std::string& file = picture->file;
     std::error_code error;
-    const bool there = fs::is_regular_file(file, error);
-    if (!there && !all) continue;
+    const bool present = fs::is_regular_file(file, error);
+    if (!present && !all) continue;
     const Result<ImageHeader> header = media::read_image_header(file);
-    if (!there) {
+    if (!present) {
       warnings.push_back(
           fmt::format("head '{}': there is no picture '{}'; correct its port in rig.toml", head.name, image));
     } else if (!header) {

@@ -61,7 +61,7 @@ const Choices<registration::VignettingModel> kVignetting{{"fixed", registration:
                                                          {"own", registration::VignettingModel::kOwn}};
 const Choices<registration::Gauge> kGauge{{"first", registration::Gauge::kFirstHead},
                                           {"mean", registration::Gauge::kMean},
-                                          {"most", registration::Gauge::kMost}};
+                                          {"most", registration::Gauge::kMedian}};
 
 template <class Value>
 CLI::IsMember one_of(const Choices<Value>& choices) {
@@ -190,7 +190,7 @@ Options options_of(const RegisterArgs& args, RigPictures::Origin origin) {
   options.vignetting = kVignetting.at(args.vignetting);
   // On a running rig, the heads that have not moved must not be rotated because of the one that has.
   options.gauge = !args.gauge.empty()                   ? kGauge.at(args.gauge)
-                  : origin == RigPictures::Origin::kRig ? registration::Gauge::kMost
+                  : origin == RigPictures::Origin::kRig ? registration::Gauge::kMedian
                                                         : registration::Gauge::kFirstHead;
   options.search = !args.no_search && origin != RigPictures::Origin::kPictures;
   // A data sheet gives a field of view, but no lens.
@@ -319,7 +319,7 @@ void add_register(CLI::App& app, CommandLine& line) {
       ->check(CLI::Range(1, 256));
   command->add_option("--sets", args->sets, "Frame sets to take from a running rig (3 when not given)")
       ->type_name("N")
-      ->check(CLI::Range(1, kMostLiveSets));
+      ->check(CLI::Range(1, kMaxLiveSets));
   CLI::Option* trial = command->add_flag("--trial", args->trial,
                                          "Put it in force on trial; the rig keeps it if it is better "
                                          "on frames taken then, and else goes back");

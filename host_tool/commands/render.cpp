@@ -85,11 +85,11 @@ media::RaymapMeta meta_of(const render::RenderedRaymap& rendered, const media::T
   meta.genlock = set.evidence.genlock();
   if (set.evidence.has_pulse()) meta.trigger = set.evidence.pulse();
   for (std::size_t i = 0; rendered.heads >> i != 0; ++i) {
-    const bool there = (rendered.heads >> i & 1) != 0;
+    const bool present = (rendered.heads >> i & 1) != 0;
     const media::TakeFrame& head = set.heads[i];
-    meta.offset_ns.push_back(there ? head.offset.ns() : 0);
-    meta.exposure_ns.push_back(there ? static_cast<std::uint64_t>(head.exposure.duration().ns()) : 0);
-    meta.gain_mdb.push_back(there ? head.gain.mdb() : 0);
+    meta.offset_ns.push_back(present ? head.offset.ns() : 0);
+    meta.exposure_ns.push_back(present ? static_cast<std::uint64_t>(head.exposure.duration().ns()) : 0);
+    meta.gain_mdb.push_back(present ? head.gain.mdb() : 0);
   }
   if (rendered.field) {
     meta.field = static_cast<std::uint32_t>(*rendered.field);

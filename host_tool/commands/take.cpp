@@ -19,7 +19,7 @@
 namespace nodal::host {
 namespace {
 
-constexpr std::size_t kMostThumbnailBytes = 4 << 20;
+constexpr std::size_t kMaxThumbnailBytes = 4 << 20;
 
 struct TakeOptions {
   std::uint64_t take = 0;
@@ -82,7 +82,7 @@ std::string missing_text(const wire::TakeEntry& take) {
 /// Writes a take's thumbnail as DIR/000042.jpg, and returns that name; empty: it has none.
 Result<std::string> store_thumbnail(RigConnection& rig, const wire::TakeEntry& take, const std::string& folder) {
   if (take.width() == 0 || take.state() != "complete") return std::string();
-  const auto bytes = fetch_small_file(rig, take.number(), take::kThumbFile, kMostThumbnailBytes);
+  const auto bytes = fetch_small_file(rig, take.number(), take::kThumbFile, kMaxThumbnailBytes);
   if (!bytes && bytes.error().code == Errc::kNotFound) return std::string();
   if (!bytes) return fail(bytes.error());
   const std::string name = fmt::format("{}/{}.jpg", folder, take::take_folder(take.number()));

@@ -17,7 +17,7 @@ namespace {
 
 constexpr int kTrialUploadAttempts = 4;
 constexpr int kTrialPeriods = 40;
-constexpr double kLeastFall = 0.001;  // share of the objective; repeating the same calibration must not count as better
+constexpr double kMinFall = 0.001;  // share of the objective; repeating the same calibration must not count as better
 
 /// Ends the trial on the rig in its destructor, unless it has been ended before.
 class TrialUnderWay {
@@ -68,7 +68,7 @@ Result<TrialVerdict> try_out(Context& context, const Calibration& tried, int set
                      return registration::objectives_of({before, tried}, pictures.frames(), {});
                    }));
   TrialVerdict verdict{objectives.front(), objectives.back(), false};
-  verdict.kept = verdict.after < verdict.before * (1 - kLeastFall);
+  verdict.kept = verdict.after < verdict.before * (1 - kMinFall);
   NODAL_TRY(trial.end(verdict.kept));
   return verdict;
 }

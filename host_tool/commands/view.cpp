@@ -36,9 +36,9 @@ std::string camera_words(const std::string& between, const std::string& after) {
   return words;
 }
 
-constexpr int kMostSide = 16384;
+constexpr int kMaxSide = 16384;
 
-Result<geometry::RaymapSize> parse_view_size(const std::string& text) { return parse_size(text, kMostSide); }
+Result<geometry::RaymapSize> parse_view_size(const std::string& text) { return parse_size(text, kMaxSide); }
 
 Result<Eigen::Vector3d> parse_eye(const std::string& text) {
   Eigen::Vector3d eye;
@@ -79,8 +79,8 @@ Status run_mesh_view(Context& context, const ViewArgs& args, const view::CameraS
 
 /// A camera path whose keys all have a field of view that the camera can show.
 Result<view::CameraPath> read_path(const std::string& file, const view::CameraSpec& of) {
-  constexpr std::uint64_t kMostBytes = 16 << 20;
-  NODAL_TRY_ASSIGN(const std::string text, read_file(file, kMostBytes));
+  constexpr std::uint64_t kMaxBytes = 16 << 20;
+  NODAL_TRY_ASSIGN(const std::string text, read_file(file, kMaxBytes));
   NODAL_TRY_ASSIGN(view::CameraPath path, view::CameraPath::parse(text));
   for (const view::CameraKey& key : path.keys()) {
     view::CameraSpec spec = of;

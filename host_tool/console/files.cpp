@@ -64,9 +64,9 @@ int sync(int fd) { return ::fsync(fd) == 0 || errno == EINVAL || errno == ENOTSU
 /// Whether the file, of which `info` was read, has these very bytes: then nothing needs to be written over.
 bool has_bytes(const std::string& path, const struct stat& info, std::span<const std::uint8_t> bytes) {
   if (!S_ISREG(info.st_mode) || static_cast<std::uint64_t>(info.st_size) != bytes.size()) return false;
-  const Result<std::string> there = read_file(path, bytes.size());
-  return there && std::equal(there->begin(), there->end(), bytes.begin(), bytes.end(),
-                             [](char a, std::uint8_t b) { return static_cast<std::uint8_t>(a) == b; });
+  const Result<std::string> existing = read_file(path, bytes.size());
+  return existing && std::equal(existing->begin(), existing->end(), bytes.begin(), bytes.end(),
+                                [](char a, std::uint8_t b) { return static_cast<std::uint8_t>(a) == b; });
 }
 
 /// The umask can only be read by setting it; no other thread creates files meanwhile.

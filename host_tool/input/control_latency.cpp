@@ -60,7 +60,7 @@ class Measurement {
     NODAL_TRY_ASSIGN(const double after, settled(result_.stepped_ns));
     result_.brightness = before;
     result_.stepped_brightness = after;
-    if (std::abs(before - after) < kLeastLevels) {
+    if (std::abs(before - after) < kMinLevels) {
       return fail(
           Errc::kWrongState,
           fmt::format("head '{}': its picture has a brightness of {:.1f} of 255 with {}, and {:.1f} with {}; with "

@@ -40,7 +40,7 @@ struct ControlLatency {
 inline constexpr int kLatencySteps = 24;       ///< at most
 inline constexpr int kFewestLatencySteps = 4;  ///< so that a latency that varies is noticed
 inline constexpr int kLongestLatency = 30;     ///< frames
-inline constexpr double kLeastLevels = 4;      ///< levels of 255 by which the picture must change
+inline constexpr double kMinLevels = 4;        ///< levels of 255 by which the picture must change
 
 /// Halves and restores the exposure of a head repeatedly (doubles it, when it cannot be halved). The changes are
 /// temporary: the rig undoes them when the conversation ends, however this program ends. `progress`: called with the

@@ -41,6 +41,6 @@ Result<std::optional<HeadSample>> sample_head(RigConnection& rig, std::uint32_t 
 
 /// The number of frame sets that a live registration uses: default and maximum.
 inline constexpr int kLiveSets = 3;
-inline constexpr int kMostLiveSets = 64;
+inline constexpr int kMaxLiveSets = 64;
 
 }  // namespace nodal::host

@@ -90,9 +90,9 @@ Result<TakeCopy> TakeCopy::begin(RigConnection& rig, std::uint64_t take, const f
 Status TakeCopy::claim_folder(std::span<const std::uint8_t> manifest) {
   for (const std::string& name : {take::kManifestFile, take::kManifestFile + kPart}) {
     if (!length_of_file(folder_ / name)) continue;
-    NODAL_TRY_ASSIGN(const auto there, read_file((folder_ / name).string(), take::kMaxManifestBytes));
-    if (there == text_of(manifest)) return {};
-    const auto earlier = take::parse_manifest(there, (folder_ / name).string());
+    NODAL_TRY_ASSIGN(const auto existing, read_file((folder_ / name).string(), take::kMaxManifestBytes));
+    if (existing == text_of(manifest)) return {};
+    const auto earlier = take::parse_manifest(existing, (folder_ / name).string());
     if (earlier && holds_all(*earlier, manifest_)) {
       if (name == take::kManifestFile) return {};
       break;
@@ -116,7 +116,7 @@ Status TakeCopy::check_names(bool and_parts) const {
       if (name != file.name && !and_parts) continue;
       std::error_code unknown;
       if (!fs::exists(fs::symlink_status(folder_ / name, unknown))) continue;
-      if (!and_parts && there(file)) continue;
+      if (!and_parts && is_complete(file)) continue;
       return fail(
           Errc::kWrongState,
           fmt::format("{}: is there already, is not what the take has, and is never written over; move it away, or use "
@@ -128,13 +128,13 @@ Status TakeCopy::check_names(bool and_parts) const {
 }
 
 /// A file has its own name only after it was verified and synced.
-bool TakeCopy::there(const take::Manifest::File& file) const {
+bool TakeCopy::is_complete(const take::Manifest::File& file) const {
   return length_of_file(folder_ / file.name) == file.bytes;
 }
 
 bool TakeCopy::complete() const {
   return length_of_file(folder_ / take::kManifestFile) &&
-         std::ranges::all_of(manifest_.files, [&](const auto& file) { return there(file); });
+         std::ranges::all_of(manifest_.files, [&](const auto& file) { return is_complete(file); });
 }
 
 std::uint64_t TakeCopy::bytes(bool without_heads) const {
@@ -147,7 +147,7 @@ std::uint64_t TakeCopy::bytes(bool without_heads) const {
 Status TakeCopy::check_room(bool without_heads) const {
   std::uint64_t needed = 0;
   for (const take::Manifest::File& file : manifest_.files) {
-    if ((without_heads && of_a_head(file.name)) || there(file)) continue;
+    if ((without_heads && of_a_head(file.name)) || is_complete(file)) continue;
     needed += file.bytes - std::min(file.bytes, length_of_file(folder_ / (file.name + kPart)).value_or(0));
   }
   NODAL_TRY_ASSIGN(const auto free, free_bytes(folder_));
@@ -165,7 +165,7 @@ Status TakeCopy::run(bool without_heads, const OnProgress& progress) {
   for (const bool video : {false, true}) {  // the evidence has the hashes of the video files
     for (const take::Manifest::File& file : manifest_.files) {
       if (is_video(file.name) != video || (without_heads && of_a_head(file.name))) continue;
-      if (there(file) && !is_evidence(file.name)) {
+      if (is_complete(file) && !is_evidence(file.name)) {
         done_ += file.bytes;
         progress(done_, file.name);
         continue;
@@ -193,7 +193,7 @@ Status TakeCopy::copy_document(const take::Manifest::File& file, const OnProgres
   };
   Bytes bytes;
   bool whole = false;
-  if (there(file)) {
+  if (is_complete(file)) {
     NODAL_TRY_ASSIGN(const auto text, read_file(path.string(), take::kMaxEvidenceBytes));
     bytes.assign(text.begin(), text.end());
     whole = good(bytes);

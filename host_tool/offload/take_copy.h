@@ -56,7 +56,7 @@ class TakeCopy {
       : rig_(&rig), folder_(std::move(folder)), lock_(std::move(lock)) {}
   Status claim_folder(std::span<const std::uint8_t> manifest);
   Status check_names(bool and_parts) const;
-  bool there(const take::Manifest::File& file) const;
+  bool is_complete(const take::Manifest::File& file) const;
   Status check_room(bool without_heads) const;
   Status copy_document(const take::Manifest::File& file, const OnProgress& progress);
   Status note_hashes(const take::Manifest::File& file, std::span<const std::uint8_t> evidence);

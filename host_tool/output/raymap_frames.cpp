@@ -57,10 +57,10 @@ Result<geometry::LayoutName> layout_of(const FrameOptions& options, const FrameI
 /// A photograph, or a part of a sphere, would be stretched over the whole sphere.
 void warn_of_shape(Console& console, const std::string& file, const geometry::LayoutName& layout,
                    geometry::RaymapSize size) {
-  constexpr double kMost = 1.25;
+  constexpr double kMax = 1.25;
   const geometry::RaymapSize whole = layout.size_for_width(size.width);
   const double stretch = static_cast<double>(whole.height) * size.width / whole.width / size.height;
-  if (stretch < kMost && stretch > 1 / kMost) return;
+  if (stretch < kMax && stretch > 1 / kMax) return;
   console.warning(fmt::format(
       "{}: it has {}x{} pixels, and a raymap of the whole sphere ({}) with this width has {}x{}: "
       "what it shows is stretched {:.1f} times",

@@ -11,7 +11,7 @@ namespace nodal::host {
 namespace {
 
 constexpr double kGraphWidth = 760, kGraphHeight = 400, kMap = 360;  // the legend is below the map
-constexpr double kLeastStroke = 1.5, kMostStroke = 9, kRadius = 15;
+constexpr double kMinStroke = 1.5, kMaxStroke = 9, kRadius = 15;
 constexpr double kNameHeight = 9.5, kNameMargin = 2;
 constexpr double kGood = 0.8;
 
@@ -26,7 +26,7 @@ double x_of(const GraphNode& node) {
 double y_of(const GraphNode& node) { return kMap * std::clamp(0.5 - node.pitch_deg / 180, 0.045, 0.955); }
 
 std::string line(double x0, double y0, double x1, double y1, const GraphLink& link) {
-  const double stroke = kLeastStroke + (kMostStroke - kLeastStroke) * std::clamp(link.share, 0.0, 1.0);
+  const double stroke = kMinStroke + (kMaxStroke - kMinStroke) * std::clamp(link.share, 0.0, 1.0);
   return fmt::format(
       "<line x1=\"{:.1f}\" y1=\"{:.1f}\" x2=\"{:.1f}\" y2=\"{:.1f}\" stroke=\"{}\" stroke-width=\"{:.1f}\" "
       "stroke-opacity=\"0.75\"{}><title>{}</title></line>",

@@ -35,9 +35,9 @@ std::vector<SyncReport::Head> SyncReport::heads() const {
     head.name = names_[i];
     std::vector<std::int64_t> seen, off;
     for (const wire::RaymapHeader& set : sets_) {
-      const bool there = (set.heads_mask() >> i & 1) != 0 && static_cast<int>(i) < set.offset_ns_size();
+      const bool present = (set.heads_mask() >> i & 1) != 0 && static_cast<int>(i) < set.offset_ns_size();
       head.offsets.emplace_back();
-      if (!there) {
+      if (!present) {
         ++head.missing;
         continue;
       }

@@ -83,9 +83,9 @@ RigConnection::RigConnection(std::unique_ptr<hal::LinkPort> link, std::string ad
       wait_(std::move(wait)),
       clock_(std::move(clock)),
       session_(Role::kHost, make_hello(std::string(kSoftware))),
-      heard_(now()),
-      quiet_(patience / 4, heard_, kMinBytesAWindow / 4),
-      probed_(patience - patience / 4, heard_, kMinBytesAWindow - kMinBytesAWindow / 4) {}
+      received_at_(now()),
+      quiet_(patience / 4, received_at_, kMinBytesAWindow / 4),
+      probed_(patience - patience / 4, received_at_, kMinBytesAWindow - kMinBytesAWindow / 4) {}
 
 Status RigConnection::say_hello() {
   NODAL_TRY(step_until([this] { return session_.peer_hello() != nullptr; }, "the rig's hello", patience_));
@@ -154,7 +154,7 @@ Result<wire::Reply> RigConnection::ask_long(wire::Request request,
 Status RigConnection::check_alive() {
   const Duration at = now();
   if (!probe_) {
-    if (at - heard_ < patience_ / 4 && !quiet_.stalled(at)) return {};
+    if (at - received_at_ < patience_ / 4 && !quiet_.stalled(at)) return {};
     wire::Request status;
     status.mutable_status();
     status.set_id(next_request_++);
@@ -164,8 +164,8 @@ Status RigConnection::check_alive() {
     return {};
   }
   if (!probed_.stalled(at)) return {};
-  const std::string silent = show_duration(static_cast<std::uint64_t>((at - heard_).ns()));
-  const bool trickles = at - heard_ < probed_.window();
+  const std::string silent = show_duration(static_cast<std::uint64_t>((at - received_at_).ns()));
+  const bool trickles = at - received_at_ < probed_.window();
   return fail(
       Errc::kTimeout,
       fmt::format("{}: {}; it hangs, or the link to it is stuck (--timeout waits longer)", address_,
@@ -280,9 +280,9 @@ Status RigConnection::step(Duration at_most) {
       return fail(*dead_);
     }
     if (*got != 0) {
-      heard_ = now();
-      quiet_.moved(*got, heard_);
-      probed_.moved(*got, heard_);
+      received_at_ = now();
+      quiet_.moved(*got, received_at_);
+      probed_.moved(*got, received_at_);
       moved = true;
     }
     if (const Status received = session_.receive(std::span(buffer).first(*got)); !received) {

@@ -108,7 +108,7 @@ class RigConnection {
   wire::Hello rig_;
   std::uint64_t next_request_ = 1;
   std::map<std::uint64_t, std::optional<wire::Reply>> questions_;  // by id, with the answer once received
-  Duration heard_;                                                 // time of the last bytes from the rig
+  Duration received_at_;                                           // time of the last bytes from the rig
   ProgressFloor quiet_;                                            // when it stalls, the rig is asked for its status
   std::optional<std::uint64_t> probe_;                             // number of that request, while it is unanswered
   ProgressFloor probed_;                                           // progress while its answer is awaited

@@ -14,6 +14,6 @@ inline constexpr std::string_view kFrameRatesAllowed =
 inline constexpr std::uint64_t kMaxPicturePixels = std::uint64_t{1} << 29;
 
 /// Thousandths of a decibel, positive or negative: ten stops. No head has a wider range.
-inline constexpr std::int32_t kMostGainMdb = 60'000;
+inline constexpr std::int32_t kMaxGainMdb = 60'000;
 
 }  // namespace nodal

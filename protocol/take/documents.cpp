@@ -85,9 +85,9 @@ Result<TakeDocument> parse_take_json(std::string_view text, const std::string& f
   NODAL_TAKE(raymap, fields.list("raymap", 2));
   NODAL_TAKE(heads, fields.list("heads", kMaxHeads));
   NODAL_TAKE(valid, rate_in(*rate, fields));
-  constexpr std::uint64_t kMostPixels = 1 << 16;
+  constexpr std::uint64_t kMaxPixels = 1 << 16;
   for (const Json& side : *raymap) {
-    if (raymap->size() != 2 || !side.is_number_unsigned() || side.get<std::uint64_t>() > kMostPixels)
+    if (raymap->size() != 2 || !side.is_number_unsigned() || side.get<std::uint64_t>() > kMaxPixels)
       return fields.wrong("raymap", "not a width and a height");
   }
   for (const Json& head : *heads) {

@@ -24,10 +24,10 @@ inline constexpr std::size_t kMaxManifestBytes = std::size_t{32} << 20;
 /// Four times as many files as that take has.
 inline constexpr std::size_t kMaxTakeFiles = 200'000;
 /// Marks in one take.
-inline constexpr std::size_t kMostMarks = 10'000;
+inline constexpr std::size_t kMaxMarks = 10'000;
 inline constexpr std::size_t kMaxMarkBytes = 200;
 /// Calibrations of a take after its first one. Later ones are not stored, and the take says from which set on.
-inline constexpr std::size_t kMostCalibrations = 1000;
+inline constexpr std::size_t kMaxCalibrations = 1000;
 
 /// File names in the folder of a take.
 inline const std::string kTakeFile = "take.json", kManifestFile = "manifest", kProtectedFile = "protected",

@@ -165,15 +165,15 @@ class Reader {
   }
 
   /// A mark is no reason to refuse the pictures, so a strange one is read as the nearest that there may be.
-  void mark(const wire::Mark& told) {
-    if (segment_.marks.size() == kMostMarks) return;
-    wire::Mark& mark = segment_.marks.emplace_back(told);
-    mark.set_set(std::clamp(told.set(), segment_.begin.first_set(), segment_.next_set() + open_.size()));
-    mark.set_text(printable(told.text(), kMaxMarkBytes));
+  void mark(const wire::Mark& stored) {
+    if (segment_.marks.size() == kMaxMarks) return;
+    wire::Mark& mark = segment_.marks.emplace_back(stored);
+    mark.set_set(std::clamp(stored.set(), segment_.begin.first_set(), segment_.next_set() + open_.size()));
+    mark.set_text(printable(stored.text(), kMaxMarkBytes));
   }
 
-  Status calibration(const wire::Calibration& told) {
-    Manifest::Calibration calibration{told.file(), told.id(), told.set()};
+  Status calibration(const wire::Calibration& stored) {
+    Manifest::Calibration calibration{stored.file(), stored.id(), stored.set()};
     NODAL_TRY(check_next(calibration, segment_.calibrations));
     segment_.calibrations.push_back(std::move(calibration));
     return {};

@@ -42,7 +42,7 @@ struct Segment {
   wire::Begin begin;
   std::vector<wire::Set> sets;  ///< only those whose clusters are in the files; index rises by one
   std::vector<wire::Raymap> raymaps;
-  std::vector<wire::Mark> marks;  ///< made printable, at most kMostMarks, of sets that are there or come next
+  std::vector<wire::Mark> marks;  ///< made printable, at most kMaxMarks, of sets that are there or come next
   std::vector<Manifest::Calibration> calibrations;  ///< those after the take's first, so far
   std::vector<wire::Seams> seams;                   ///< by rising set; labels_of() of seam_map.h
   /// After one cluster of every file.

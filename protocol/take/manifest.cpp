@@ -12,7 +12,7 @@
 namespace nodal::take {
 namespace {
 
-constexpr auto kMostNs = static_cast<std::uint64_t>(kMaxTimeNs);
+constexpr auto kMaxNs = static_cast<std::uint64_t>(kMaxTimeNs);
 
 /// gaps, heads and rates of a manifest. A nodald of before did not write them.
 Status parse_tally(const Json& json, const std::string& file, Manifest& manifest) {
@@ -24,7 +24,7 @@ Status parse_tally(const Json& json, const std::string& file, Manifest& manifest
     NODAL_TAKE(slow, entry.number("slow", kMaxSets));
     NODAL_TAKE(error, entry.number("error", kMaxSets));
     NODAL_TAKE(capture, entry.number("capture", kMaxSets));
-    NODAL_TAKE(longest, entry.number("longest_ns", kMostNs));
+    NODAL_TAKE(longest, entry.number("longest_ns", kMaxNs));
     NODAL_TAKE(before, entry.number("longest_before", kMaxSets));
     manifest.gaps = {count, slow, error, capture, Duration::nanoseconds(static_cast<std::int64_t>(longest)), before};
   }
@@ -65,7 +65,7 @@ Manifest within_limits(Manifest manifest) {
     *each = std::min(*each, kMaxSets);
   manifest.length = std::clamp(manifest.length, Duration(), Duration::nanoseconds(kMaxTimeNs));
   manifest.ended = printable(manifest.ended, kMaxTakeTextBytes);
-  if (manifest.marks.size() > kMostMarks) manifest.marks.resize(kMostMarks);
+  if (manifest.marks.size() > kMaxMarks) manifest.marks.resize(kMaxMarks);
   for (Manifest::Mark& mark : manifest.marks) {
     mark.set = std::min(mark.set, kMaxSets);
     mark.text = printable(mark.text, kMaxMarkBytes);
@@ -122,7 +122,7 @@ class ManifestLists {
 
   void mark(const Json& json) {
     add(json, "marks", [&](const JsonFields& entry) -> Status {
-      if (into_.marks.size() == kMostMarks) return too_many("marks", kMostMarks);
+      if (into_.marks.size() == kMaxMarks) return too_many("marks", kMaxMarks);
       NODAL_TAKE(set, entry.number("set", kMaxSets));
       NODAL_TAKE(text, entry.text("text", kMaxMarkBytes));
       into_.marks.push_back({set, text});
@@ -224,7 +224,7 @@ Result<Manifest> parse_manifest(const TextPieces& text, const std::string& file)
   // A nodald that could not delete segments did not write it.
   NODAL_TAKE(deleted,
              json.contains("deleted_sets") ? fields.number("deleted_sets", kMaxSets) : Result<std::uint64_t>(0));
-  NODAL_TAKE(length, fields.number("length_ns", kMostNs));
+  NODAL_TAKE(length, fields.number("length_ns", kMaxNs));
   NODAL_TAKE(ended, fields.text("ended", kMaxTakeTextBytes));
   NODAL_TRY(parse_tally(json, file, manifest));
   for (const char* list : {"marks", "calibrations", "files"}) {
@@ -249,8 +249,8 @@ std::string calibration_file(std::size_t number) { return fmt::format("calibrati
 
 Status check_next(const Manifest::Calibration& calibration, std::span<const Manifest::Calibration> before) {
   const auto is_digit = [](char c) { return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f'); };
-  const bool next = before.size() < kMostCalibrations && calibration.file == calibration_file(before.size() + 1);
-  const bool left_out = !calibration.stored() && before.size() <= kMostCalibrations;
+  const bool next = before.size() < kMaxCalibrations && calibration.file == calibration_file(before.size() + 1);
+  const bool left_out = !calibration.stored() && before.size() <= kMaxCalibrations;
   if ((next || left_out) && (before.empty() || before.back().stored()) && calibration.id.size() == 64 &&
       std::ranges::all_of(calibration.id, is_digit) && (before.empty() || before.back().set <= calibration.set)) {
     return {};

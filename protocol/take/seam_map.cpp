@@ -54,7 +54,7 @@ wire::Seams seams_record(std::uint64_t set, std::uint32_t columns, std::span<con
   wire::Seams seams;
   seams.set_set(set);
   if (labels.empty()) return seams;
-  NODAL_ASSERT(columns <= kMostSeamColumns && labels.size() == pixels_of(columns));
+  NODAL_ASSERT(columns <= kMaxSeamColumns && labels.size() == pixels_of(columns));
   seams.set_columns(columns);
   std::string& runs = *seams.mutable_runs();
   for (std::size_t from = 0, to = 0; from < labels.size(); from = to) {
@@ -73,7 +73,7 @@ wire::Seams seams_record(std::uint64_t set, std::uint32_t columns, std::span<con
 Status check_seams(const wire::Seams& seams, std::size_t heads) {
   const std::uint32_t columns = seams.columns();
   if (columns == 0 && seams.runs().empty()) return {};
-  const bool whole = columns != 0 && columns <= kMostSeamColumns && columns % 2 == 0 &&
+  const bool whole = columns != 0 && columns <= kMaxSeamColumns && columns % 2 == 0 &&
                      for_runs(seams.runs(), pixels_of(columns), heads, [](std::uint8_t, std::uint32_t) {});
   return whole ? Status() : fail(not_a_map(seams, heads));
 }

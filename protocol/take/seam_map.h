@@ -14,7 +14,7 @@
 namespace nodal::take {
 
 /// Columns of a map, which has half as many rows: at most 32768 pixels, and a byte of runs for each.
-inline constexpr std::uint32_t kMostSeamColumns = 256;
+inline constexpr std::uint32_t kMaxSeamColumns = 256;
 /// The label of a pixel that no head shows.
 inline constexpr std::uint8_t kNoHeadOfSeams = 255;
 

@@ -16,8 +16,8 @@ namespace {
 using Eigen::Matrix3d;
 
 constexpr double kTolerance = 0.015;  // units of radius: how far a tried lens may be off
-constexpr int kLeast = 8;             // matches that must agree to connect two heads
-constexpr double kLeastShare = 0.12;  // share of two heads' matches that must agree to connect them
+constexpr int kMin = 8;               // matches that must agree to connect two heads
+constexpr double kMinShare = 0.12;    // share of two heads' matches that must agree to connect them
 constexpr std::size_t kFinalists = 5;
 constexpr double kTolerances = 6;   // standard deviations within which a match agrees with a fit
 constexpr double kThinStep = 1.25;  // degrees between lenses that are tried: two rims then agree within kTolerance
@@ -93,7 +93,7 @@ Start start_with(const SharedLens& lens, const std::vector<UnitMatch>& matches, 
     const auto a = rays->ray(match.at_a), b = rays->ray(match.at_b);
     if (a && b) pairs.push_back({match.a, match.b, *a, *b});
   }
-  registration::PairRules rules{kTolerance / lens.model.focal, kLeast, kLeastShare};
+  registration::PairRules rules{kTolerance / lens.model.focal, kMin, kMinShare};
   if (trust) {
     rules.trust = [&](std::size_t a, std::size_t b, const Matrix3d& R_b_a) { return trust(a, b, R_b_a, lens); };
   }
@@ -122,7 +122,7 @@ Arrangement arrangement_of(const BundleFit& best, const LensEvidence& evidence, 
     ++counts[matches[m].b];
   }
   for (std::size_t h = 0; h < counts.size(); ++h) {
-    if (counts[h] < kLeast) found.R_head_rig[h].reset();
+    if (counts[h] < kMin) found.R_head_rig[h].reset();
   }
   return found;
 }

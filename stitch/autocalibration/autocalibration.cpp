@@ -22,7 +22,7 @@
 namespace nodal::autocalibration {
 namespace {
 
-constexpr double kLeastCorrelation = 0.3;  // lowest correlation of two pictures' detail where they overlap
+constexpr double kMinCorrelation = 0.3;  // lowest correlation of two pictures' detail where they overlap
 // Points of two pictures that must agree to show that they see the same things.
 constexpr std::ptrdiff_t kSameThings = 16;
 constexpr double kSamePlace = 2;  // px between a point's images in two pictures that count as the same place
@@ -149,7 +149,7 @@ Result<Arrangement> arranged(const std::vector<Shape>& shapes, const Sight& sigh
   const auto alike = [&](std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a, const SharedLens& lens) {
     if (common.agreeing(a, b, R_b_a, lens) == 0) return 0.0;
     const double correlation = overlaps.correlation(a, b, R_b_a, lens, lens);
-    return correlation > kLeastCorrelation ? correlation : 0;
+    return correlation > kMinCorrelation ? correlation : 0;
   };
   return find_arrangement(shapes, sight.matches, threads, {matched, alike}, overlap);
 }
@@ -186,7 +186,7 @@ void add_doubtful(const Arrangement& arrangement, const Overlaps& overlaps, Foun
       if (agreeing >= kSameThings) continue;
       const std::size_t a = found.placed[i], b = found.placed[j];
       const Eigen::Matrix3d R_b_a = *arrangement.R_head_rig[b] * arrangement.R_head_rig[a]->transpose();
-      if (overlaps.correlation(a, b, R_b_a, arrangement.lens_of(a), arrangement.lens_of(b)) <= kLeastCorrelation)
+      if (overlaps.correlation(a, b, R_b_a, arrangement.lens_of(a), arrangement.lens_of(b)) <= kMinCorrelation)
         found.doubtful.emplace_back(i, j);
     }
   }
@@ -198,9 +198,9 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
                             const Options& options) {
   const std::size_t count = pictures.size();
   if (count < 2) return fail(Errc::kBadValue, "one picture is no rig; give two or more that overlap");
-  if (count > kMostPictures) {
+  if (count > kMaxPictures) {
     return fail(Errc::kBadValue,
-                fmt::format("{} pictures; without a calibration at most {} are matched", count, kMostPictures));
+                fmt::format("{} pictures; without a calibration at most {} are matched", count, kMaxPictures));
   }
   const auto tell = [&](double done) {
     if (options.progress) options.progress(done);

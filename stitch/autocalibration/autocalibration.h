@@ -47,11 +47,11 @@ struct Found {
 /// `pictures`: at least two, grey (kGrey8), taken at one place with equal lenses. `names`: the heads' names.
 ///
 /// Threading: thread-safe; starts `threads` of its own.
-/// Errors: kBadValue for fewer than two pictures, or for more than kMostPictures; kNoCoverage if no two pictures have
+/// Errors: kBadValue for fewer than two pictures, or for more than kMaxPictures; kNoCoverage if no two pictures have
 ///   enough in common, or if what they have in common contradicts itself; kHeadMismatch for two equal pictures.
 Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std::vector<std::string>& names,
                             const Options& options);
 
-inline constexpr std::size_t kMostPictures = kMaxCalibratedHeads;
+inline constexpr std::size_t kMaxPictures = kMaxCalibratedHeads;
 
 }  // namespace nodal::autocalibration

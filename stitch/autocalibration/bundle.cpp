@@ -23,8 +23,8 @@ constexpr double kOutlier = 6;              // standard deviations
 constexpr double kLinear = 2;               // from here on Huber's norm is linear
 // Standard deviation of log focal: cameras state it for infinity, in whole millimetres.
 constexpr double kStatedFocalSigma = 0.1;
-constexpr double kAspectSigma = 0.01;       // standard deviation of the log aspect around the prior's
-constexpr double kMostAspectChange = 0.05;  // largest change of the log aspect
+constexpr double kAspectSigma = 0.01;      // standard deviation of the log aspect around the prior's
+constexpr double kMaxAspectChange = 0.05;  // largest change of the log aspect
 constexpr int kRounds = 8;
 constexpr int kStepsARound = 8;
 constexpr double kEnough = 1e-7;
@@ -203,7 +203,7 @@ solve::Evaluation Bundle::evaluate(const BundleState& state) const {
 BundleState Bundle::moved(const BundleState& from, const Eigen::VectorXd& step) const {
   BundleState state = from;
   state.lens = moved_lens(from.lens, step.head<kLensUnknowns>());
-  const double most = std::exp(kMostAspectChange);
+  const double most = std::exp(kMaxAspectChange);
   state.lens.aspect = std::clamp(state.lens.aspect, rules_.prior.aspect / most, rules_.prior.aspect * most);
   for (std::size_t h = 0; h < turns_.size(); ++h) {
     if (turns_[h] >= 0) {

@@ -17,9 +17,9 @@ constexpr double kRise = 2.5;      // the level inside the edge is at least that
 constexpr double kRiseLevels = 8;  // plus this many levels
 constexpr double kNear = 0.012;    // how far an edge's point may be from the circle, share of the radius
 constexpr int kFewestPoints = kSpokes / 8;
-constexpr double kLeastSpokeShare = 1.0 / 3;  // share of the spokes that must end at an edge
-constexpr double kSmallest = 0.6;             // radius / half of the shorter side
-constexpr double kLargest = 1.2;              // radius / half of the diagonal
+constexpr double kMinSpokeShare = 1.0 / 3;  // share of the spokes that must end at an edge
+constexpr double kSmallest = 0.6;           // radius / half of the shorter side
+constexpr double kLargest = 1.2;            // radius / half of the diagonal
 constexpr int kTried = 2000;
 
 // The means of the picture along a spoke, from the middle outwards, one per pixel.
@@ -79,7 +79,7 @@ std::optional<Region::Circle> circle_with(const Picture& picture, std::size_t wi
     if (std::vector<Eigen::Vector2d> kept = near(circle, points); kept.size() > best.size()) best = std::move(kept);
   }
   if (static_cast<int>(best.size()) < kFewestPoints ||
-      static_cast<double>(best.size()) < kLeastSpokeShare * static_cast<double>(count)) {
+      static_cast<double>(best.size()) < kMinSpokeShare * static_cast<double>(count)) {
     return std::nullopt;
   }
   solve::Circle circle = solve::fitted_circle(best);

@@ -8,9 +8,9 @@ namespace {
 
 // Share of a picture's features that the other one should show, too: a large overlap.
 constexpr double kMuchShared = 0.6;
-constexpr double kLeastMatched = 0.06;  // share of these features that must have matches
-constexpr double kAgreeing = 0.02;      // two features match if they agree within this, units of radius
-constexpr std::size_t kAsked = 400;     // features of a picture that are projected
+constexpr double kMinMatched = 0.06;  // share of these features that must have matches
+constexpr double kAgreeing = 0.02;    // two features match if they agree within this, units of radius
+constexpr std::size_t kAsked = 400;   // features of a picture that are projected
 
 /// Where the picture `to` shows what `from` shows at a pixel.
 std::optional<geometry::Pixel> shown_at(const LensRays& rays, const Shape& from, geometry::Pixel pixel, const Shape& to,
@@ -49,7 +49,7 @@ double InCommon::agreeing(std::size_t a, std::size_t b, const Eigen::Matrix3d& R
         return there && std::hypot(there->x - match.pixel_b.x, there->y - match.pixel_b.y) < tolerance;
       }));
   const bool much = asked > 0 && shared > kMuchShared * asked;
-  const double expected = kLeastMatched * shared * static_cast<double>(step);
+  const double expected = kMinMatched * shared * static_cast<double>(step);
   return much && agree < expected ? 0 : agree;
 }
 

@@ -8,11 +8,11 @@
 namespace nodal::autocalibration {
 namespace {
 
-constexpr int kSide = 128;          // px
-constexpr int kWide = 6;            // px; half width of the blur that removes detail
-constexpr double kLeastDetail = 3;  // levels rms: sky and noise have less
-constexpr int kFewest = 150;        // rays
-constexpr double kInside = 0.95;    // share of the image circle's radius that is compared
+constexpr int kSide = 128;        // px
+constexpr int kWide = 6;          // px; half width of the blur that removes detail
+constexpr double kMinDetail = 3;  // levels rms: sky and noise have less
+constexpr int kFewest = 150;      // rays
+constexpr double kInside = 0.95;  // share of the image circle's radius that is compared
 
 Picture smaller(const Picture& picture) {
   const int by = std::max(1, std::max(picture.width, picture.height) / kSide);
@@ -90,7 +90,7 @@ double Overlaps::correlation(std::size_t a, std::size_t b, const Eigen::Matrix3d
   }
   if (n < kFewest) return kCannotTell;
   const double va = saa - sa * sa / n, vb = sbb - sb * sb / n;
-  if (std::min(va, vb) < n * kLeastDetail * kLeastDetail) return kCannotTell;
+  if (std::min(va, vb) < n * kMinDetail * kMinDetail) return kCannotTell;
   return (sab - sa * sb / n) / std::sqrt(va * vb);
 }
 

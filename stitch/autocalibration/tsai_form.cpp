@@ -11,7 +11,7 @@ namespace nodal::autocalibration {
 namespace {
 
 constexpr double kFarthestAngle = 70 * kRadiansPerDegree;
-constexpr double kMostDifference = 0.01;  // largest difference, share of the radius
+constexpr double kMaxDifference = 0.01;  // largest difference, share of the radius
 constexpr int kAngles = 100;
 
 /// The largest radius at which the head's picture is used, px, aspect divided out.
@@ -44,7 +44,7 @@ std::optional<TsaiLens> tsai_of(const geometry::Lens& lens, double farthest) {
   for (int i = 0; i < kAngles; ++i) {
     const double angle = *edge * (i + 1) / kAngles, r = lens.radius(angle).value_or(0);
     const std::optional<double> there = made->radius(angle);
-    if (!there || std::abs(*there - r) > kMostDifference * r) return std::nullopt;
+    if (!there || std::abs(*there - r) > kMaxDifference * r) return std::nullopt;
   }
   return tsai;
 }

@@ -15,9 +15,9 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kLeastSlope = 3;  // levels per pixel, for an edge
-constexpr int kStraight = 6;       // px; an edge is straight if its direction is the same this far along it,
-constexpr double kAlike = 0.985;   // to this cosine
+constexpr double kMinSlope = 3;   // levels per pixel, for an edge
+constexpr int kStraight = 6;      // px; an edge is straight if its direction is the same this far along it,
+constexpr double kAlike = 0.985;  // to this cosine
 constexpr double kUprightTolerance = 1.5 * kRadiansPerDegree;  // start tolerance of the search
 constexpr double kFinest = 0.3 * kRadiansPerDegree;            // final tolerance of the search
 // Search radius around the light's direction, and around up as pictures are held.
@@ -38,7 +38,7 @@ constexpr double kBeyondDoubt = 1000;  // a horizon at sea has some thousands
 constexpr double kAllAround = 2.0 / 3;
 constexpr double kOften = 3;  // a sector needs so many times the edges expected by chance,
 constexpr double kFew = 8;    // plus so many
-constexpr std::size_t kMostEdges = 40000;
+constexpr std::size_t kMaxEdges = 40000;
 
 struct Lit {
   float level = 0;
@@ -94,7 +94,7 @@ void add_picture(const geometry::Head& head, const Picture& sharp, Seen& seen) {
       const geometry::Pixel at{(x + 0.5) * scale, (y + 0.5) * scale};
       const bool lit = x % 4 == 0 && y % 4 == 0;
       const Eigen::Vector2d slope = slope_at(x, y);
-      const bool steep = slope.norm() >= kLeastSlope;
+      const bool steep = slope.norm() >= kMinSlope;
       if ((!lit && !steep) || head.distance_to_edge(at) < margin) continue;
       const auto ray = head.unproject(at);
       if (!ray) continue;
@@ -222,8 +222,8 @@ void search_around(const std::vector<Edge>& edges, const Vector3d& start, double
 
 // A regular subset: the same one in every run.
 void thin_out(std::vector<Edge>& edges) {
-  if (edges.size() <= kMostEdges) return;
-  const std::size_t step = edges.size() / kMostEdges + 1;
+  if (edges.size() <= kMaxEdges) return;
+  const std::size_t step = edges.size() / kMaxEdges + 1;
   for (std::size_t i = 0; i * step < edges.size(); ++i) edges[i] = edges[i * step];
   edges.resize((edges.size() + step - 1) / step);
 }

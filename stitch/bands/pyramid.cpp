@@ -131,7 +131,7 @@ TurnedRow on_sphere(int row, Grid grid) {
 
 std::vector<Grid> grids_below(Grid finest) {
   std::vector<Grid> grids{finest};
-  while (grids.back().width / 2 >= kLeastWidth && grids.back().height > 2) {
+  while (grids.back().width / 2 >= kMinWidth && grids.back().height > 2) {
     grids.push_back({(grids.back().width + 1) / 2, (grids.back().height + 1) / 2});
   }
   return grids;

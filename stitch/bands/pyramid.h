@@ -8,9 +8,9 @@
 
 namespace nodal::bands {
 
-/// Halves the grid (rounded up) as often as its width stays at kLeastWidth or more; the first one is `finest`.
+/// Halves the grid (rounded up) as often as its width stays at kMinWidth or more; the first one is `finest`.
 std::vector<Grid> grids_below(Grid finest);
-inline constexpr int kLeastWidth = 32;  ///< smallest width of the coarsest grid; its pixels span about 11 degrees
+inline constexpr int kMinWidth = 32;  ///< smallest width of the coarsest grid; its pixels span about 11 degrees
 
 /// A coarser picture: the mean with a triangular filter, (1 3 3 1) / 8 at the equator. In other rows it is
 /// wider by 1 / cos(latitude), so that it has the same extent on the sphere everywhere, and rows go on

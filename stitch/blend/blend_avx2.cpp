@@ -63,9 +63,9 @@ template <class Span>
 /// base - sample for half a tile; base is 128 times black.
 [[gnu::always_inline]] inline Rows mix(const Constants& k, const Patch& patch, const Places& at,
                                        const PatchRecord& record, std::size_t half, V base) {
-  using Least = std::integral_constant<int, kLeastSpan>;
-  const Samples s = record.span() == kLeastSpan ? picked(k, patch, at, record, half, Least())
-                                                : picked(k, patch, at, record, half, record.span());
+  using Least = std::integral_constant<int, kMinSpan>;
+  const Samples s = record.span() == kMinSpan ? picked(k, patch, at, record, half, Least())
+                                              : picked(k, patch, at, record, half, record.span());
   // Interpolates from the even row to the odd row. If the even row is the lower one, the odd row's share is one minus
   // the lower row's; `share` holds its negative (Places::down), so the difference is negated too. Same bits.
   const auto down = [&](V even, V odd, V share) {  // both negative

@@ -21,7 +21,7 @@ inline constexpr int kTile = 8;  ///< pixels per side of a tile
 inline constexpr int kTilePixels = kTile * kTile;
 inline constexpr int kPatch = 16;         ///< samples per side of a patch
 inline constexpr int kQuarter = 4;        ///< pixels per side of a quarter of a tile
-inline constexpr int kLeastSpan = 6;      ///< patch rows that suffice for nearly every quarter
+inline constexpr int kMinSpan = 6;        ///< patch rows that suffice for nearly every quarter
 inline constexpr int kFractionBits = 12;  ///< fraction bits of a coordinate in a patch; it has four integer bits
 inline constexpr int kWeightBits = 15;    ///< weights of a covered pixel sum to exactly one, 1 << kWeightBits
 inline constexpr int kGainBits = 12;      ///< fraction bits of Source::gain
@@ -32,7 +32,7 @@ inline constexpr int kSharpenReach = 2;  ///< distance in samples of the neighbo
 inline constexpr std::size_t kLinearSteps = 1 << 15;  ///< entries of BlendTable::linear
 inline constexpr int kMaxLevels = 5;                  ///< levels of a head's pyramid: 1, 1/2, .. 1/16
 inline constexpr int kMaxPictures = kMaxLevels + 1;   ///< and its low picture
-inline constexpr int kLeastLowSize = 16;
+inline constexpr int kMinLowSize = 16;
 inline constexpr int kMaxLowSize = 256;
 
 /// Coefficients of 1, i, j, ij, ii, jj over the pixels (i, j) of a tile, 0 .. 7 each.
@@ -60,7 +60,7 @@ struct PatchRecord {
   /// in GridTable::coordinates, and x[0], x[1] are the number of their list, low half first.
   std::uint8_t source = 0;
   /// Bits 0-3: the last patch row that is the upper sample row of a pixel with weight. Bits 4-7: how many consecutive
-  /// such rows a quarter of the tile needs at most, at least kLeastSpan.
+  /// such rows a quarter of the tile needs at most, at least kMinSpan.
   std::uint8_t rows = 14 | 15 << 4;
   /// The patch row from which each quarter is read (its first such row, or an earlier one), for the upper and the lower
   /// half of the tile. Bits 0-3: left quarter; bits 4-7: right quarter. A pixel also reads the row below its upper one.
@@ -187,8 +187,8 @@ struct GridTable {
   }
   static constexpr std::size_t most_strips(std::size_t components) { return kBufferSlots / slot(1, 0, 0, components); }
 
-  LowGrid low;                                        ///< empty: one band
-  static constexpr std::size_t kMostLowPoints = 128;  ///< per block
+  LowGrid low;                                       ///< empty: one band
+  static constexpr std::size_t kMaxLowPoints = 128;  ///< per block
   int low_cells_across() const { return kBlockTiles / low.cell_tiles; }
   int low_cells_down() const { return block_rows() / low.cell_tiles; }
 
@@ -241,7 +241,7 @@ struct BlendTable {
     /// Pyramid levels that this head's records use; 1: only the picture itself.
     std::uint8_t levels = 1;
     /// Two bands: side of the squares of which the head's low picture has one sample each (low_picture.h), in samples
-    /// of the picture: a power of two, kLeastLowSize .. kMaxLowSize. 0: there is no low picture.
+    /// of the picture: a power of two, kMinLowSize .. kMaxLowSize. 0: there is no low picture.
     std::uint16_t low_size = 0;
     /// The head's entries in Pictures: its levels, then its low picture.
     std::size_t pictures() const { return std::size_t{levels} + (low_size != 0 ? 1 : 0); }

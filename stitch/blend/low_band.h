@@ -49,7 +49,7 @@ class LowBand {
   const std::int16_t* coefficients(HeadIndex head, std::size_t c) const { return coefficients_[head][c][tile_].data(); }
 
  private:
-  using Corrections = std::array<std::int16_t, GridTable::kMostLowPoints>;
+  using Corrections = std::array<std::int16_t, GridTable::kMaxLowPoints>;
   static constexpr std::int16_t kUnseen = -32768;
 
   void correct(std::size_t point);

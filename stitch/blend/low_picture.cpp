@@ -20,12 +20,12 @@ constexpr std::size_t kEight = sizeof(std::uint64_t);
 /// Rows of squares are computed in whole registers.
 constexpr std::size_t kVector = 32;
 /// The widest picture has 65535 columns.
-constexpr std::size_t kMostSquares = 65536 / kLeastLowSize;
+constexpr std::size_t kMaxSquares = 65536 / kMinLowSize;
 
 /// A row of squares, by what LowSample holds; with room for one more on both sides and for whole registers.
 struct LowRow {
   static constexpr std::size_t kFirst = 1;
-  static constexpr std::size_t kSize = kMostSquares + 2 * kVector;
+  static constexpr std::size_t kSize = kMaxSquares + 2 * kVector;
   alignas(64) std::array<std::uint16_t, kSize> mean;
   alignas(64) std::array<std::uint8_t, kSize> least;
   alignas(64) std::array<std::uint8_t, kSize> most;
@@ -42,13 +42,13 @@ struct Columns {
 using Samples [[gnu::vector_size(32)]] = std::uint8_t;
 using Eights [[gnu::vector_size(32)]] = std::uint64_t;
 
-/// The least or (kMost) the greatest of each eight samples, in the lowest byte.
-template <bool kMost>
+/// The least or (kMax) the greatest of each eight samples, in the lowest byte.
+template <bool kMax>
 [[gnu::always_inline]] inline void reduce(const Samples& of, Eights& to) {
   Samples all = of;
   for (const int bits : {32, 16, 8}) {
     const auto other = reinterpret_cast<Samples>(reinterpret_cast<Eights>(all) >> bits);
-    all = kMost ? (all > other ? all : other) : (all < other ? all : other);
+    all = kMax ? (all > other ? all : other) : (all < other ? all : other);
   }
   to = reinterpret_cast<Eights>(all) & 0xff;
 }

@@ -62,10 +62,10 @@ struct Verdict {
 }  // namespace
 
 SphereLight meter(const MeterTable& table, std::span<const ImageView> heads, std::span<const ExposedHead> settings) {
-  std::array<bool, kMaxHeads> there{};
+  std::array<bool, kMaxHeads> present{};
   for (std::size_t h = 0; h < table.heads.size(); ++h) {
-    there[h] = heads[h].planes[0].data != nullptr && heads[h].width == table.heads[h].width &&
-               heads[h].height == table.heads[h].height;
+    present[h] = heads[h].planes[0].data != nullptr && heads[h].width == table.heads[h].width &&
+                 heads[h].height == table.heads[h].height;
   }
   SphereLight sphere;
   std::array<Sum, kMaxHeads> sums{};
@@ -76,7 +76,7 @@ SphereLight meter(const MeterTable& table, std::span<const ImageView> heads, std
     begin = cell.end;
     Verdict verdict;
     for (const MeterTable::Sample& sample : samples) {
-      if (!there[sample.head]) continue;
+      if (!present[sample.head]) continue;
       const ExposedHead& setting = settings[sample.head];
       const Level level = level_at(heads[sample.head], sample);
       const bool black = level.luma <= kBlackLevel;
@@ -99,7 +99,7 @@ SphereLight meter(const MeterTable& table, std::span<const ImageView> heads, std
     if (verdict.good + verdict.clipped + verdict.black == 0) continue;
     whole.add(verdict.light(), cell.solid_angle);
     for (const MeterTable::Sample& sample : samples) {
-      if (there[sample.head]) sums[sample.head].add(verdict.light(), cell.solid_angle);
+      if (present[sample.head]) sums[sample.head].add(verdict.light(), cell.solid_angle);
     }
   }
   for (std::size_t h = 0; h < table.heads.size(); ++h) {

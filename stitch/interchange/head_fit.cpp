@@ -11,14 +11,14 @@ namespace nodal::interchange {
 namespace {
 
 constexpr int kSteps = 25;
-constexpr int kMostRefusals = 3;    // steps are nearly exact; repeated refusals mean only rounding is left
+constexpr int kMaxRefusals = 3;     // steps are nearly exact; repeated refusals mean only rounding is left
 constexpr double kEnough = 1e-14;   // share of the cost
 constexpr double kDamping = 1e-13;  // powers of an angle are nearly dependent: keeps pivots positive
-constexpr double kMostTangentAngle = 89.5 * std::numbers::pi / 180;
+constexpr double kMaxTangentAngle = 89.5 * std::numbers::pi / 180;
 constexpr int kPlace = 6;  // cx, cy, aspect and three rotation angles precede the coefficients
 
 bool reaches(RadialBasis basis, double angle) {
-  if (basis == RadialBasis::kTangent) return angle < kMostTangentAngle;
+  if (basis == RadialBasis::kTangent) return angle < kMaxTangentAngle;
   return angle < 0.999 * std::numbers::pi;
 }
 
@@ -103,7 +103,7 @@ PolynomialHead improved(const std::vector<geometry::RayPixel>& samples, const Po
   };
   return solve::descend(start, evaluate, moved, fixed_columns(start, freedom),
                         {.most_steps = steps,
-                         .most_refusals = kMostRefusals,
+                         .most_refusals = kMaxRefusals,
                          .enough = kEnough,
                          .first_damping = kDamping,
                          .least_damping = kDamping})

@@ -15,7 +15,7 @@
 namespace nodal::interchange {
 namespace {
 
-constexpr std::size_t kMostCoefficients = 32;
+constexpr std::size_t kMaxCoefficients = 32;
 
 /// The file's lines of numbers, with the numbers of the lines.
 struct Row {
@@ -40,7 +40,7 @@ Result<std::vector<Row>> read_rows(std::string_view text) {
         return fail(Errc::kBadFormat,
                     "line " + std::to_string(line) + ": '" + std::string(word.substr(0, 32)) + "' is no number");
       }
-      if (row.numbers.size() > kMostCoefficients) {
+      if (row.numbers.size() > kMaxCoefficients) {
         return fail(Errc::kTooLarge, "line " + std::to_string(line) + ": too many numbers");
       }
       row.numbers.push_back(number);

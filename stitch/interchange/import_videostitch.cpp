@@ -60,16 +60,16 @@ Result<double> read_curve(const JsonFields& fields, const char* key, double othe
 Result<Photometry> read_light(const JsonFields& input, const Crop& crop, Reading& reading) {
   Photometry p;
   constexpr std::array kBalance{"red_corr", "green_corr", "blue_corr"};
-  constexpr double kMostStops = 20, kMostBalance = 100;
+  constexpr double kMaxStops = 20, kMaxBalance = 100;
   for (std::size_t c = 0; c < kBalance.size(); ++c) {
     NODAL_TRY_ASSIGN(const double correction, read_curve(input, kBalance[c], 1, reading.changing));
-    if (!(correction >= 1 / kMostBalance && correction <= kMostBalance)) {
+    if (!(correction >= 1 / kMaxBalance && correction <= kMaxBalance)) {
       return fail(Errc::kBadValue, input.where() + ": the field '" + kBalance[c] + "' must be 0.01 to 100");
     }
     p.balance[c] = correction;
   }
   NODAL_TRY_ASSIGN(const double ev, read_curve(input, "ev", 0, reading.changing));
-  if (!(std::abs(ev) <= kMostStops)) return fail(Errc::kBadValue, input.where() + ": the field 'ev' must be -20 to 20");
+  if (!(std::abs(ev) <= kMaxStops)) return fail(Errc::kBadValue, input.where() + ": the field 'ev' must be -20 to 20");
   p.stops = ev;
   const std::array<std::pair<const char*, double*>, 7> numbers{{{"vign_a", p.V.data()},
                                                                 {"vign_b", &p.V[1]},
@@ -185,8 +185,8 @@ Status add_points(const JsonFields& pano, const std::vector<int>& head_of, Impor
       n[k] = number;
     }
     for (const std::size_t k : {std::size_t{0}, std::size_t{3}}) {
-      const bool there = n[k] >= 0 && n[k] < static_cast<double>(head_of.size());
-      if (there && head_of[static_cast<std::size_t>(n[k])] >= 0) continue;
+      const bool present = n[k] >= 0 && n[k] < static_cast<double>(head_of.size());
+      if (present && head_of[static_cast<std::size_t>(n[k])] >= 0) continue;
       return fail(Errc::kBadValue,
                   "a matched control point is on input " + short_number(n[k]) + ", which is not there");
     }
@@ -221,7 +221,7 @@ Status set_places(const JsonFields& pano, Reading& reading) {
   double farthest = 0;
   for (const Eigen::Vector3d& position : reading.positions) farthest = std::max(farthest, position.norm());
   NODAL_TRY_ASSIGN(const double sphere, pano.number_or("spherescale", 0));
-  if (farthest > 0 && sphere >= farthest * kLeastDistancePerPosition && sphere <= kLongestDistance) {
+  if (farthest > 0 && sphere >= farthest * kMinDistancePerPosition && sphere <= kLongestDistance) {
     reading.result.calibration.distance = sphere;
   }
   set_positions(reading.positions, "the project's translations", reading.result);

@@ -13,7 +13,7 @@
 namespace nodal::interchange {
 namespace {
 
-constexpr double kMostTangent = 60;  // beyond 89 degrees a pinhole has no picture
+constexpr double kMaxTangent = 60;  // beyond 89 degrees a pinhole has no picture
 
 Status check_pinhole(const PinholeNumbers& p, const std::string& name) {
   if (p.fx >= 1 && p.fx <= 1e6 && p.fy >= 1 && p.fy <= 1e6 && std::abs(p.cx) <= 1e6 && std::abs(p.cy) <= 1e6) return {};
@@ -31,12 +31,12 @@ void set_pinhole(const PinholeNumbers& p, HeadCalibration& head) {
 /// The tangent up to which the radial part rises.
 double turning_tangent(const PlumbBob& bob) {
   double last = 0;
-  for (double t = 0.002; t < kMostTangent; t *= 1.002) {
+  for (double t = 0.002; t < kMaxTangent; t *= 1.002) {
     const double r = bob.bend({t, 0}).x();
     if (!(r > last)) return t / 1.002;
     last = r;
   }
-  return kMostTangent;
+  return kMaxTangent;
 }
 
 /// Ideal points whose images cover the picture evenly: one per cell, and the outermost ones, to include the corners.

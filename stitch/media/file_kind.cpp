@@ -156,7 +156,7 @@ bool is_transport_stream(std::string_view text) {
 
 }  // namespace
 
-std::string told(const FileKind& kind) {
+std::string text_of(const FileKind& kind) {
   return std::string(kind.one) + (kind.advice.empty() ? "" : ": ") + std::string(kind.advice);
 }
 

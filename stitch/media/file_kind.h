@@ -27,6 +27,6 @@ const FileKind* file_kind(std::span<const std::uint8_t> head, std::string_view n
 bool begins_like_tiff(std::span<const std::uint8_t> head);
 
 /// "an HEIF file: convert it to JPEG or PNG (...)".
-std::string told(const FileKind& kind);
+std::string text_of(const FileKind& kind);
 
 }  // namespace nodal::media

@@ -27,9 +27,9 @@ std::int64_t slack(std::int64_t whole) { return std::max(kAreaSlack, whole / kAr
 
 /// Moves and cuts an area that does not fit by rounding. Whether it fits then.
 bool fit(SphereArea& area) {
-  constexpr std::int64_t kMost = std::int64_t{1} << 32;
+  constexpr std::int64_t kMax = std::int64_t{1} << 32;
   for (const std::int64_t whole : {area.full_width, area.full_height}) {
-    if (whole <= 0 || whole > kMost) return false;
+    if (whole <= 0 || whole > kMax) return false;
   }
   const std::int64_t down = slack(area.full_height);
   if (area.width <= 0 || area.width > area.full_width + slack(area.full_width)) return false;

@@ -34,7 +34,7 @@ Result<Kind> kind_of(std::span<const std::uint8_t> bytes, const std::string& nam
   if (other == nullptr) {
     return fail(Errc::kBadFormat, "picture '" + name + "': is a TIFF, which is not read here: convert it to PNG");
   }
-  return fail(Errc::kBadFormat, "picture '" + name + "': is " + told(*other));
+  return fail(Errc::kBadFormat, "picture '" + name + "': is " + text_of(*other));
 }
 
 Result<ImageHeader> header_of(std::span<const std::uint8_t> bytes, const std::string& name) {

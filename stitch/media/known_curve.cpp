@@ -7,7 +7,7 @@ namespace nodal::media {
 namespace {
 
 constexpr double kLevel = 1.0 / 255;
-constexpr double kLeastGamma = 0.5, kMostGamma = 4;
+constexpr double kMinGamma = 0.5, kMaxGamma = 4;
 
 double srgb_of(double light) {
   return light <= 0.0031308 ? 12.92 * light : 1.055 * std::pow(light, 1 / 2.4) - 0.055;  // IEC 61966-2-1
@@ -44,7 +44,7 @@ std::optional<SampleMeaning> known_curve(std::span<const std::uint16_t> table) {
   const double light = table[middle] / 65535.0;
   if (light <= 0 || light >= 1 || sample >= 1) return std::nullopt;
   double gamma = std::log(light) / std::log(sample);
-  if (!(gamma >= kLeastGamma && gamma <= kMostGamma)) return std::nullopt;
+  if (!(gamma >= kMinGamma && gamma <= kMaxGamma)) return std::nullopt;
   constexpr double kSameGamma = 0.005;  // what rounding of the table's middle can change
   if (std::abs(gamma - 1) < kSameGamma) gamma = 1;
   if (!fits(table, [gamma](double l) { return std::pow(l, 1 / gamma); })) return std::nullopt;

@@ -12,7 +12,7 @@ namespace {
 
 using Bytes = std::span<const std::uint8_t>;
 
-constexpr std::size_t kHeaderBytes = 128, kTagBytes = 12, kMostTags = 100;
+constexpr std::size_t kHeaderBytes = 128, kTagBytes = 12, kMaxTags = 100;
 /// sRGB's red, green and blue as a profile has them: X, Y, Z relative to D50 (IEC 61966-2-1, adapted by Bradford's
 /// matrix).
 constexpr std::array<std::array<double, 3>, 3> kPrimaries{
@@ -42,7 +42,7 @@ bool is_word(Bytes bytes, std::size_t at, std::string_view word) {
 
 /// The data of a tag; nothing if the profile does not have it.
 std::optional<Bytes> tag_of(Bytes icc, std::string_view name) {
-  const auto count = static_cast<std::size_t>(std::min<double>(number(icc, kHeaderBytes, 4), kMostTags));
+  const auto count = static_cast<std::size_t>(std::min<double>(number(icc, kHeaderBytes, 4), kMaxTags));
   for (std::size_t k = 0; k < count; ++k) {
     const std::size_t at = kHeaderBytes + 4 + k * kTagBytes;
     if (icc.size() < at + kTagBytes) return std::nullopt;

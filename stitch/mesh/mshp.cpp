@@ -15,7 +15,7 @@ namespace nodal::mesh {
 namespace {
 
 // What ExoPlayer takes.
-constexpr std::uint32_t kMostCoordinates = 10'000, kMostVertices = 32'000, kMostIndices = 128'000;
+constexpr std::uint32_t kMaxCoordinates = 10'000, kMaxVertices = 32'000, kMaxIndices = 128'000;
 
 /// Bits of the difference of two indices of `count` things, zig-zag: ceil(log2(2 count)).
 int bits_for(std::uint32_t count) { return static_cast<int>(std::bit_width(2 * count - 1)); }
@@ -127,12 +127,12 @@ Result<FileMesh> decode_mesh_box(std::span<const std::uint8_t> bytes) {
   };
   BitReader reader(bytes);
   const std::uint32_t coordinates = reader.get(32);
-  if (coordinates == 0 || coordinates > kMostCoordinates) return too_many("coordinates", kMostCoordinates);
+  if (coordinates == 0 || coordinates > kMaxCoordinates) return too_many("coordinates", kMaxCoordinates);
   std::vector<float> values;
   for (std::uint32_t k = 0; k < coordinates; ++k) values.push_back(std::bit_cast<float>(reader.get(32)));
   const std::uint32_t vertices = reader.get(32);
   if (!reader.good()) return cut_short();
-  if (vertices == 0 || vertices > kMostVertices) return too_many("vertices", kMostVertices);
+  if (vertices == 0 || vertices > kMaxVertices) return too_many("vertices", kMaxVertices);
   FileMesh mesh;
   std::array<std::int64_t, 5> at{};
   for (std::uint32_t k = 0; k < vertices; ++k) {
@@ -148,13 +148,13 @@ Result<FileMesh> decode_mesh_box(std::span<const std::uint8_t> bytes) {
   }
   reader.align();
   const std::uint32_t lists = reader.get(32);
-  std::uint32_t left = kMostIndices;
+  std::uint32_t left = kMaxIndices;
   for (std::uint32_t k = 0; k < lists && reader.good(); ++k) {
     reader.get(8);  // the texture
     const std::uint32_t type = reader.get(8), count = reader.get(32);
     if (type > 2)
       return fail(Errc::kUnsupported, "list " + std::to_string(k + 1) + " of the mesh box has an unknown type");
-    if (count > left) return too_many("indices", kMostIndices);
+    if (count > left) return too_many("indices", kMaxIndices);
     left -= count;
     std::vector<std::uint32_t> list;
     std::int64_t index = 0;
@@ -188,8 +188,8 @@ Result<std::vector<std::uint8_t>> encode_mshp(const Raymesh& mesh) {
     }
     vertices.push_back(indices);
   }
-  if (coordinates.size() > kMostCoordinates || vertices.size() > kMostVertices ||
-      3 * mesh.triangles.size() > kMostIndices) {
+  if (coordinates.size() > kMaxCoordinates || vertices.size() > kMaxVertices ||
+      3 * mesh.triangles.size() > kMaxIndices) {
     return fail(Errc::kTooLarge, "the mesh has " + std::to_string(coordinates.size()) + " different coordinates, " +
                                      std::to_string(vertices.size()) + " vertices and " +
                                      std::to_string(3 * mesh.triangles.size()) +

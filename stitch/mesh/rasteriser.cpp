@@ -137,7 +137,7 @@ DecodedImage MeshView::paint_as(const ImageView& raymap, bool corners_only, cons
         add_texture<Sample>(raymap, channels, *at, 1, sum);
       }
       for (std::size_t c = 0; c < static_cast<std::size_t>(channels); ++c) {
-        const double level = std::clamp(sum[c] + 0.5, 0.0, double{view::Samples<Sample>::kMost});
+        const double level = std::clamp(sum[c] + 0.5, 0.0, double{view::Samples<Sample>::kMax});
         view::store(static_cast<Sample>(level),
                     &made.bytes[(pixel * static_cast<std::size_t>(channels) + c) * sizeof(Sample)]);
       }

@@ -79,7 +79,7 @@ Result<BestBlend> BestBlend::make(const Calibration& calibration, const table::R
     const int height = std::max(8, static_cast<int>(std::ceil(std::min(wide, 1e6) / 2)));
     made.sphere_ = {2 * height, height};
   }
-  if (std::int64_t{made.sphere_.width} * made.sphere_.height > kMostPixels) {
+  if (std::int64_t{made.sphere_.width} * made.sphere_.height > kMaxPixels) {
     return fail(Errc::kTooLarge, "a sphere of " + std::to_string(made.sphere_.width) + " x " +
                                      std::to_string(made.sphere_.height) +
                                      " pixels takes too much memory at best quality; ask for a smaller width");

@@ -31,11 +31,11 @@ class Parallax;
 class BestBlend {
  public:
   static constexpr int kMapWidth = 1024;
-  static constexpr std::int64_t kMostPixels = std::int64_t{1} << 26;
+  static constexpr std::int64_t kMaxPixels = std::int64_t{1} << 26;
 
   /// Any number of heads that a calibration may have. `threads` 0: one per core; the result does not depend on it.
   /// Errors: those of geometry::make_heads and geometry::make_layout; kUnsupported for other formats than RGB24, GREY,
-  ///   RGB48 and GREY16; kTooLarge for spheres of more than kMostPixels.
+  ///   RGB48 and GREY16; kTooLarge for spheres of more than kMaxPixels.
   static Result<BestBlend> make(const Calibration& calibration, const table::RaymapSpec& raymap, int threads);
 
   /// One picture per head, in the calibration's order; RGB24, or GREY for a grey raymap; one without data is a missing

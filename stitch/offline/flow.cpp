@@ -11,14 +11,14 @@
 namespace nodal::offline {
 namespace {
 
-constexpr float kSmooth = 60;          ///< the cost of the flow's change, relative to that of gradients
-constexpr float kLeastChange = 0.05F;  ///< changes of the flow below this cost little, px
-constexpr float kLeastOff = 1;         ///< differences of gradients below this are noise, levels
+constexpr float kSmooth = 60;        ///< the cost of the flow's change, relative to that of gradients
+constexpr float kMinChange = 0.05F;  ///< changes of the flow below this cost little, px
+constexpr float kMinOff = 1;         ///< differences of gradients below this are noise, levels
 constexpr float kRelaxation = 1.8F;
 constexpr int kWarps = 4;          ///< warps per level
 constexpr int kReweightings = 2;   ///< reweightings per warp
 constexpr int kSweeps = 20;        ///< sweeps per reweighting
-constexpr int kLeastSide = 10;     ///< shortest side of the coarsest level, px
+constexpr int kMinSide = 10;       ///< shortest side of the coarsest level, px
 constexpr float kLongestStep = 1;  ///< longest step of a warp, px: gradients say nothing about what is farther away
 /// Flow up to the first length is noise and becomes 0, from the second on it stays as it is, px: pictures without
 /// parallax are best left as they are.
@@ -102,7 +102,7 @@ std::vector<Level> pyramid(const SeenPicture& picture) {
   levels[0].levels.v = picture.levels;
   levels[0].seen = Field(picture.width, picture.height);
   levels[0].seen.v = picture.seen;
-  while (std::min(levels.back().levels.width, levels.back().levels.height) >= 2 * kLeastSide) {
+  while (std::min(levels.back().levels.width, levels.back().levels.height) >= 2 * kMinSide) {
     const Level& fine = levels.back();
     Level coarse;
     Field weighted = fine.levels;
@@ -167,7 +167,7 @@ void reweight(Equations& e, const Field& fx, const Field& fy, const Field& dx, c
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       const std::size_t k = static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
-      float off2 = kLeastOff * kLeastOff;
+      float off2 = kMinOff * kMinOff;
       for (std::size_t c = 0; c < 2; ++c) {
         const float off = e.off[c].v[k] + e.ix[c].v[k] * dx.v[k] + e.iy[c].v[k] * dy.v[k];
         off2 += off * off;
@@ -188,12 +188,12 @@ void reweight(Equations& e, const Field& fx, const Field& fy, const Field& dx, c
       e.b2.v[k] = weight * b2;
       const std::size_t right = x + 1 < width ? k + 1 : k;
       const std::size_t below = y + 1 < height ? k + static_cast<std::size_t>(width) : k;
-      float change2 = kLeastChange * kLeastChange;
+      float change2 = kMinChange * kMinChange;
       for (const std::size_t n : {right, below}) {
         const float u = fx.v[n] + dx.v[n] - fx.v[k] - dx.v[k], v = fy.v[n] + dy.v[n] - fy.v[k] - dy.v[k];
         change2 += u * u + v * v;
       }
-      smooth.v[k] = kSmooth * kLeastChange / std::sqrt(change2);
+      smooth.v[k] = kSmooth * kMinChange / std::sqrt(change2);
     }
   }
 }

@@ -15,8 +15,8 @@ constexpr double kPi = std::numbers::pi;
 /// Rays closer than this to a region's edge (px) count as outside, as in the table compiler.
 constexpr double kEdge = 1e-6;
 /// Keeps scores above 0 at a region's edge, where the head may be the only one.
-constexpr double kLeastDepth = 1e-9;
-constexpr std::size_t kMostLevels = 6;
+constexpr double kMinDepth = 1e-9;
+constexpr std::size_t kMaxLevels = 6;
 
 table::TableOptions seam_options() {
   table::TableOptions options;
@@ -63,7 +63,7 @@ std::optional<Sighting> HeadView::see(const Eigen::Vector3d& rig_ray) const {
   const auto seen =
       table::see(head_, optics_.lens, {optics_.right.dot(d), optics_.down.dot(d), ahead}, optics_.depth_per_px);
   if (!seen || seen->inside < kEdge || !std::isfinite(seen->density)) return std::nullopt;
-  return Sighting{seen->pixel, seen->density, seen->density * (seen->depth + kLeastDepth)};
+  return Sighting{seen->pixel, seen->density, seen->density * (seen->depth + kMinDepth)};
 }
 
 bands::Window HeadView::window(bands::Grid grid) const {
@@ -112,7 +112,7 @@ double HeadView::largest_factor() const {
 HeadPicture::HeadPicture(const HeadView& view, const ImageView& picture)
     : view_(view), colours_(component_count(picture.format)) {
   levels_.push_back({picture.planes[0].data, picture.planes[0].row_stride, picture.width, picture.height});
-  while (levels_.size() < kMostLevels && std::min(levels_.back().width, levels_.back().height) >= 8) add_half();
+  while (levels_.size() < kMaxLevels && std::min(levels_.back().width, levels_.back().height) >= 8) add_half();
 }
 
 void HeadPicture::add_half() {

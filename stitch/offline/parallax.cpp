@@ -13,7 +13,7 @@ namespace {
 constexpr double kHighestDeg = 75;  ///< highest latitude of a chart
 constexpr double kFadeDeg = 10;     ///< width of the fade at its upper and lower edge
 constexpr int kProbe = 4;           ///< px between the rays that are tried first
-constexpr int kLeastOverlap = 24;   ///< px; smaller ones are left alone
+constexpr int kMinOverlap = 24;     ///< px; smaller ones are left alone
 constexpr int kTurned = 32;         ///< px that a whole circle is continued by at its ends
 
 double smooth_step(double t) {
@@ -87,7 +87,7 @@ void Parallax::find(Overlap& overlap, std::span<const HeadPicture* const> pictur
       bottom = std::max(bottom, y);
     }
   }
-  if (right - left < kLeastOverlap || bottom - top < kLeastOverlap) return;
+  if (right - left < kMinOverlap || bottom - top < kMinOverlap) return;
   const bool closed = left < kProbe && right >= chart.columns() - kProbe;
   left = closed ? -kTurned : std::max(0, left - kProbe);
   right = closed ? chart.columns() + kTurned : std::min(chart.columns(), right + kProbe);

@@ -14,7 +14,7 @@ namespace nodal::registration {
 namespace {
 
 // Chosen on rigs drawn by seeds (tests/bench/campaign.cpp).
-constexpr double kMostLeverage = 0.8;  // a part that alone determines a parameter is not left out altogether
+constexpr double kMaxLeverage = 0.8;   // a part that alone determines a parameter is not left out altogether
 constexpr double kStepTooShort = 1.5;  // steps to other lenses are too short, because large differences weigh less
 constexpr double kInexactPx = 0.01;    // error of interpolation and blur
 // Share of the largest curvature; the curvature of turns that a part does not determine is smaller.
@@ -22,7 +22,7 @@ constexpr double kDetermined = 1e-3;
 // Two heads that are apart by d along both axes are brought together by turns of d / 2 each, whose rms over heads and
 // axes is half of the displacement.
 constexpr double kPairAndAxes = 2;
-constexpr double kMostExcess = 2;  // limit of own / common curvature; more is due to detail that is not aligned
+constexpr double kMaxExcess = 2;  // limit of own / common curvature; more is due to detail that is not aligned
 // Part of noise's share that is subtracted; less than 1, because own curvatures are too large.
 constexpr double kChanceShare = 0.4;
 
@@ -94,7 +94,7 @@ class Model {
   double curvature_excess(const std::vector<Eigen::Index>& turns) const {
     const double own = parameters_.hessian(total_, Curvature::kOwn)(turns, turns).trace();
     const double common = parameters_.hessian(total_, Curvature::kCommon)(turns, turns).trace();
-    return common > 0 ? std::clamp(own / common, 1.0, kMostExcess) : kMostExcess;
+    return common > 0 ? std::clamp(own / common, 1.0, kMaxExcess) : kMaxExcess;
   }
 
   /// Covariances of the free parameters if `sought` is estimated.
@@ -115,7 +115,7 @@ class Model {
     Spread spread{inverse * noise_, Matrix::Zero(n, n)};
     for (std::size_t p = 0; p < own_.size(); ++p) {
       if (own_[p].size() == 0) continue;
-      const Matrix rest = Matrix::Identity(n, n) - kMostLeverage * own_[p] * own_inverse;
+      const Matrix rest = Matrix::Identity(n, n) - kMaxLeverage * own_[p] * own_inverse;
       const Vector pull = inverse * rest.partialPivLu().solve(gradients_[p]);  // change of the result without this part
       spread.parts += pull * pull.transpose();
     }

@@ -9,7 +9,7 @@ namespace nodal::registration {
 namespace {
 
 constexpr float kBlack = 6;  // levels: a picture without a brighter pixel is black
-constexpr double kLeastAgreement = 0.4;
+constexpr double kMinAgreement = 0.4;
 
 std::string quoted(const std::string& name) { return "'" + name + "'"; }
 
@@ -95,7 +95,7 @@ Status check_enough_placed(const Calibration& prior, const std::vector<std::stri
 std::vector<std::size_t> disagreeing(const Detail& detail, const std::vector<std::string>& why_not) {
   std::vector<std::size_t> wrong;
   for (std::size_t h = 0; h < why_not.size(); ++h) {
-    if (why_not[h].empty() && detail.heads[h].agreement < kLeastAgreement) wrong.push_back(h);
+    if (why_not[h].empty() && detail.heads[h].agreement < kMinAgreement) wrong.push_back(h);
   }
   return wrong;
 }
@@ -201,14 +201,14 @@ std::string wrong_focals(double rms_percent, double mean_percent, double held, d
 }
 
 std::string doubtful_seams(const Calibration& prior, const std::vector<PairReport>& pairs, bool explained) {
-  constexpr std::size_t kMostNamed = 6;
+  constexpr std::size_t kMaxNamed = 6;
   std::string names;
-  for (std::size_t k = 0; k < std::min(pairs.size(), kMostNamed); ++k) {
+  for (std::size_t k = 0; k < std::min(pairs.size(), kMaxNamed); ++k) {
     names += (k > 0 ? ", " : "") + quoted(prior.heads[static_cast<std::size_t>(pairs[k].a)].name) + " and " +
              quoted(prior.heads[static_cast<std::size_t>(pairs[k].b)].name) + " (" +
              number("%.2f", pairs[k].agreement) + ")";
   }
-  if (pairs.size() > kMostNamed) names += " and " + std::to_string(pairs.size() - kMostNamed) + " more pairs";
+  if (pairs.size() > kMaxNamed) names += " and " + std::to_string(pairs.size() - kMaxNamed) + " more pairs";
   return "heads " + names +
          " do not line up in fine detail (in brackets: its correlation, 1 for equal detail); look at their " +
          (pairs.size() == 1 ? "seam" : "seams") +

@@ -12,14 +12,14 @@
 namespace nodal::registration {
 namespace {
 
-constexpr double kFirstDamping = 1e-4, kLeastDamping = 1e-9;  // the first is the paper's
-constexpr int kMostRefusals = 4;
+constexpr double kFirstDamping = 1e-4, kMinDamping = 1e-9;  // the first is the paper's
+constexpr int kMaxRefusals = 4;
 // Fall-offs are far from linear. Without rotations, no finer level would go on from here.
-constexpr int kMostRefusalsOfLight = 10;
+constexpr int kMaxRefusalsOfLight = 10;
 constexpr double kGrain = 2e-4;  // relative noise of the objective, from rays that enter and leave at the rims
 // A step that raises the objective by less than this factor may still be accepted.
 constexpr double kSameObjective = 1.001;
-constexpr double kLeastPivot = 1e-9;  // sums are of single-precision products: smaller pivots are rounding errors
+constexpr double kMinPivot = 1e-9;  // sums are of single-precision products: smaller pivots are rounding errors
 
 /// Keeps the distance between infinity and the nearest one that a calibration may have.
 void bound_nearness(const Parameters& parameters, const std::vector<HeadState>& heads,
@@ -29,7 +29,7 @@ void bound_nearness(const Parameters& parameters, const std::vector<HeadState>& 
   double farthest = 0;
   for (const HeadState& head : heads) farthest = std::max(farthest, head.position.norm());
   const Eigen::VectorXd row = parameters.basis().row(slot).transpose();
-  bounds.push_back({row, std::max(0.0, 1 / (farthest * kLeastDistancePerPosition) - heads.front().nearness)});
+  bounds.push_back({row, std::max(0.0, 1 / (farthest * kMinDistancePerPosition) - heads.front().nearness)});
   bounds.push_back({-row, heads.front().nearness});
 }
 
@@ -47,8 +47,8 @@ std::vector<solve::Bound> bounds_of(const Parameters& parameters, const std::vec
           (s * parameters.basis().row(first) + s * s * parameters.basis().row(first + 1)).transpose();
       if (row.isZero()) continue;
       const double now = light_left(heads[h].vignetting, s);
-      bounds.push_back({row, std::max(kMostLight - now, 0.0)});
-      bounds.push_back({-row, std::max(now - kLeastLight, 0.0)});
+      bounds.push_back({row, std::max(kMaxLight - now, 0.0)});
+      bounds.push_back({-row, std::max(now - kMinLight, 0.0)});
     }
   }
   return bounds;
@@ -140,12 +140,12 @@ class LevelProblem {
 }  // namespace
 
 Eigen::VectorXd solve_symmetric(const Eigen::MatrixXd& H, const Eigen::VectorXd& g) {
-  return solve::solve_symmetric(H, g, {}, {.least_pivot = kLeastPivot});
+  return solve::solve_symmetric(H, g, {}, {.least_pivot = kMinPivot});
 }
 
 Eigen::VectorXd step_to_minimum(const Parameters& parameters, const std::vector<HeadState>& heads,
                                 const Eigen::MatrixXd& H, const Eigen::VectorXd& g, double damping) {
-  return solve::solve_bounded(H, -g, bounds_of(parameters, heads), {.damping = damping, .least_pivot = kLeastPivot});
+  return solve::solve_bounded(H, -g, bounds_of(parameters, heads), {.damping = damping, .least_pivot = kMinPivot});
 }
 
 Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, const Sought& sought, const Held& held,
@@ -159,11 +159,11 @@ Result<Descended> descend(Objective& objective, std::vector<HeadState> heads, co
   constexpr double kNever = -std::numeric_limits<double>::infinity();
   auto end = solve::descend_from(std::move(first), std::move(at), problem,
                                  {.most_steps = options.most_iterations,
-                                  .most_refusals = sought.rotation ? kMostRefusals : kMostRefusalsOfLight,
+                                  .most_refusals = sought.rotation ? kMaxRefusals : kMaxRefusalsOfLight,
                                   .enough = kNever,  // ends() ends the descent
                                   .sure = kNever,
                                   .first_damping = kFirstDamping,
-                                  .least_damping = kLeastDamping,
+                                  .least_damping = kMinDamping,
                                   .most_damping = solve::kImpossible});
   return Descended{std::move(end.state.heads), std::move(end.at->normal), end.tried};
 }

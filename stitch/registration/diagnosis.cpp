@@ -5,7 +5,7 @@
 namespace nodal::registration {
 namespace {
 
-constexpr std::size_t kMostSingles = 12;  // heads that are tried one by one
+constexpr std::size_t kMaxSingles = 12;  // heads that are tried one by one
 
 enum class Mistake : std::uint8_t { kUpsideDown, kMirrored };
 
@@ -45,7 +45,7 @@ std::optional<std::string> usual_mistake(const Calibration& prior, const std::ve
   std::vector<std::vector<std::size_t>> suspects{wrong};
   if (wrong != all) suspects.push_back(all);  // some heads may agree by chance
   // One wrong head may affect all its neighbours. If very many heads disagree, the cause is another one.
-  const bool singles = wrong.size() > 1 && wrong.size() <= kMostSingles;
+  const bool singles = wrong.size() > 1 && wrong.size() <= kMaxSingles;
   for (std::size_t k = 0; singles && k < wrong.size(); ++k) suspects.push_back({wrong[k]});
   for (const std::vector<std::size_t>& heads : suspects) {
     for (const Mistake mistake : {Mistake::kUpsideDown, Mistake::kMirrored}) {

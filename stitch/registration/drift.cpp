@@ -78,7 +78,7 @@ bool DriftReport::any(Standing standing) const {
 Result<DriftReport> measure_drift(const Calibration& calibration, const std::vector<FrameSet>& frame_sets,
                                   const DriftOptions& options) {
   Options how;
-  how.gauge = Gauge::kMost;
+  how.gauge = Gauge::kMedian;
   how.threads = options.threads;
   how.progress = options.progress;
   NODAL_TRY_ASSIGN(Report found, register_heads(calibration, frame_sets, how));

@@ -40,7 +40,7 @@ Eigen::Vector3d middle_of(Gauge gauge, const std::vector<Eigen::Vector3d>& turns
   switch (gauge) {
     case Gauge::kFirstHead: return turns.front();
     case Gauge::kMean: return mean_of(turns);
-    case Gauge::kMost: return geometric_median_of(turns);
+    case Gauge::kMedian: return geometric_median_of(turns);
   }
   return Eigen::Vector3d::Zero();
 }

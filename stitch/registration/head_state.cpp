@@ -109,7 +109,7 @@ bool plausible_fall_off(const std::array<double, 3>& vignetting) {
   constexpr double kRounding = 1e-6;
   return std::ranges::all_of(kFallOffPlaces, [&](double s) {
     const double left = light_left(vignetting, s);
-    return left >= kLeastLight - kRounding && left <= kMostLight + kRounding;
+    return left >= kMinLight - kRounding && left <= kMaxLight + kRounding;
   });
 }
 

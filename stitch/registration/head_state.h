@@ -72,7 +72,7 @@ struct HeadState {
 /// Bounds on the relative light at s = (radius / the fall-off's radius)^2. Lenses do not brighten their rims, and
 /// without a lower bound, heads that do not match would be made similar by darkening everything that they share.
 inline constexpr std::array<double, 4> kFallOffPlaces{0.25, 0.5, 0.75, 1.0};
-inline constexpr double kLeastLight = 0.05, kMostLight = 1.01;
+inline constexpr double kMinLight = 0.05, kMaxLight = 1.01;
 double light_left(const std::array<double, 3>& vignetting, double s);
 bool plausible_fall_off(const std::array<double, 3>& vignetting);
 

@@ -8,8 +8,8 @@
 namespace nodal::registration {
 
 MaskField::MaskField(const HeadCalibration& head) {
-  constexpr int kMostCells = 512;
-  const int cell = (std::max(head.width, head.height) + kMostCells - 1) / kMostCells;
+  constexpr int kMaxCells = 512;
+  const int cell = (std::max(head.width, head.height) + kMaxCells - 1) / kMaxCells;
   columns_ = (head.width + cell - 1) / cell;
   rows_ = (head.height + cell - 1) / cell;
   per_px_ = 1.0F / static_cast<float>(cell);

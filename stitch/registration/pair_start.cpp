@@ -16,9 +16,9 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 // Two points closer to each other do not determine the rotation about them.
-constexpr double kLeastBase = 2 * kRadiansPerDegree;
-constexpr std::size_t kMostTried = 1500;
-constexpr int kMostAttempts = 4;
+constexpr double kMinBase = 2 * kRadiansPerDegree;
+constexpr std::size_t kMaxTried = 1500;
+constexpr int kMaxAttempts = 4;
 
 struct Joint {
   Matrix3d R_b_a = Matrix3d::Identity();
@@ -59,7 +59,7 @@ Joint joint_of(const std::vector<RayPair>& pairs, double tolerance) {
   Joint best;
   const std::size_t n = pairs.size(), all = n * (n - 1) / 2;
   // If there are too many combinations, a regular subset of them: the same one every time.
-  const std::size_t step = 1 + all / kMostTried;
+  const std::size_t step = 1 + all / kMaxTried;
   // Combinations (i, j) with i < j are numbered row by row; row_begin is the number of (i, i + 1). Only those that are
   // tried are visited, so the time grows with the pairs and not with their square.
   std::size_t i = 0, row_begin = 0;
@@ -67,7 +67,7 @@ Joint joint_of(const std::vector<RayPair>& pairs, double tolerance) {
     for (; number >= row_begin + (n - 1 - i); ++i) row_begin += n - 1 - i;
     const std::size_t j = i + 1 + (number - row_begin);
     const double apart_a = between(pairs[i].ray_a, pairs[j].ray_a), apart_b = between(pairs[i].ray_b, pairs[j].ray_b);
-    const bool holds = std::min(apart_a, apart_b) > kLeastBase && std::max(apart_a, apart_b) < std::numbers::pi - 0.1;
+    const bool holds = std::min(apart_a, apart_b) > kMinBase && std::max(apart_a, apart_b) < std::numbers::pi - 0.1;
     if (!holds || std::abs(apart_a - apart_b) > 2 * tolerance) continue;
     const Matrix3d R = frame_of(pairs[i].ray_b, pairs[j].ray_b) * frame_of(pairs[i].ray_a, pairs[j].ray_a).transpose();
     if (const int count = agreeing(pairs, R, tolerance); count > best.agreeing) best = {R, count, 0};
@@ -89,7 +89,7 @@ Joints find_joints(std::size_t heads_of_rig, const std::vector<RayPair>& pairs, 
   Joints joints{{}, std::vector<int>(heads_of_rig), 0};
   for (auto& [heads, theirs] : by_heads) {
     const double share = rules.least_share * static_cast<double>(theirs.size());
-    for (int attempt = 0; attempt < kMostAttempts; ++attempt) {
+    for (int attempt = 0; attempt < kMaxAttempts; ++attempt) {
       Joint joint = joint_of(theirs, rules.tolerance);
       if (joint.agreeing < rules.least || joint.agreeing < share) break;
       joint.trust = rules.trust ? rules.trust(heads.first, heads.second, joint.R_b_a) : joint.agreeing;

@@ -24,14 +24,14 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr int kMostRounds = 60;
-constexpr double kEnough = 1e-14;  // share of the cost; a smaller decrease ends the descent
-constexpr double kDamping = 1e-9;  // the start is close, so steps are nearly Gauss-Newton steps
-constexpr double kLeastOutlier = 0.05 / kDegreesPerRadian;  // pairs set by hand are not more accurate than this
+constexpr int kMaxRounds = 60;
+constexpr double kEnough = 1e-14;                         // share of the cost; a smaller decrease ends the descent
+constexpr double kDamping = 1e-9;                         // the start is close, so steps are nearly Gauss-Newton steps
+constexpr double kMinOutlier = 0.05 / kDegreesPerRadian;  // pairs set by hand are not more accurate than this
 // Relative error of a prior's focal length; determines focal lengths that the pairs do not.
 constexpr double kFocalSigma = 0.05;
 constexpr double kFocalStep = 1e-5;
-constexpr double kMostRms = 2 / kDegreesPerRadian;
+constexpr double kMaxRms = 2 / kDegreesPerRadian;
 
 /// The estimated parameters of the heads.
 struct Stand {
@@ -195,7 +195,7 @@ Status Bundle::reweigh(const Stand& stand) {
   const solve::Huber huber{2 * noise_};
   weights_.clear();
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
-    used_[p] = joined(pairs_[p]) && all[p] < std::max(5 * noise_, kLeastOutlier);
+    used_[p] = joined(pairs_[p]) && all[p] < std::max(5 * noise_, kMinOutlier);
     weights_.push_back(used_[p] ? huber.weight(all[p]) : 0);
   }
   return {};
@@ -239,7 +239,7 @@ Status Bundle::adjust() {
       stand_, [this](const Stand& stand) { return evaluate(stand); },
       [this](const Stand& from, const Eigen::VectorXd& step) { return moved(from, step); },
       [&](const Stand& stand) { weighed = reweigh(stand); },
-      {.most_steps = kMostRounds, .enough = kEnough, .first_damping = kDamping, .least_damping = kDamping});
+      {.most_steps = kMaxRounds, .enough = kEnough, .first_damping = kDamping, .least_damping = kDamping});
   if (!weighed) return weighed;
   stand_ = std::move(end.state);
   H_ = end.at.equations.matrix();
@@ -318,7 +318,7 @@ Result<PairFit> Bundle::run() {
   NODAL_TRY_ASSIGN(PairFit found, fit());
   const auto used = std::ranges::count(used_, true);
   const auto joined_ones = std::ranges::count_if(pairs_, [&](const PointPair& pair) { return joined(pair); });
-  if (noise_ > kMostRms || 2 * used < joined_ones) {
+  if (noise_ > kMaxRms || 2 * used < joined_ones) {
     return fail(Errc::kHeadMismatch,
                 "most point pairs contradict each other; check that they belong to these heads, in "
                 "the calibration's order, and that the lenses are right");

@@ -36,7 +36,7 @@ enum class VignettingModel : std::uint8_t {
 enum class Gauge : std::uint8_t {
   kFirstHead,  ///< the first placed head keeps the prior's rotation
   kMean,       ///< the heads' turns have mean zero
-  kMost,       ///< the heads' turns have geometric median zero: heads that moved do not affect heads that did not
+  kMedian,     ///< the heads' turns have geometric median zero: heads that moved do not affect heads that did not
 };
 // With a distance, kFirstHead is used whatever is asked for.
 

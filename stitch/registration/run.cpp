@@ -24,10 +24,10 @@ constexpr double kMuchLooser = 0.25;
 // Pixels of the picture, or of the raymap if that is coarser: more is visible at seams.
 constexpr double kLooseSigmaPx = 0.5;
 constexpr int kAgreementWidth = 400;  // narrower raymaps show the position of the sky, but no detail
-constexpr double kLeastPairAgreement = 0.2;
+constexpr double kMinPairAgreement = 0.2;
 constexpr double kClearAgreement = 0.4;  // agreement of a head with all others, from which on a level counts for it
 // Spread of the shared rays' squared radii, relative to the edge's, that determines a fall-off.
-constexpr double kLeastFallOffSeen = 0.4;
+constexpr double kMinFallOffSeen = 0.4;
 
 }  // namespace
 
@@ -47,7 +47,7 @@ Status Run::prepare(const LitFrames& frames) {
   const std::vector<double> seen = fall_off_seen(heads_);
   std::vector<bool> tells;
   tells.reserve(seen.size());
-  for (const double spread : seen) tells.push_back(spread >= kLeastFallOffSeen);
+  for (const double spread : seen) tells.push_back(spread >= kMinFallOffSeen);
   own_vignetting_.assign(heads_.size(), false);
   if (options_.vignetting == VignettingModel::kOwn) own_vignetting_ = tells;
   if (options_.vignetting != VignettingModel::kFixed && std::ranges::none_of(tells, std::identity())) {
@@ -183,7 +183,7 @@ Status Run::check_agreement() {
     }
     best = std::move(detail);
   }
-  apart_ = std::ranges::count_if(pairs, [](double agreement) { return agreement < kLeastPairAgreement; });
+  apart_ = std::ranges::count_if(pairs, [](double agreement) { return agreement < kMinPairAgreement; });
   wrong_ = disagreeing(*best, why_not_);
   little_detail_ = with_little_detail(*best, used());
   agreement_.clear();
@@ -325,7 +325,7 @@ Result<Report> Run::report() {
                                before->pairs[p].rms(), after->pairs[p].rms(), detail.pairs[p].correlation()});
       const auto j = static_cast<std::size_t>(b);
       const bool both = why_not_[i].empty() && why_not_[j].empty();
-      if (both && report_.pairs.back().agreement < kLeastPairAgreement &&
+      if (both && report_.pairs.back().agreement < kMinPairAgreement &&
           report_.pairs.back().shared_sr > kSmallOverlapSr) {
         doubtful.push_back(report_.pairs.back());
       }

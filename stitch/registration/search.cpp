@@ -20,7 +20,7 @@ constexpr double kPixelDeg = 1.2;  // approximate angle of a pixel in the pictur
 constexpr double kGridDeg = 3.0;   // step of the search: detail blurred by two such pixels still correlates over it
 constexpr int kStride = 2;         // every second blurred pixel is used, in both directions
 constexpr std::size_t kCandidates = 6;
-constexpr double kLeastRays = 40;
+constexpr double kMinRays = 40;
 constexpr int kRounds = 6;
 constexpr std::size_t kGlance = 4;     // the first, rough evaluation uses one tile in this many
 constexpr std::size_t kLookedAt = 12;  // then the best turns, one in this many, are evaluated completely
@@ -139,7 +139,7 @@ class Correlator {
         bb += vb * vb;
       }
     }
-    if (n * static_cast<double>(step) < kLeastRays) return 0;
+    if (n * static_cast<double>(step) < kMinRays) return 0;
     const double variance = (aa - a * a / n) * (bb - b * b / n), covariance = ab - a * b / n;
     if (variance <= 0 || covariance <= 0) return 0;
     return -n * std::log(1 - std::min(0.9999, covariance * covariance / variance));

@@ -12,7 +12,7 @@
 namespace nodal::registration {
 namespace {
 
-constexpr double kLeastSpan = 0.4;
+constexpr double kMinSpan = 0.4;
 constexpr int kSamples = 96;        // samples of a picture along each axis
 constexpr std::size_t kRings = 50;  // rings that the radius is divided into
 constexpr double kSeen = 0.03;      // share of a ring's samples that other heads must show, too
@@ -37,7 +37,7 @@ double edge_of(const geometry::Head& head) {
 
 }  // namespace
 
-bool SeenRadii::determine_lenses() const { return span >= kLeastSpan; }
+bool SeenRadii::determine_lenses() const { return span >= kMinSpan; }
 
 Result<SeenRadii> seen_radii(const Calibration& calibration) {
   NODAL_TRY_ASSIGN(const std::vector<geometry::Head> heads, geometry::make_heads(calibration));

@@ -19,16 +19,16 @@
 namespace nodal::render {
 namespace {
 
-constexpr std::size_t kMostTomlBytes = std::size_t{1} << 20;
+constexpr std::size_t kMaxTomlBytes = std::size_t{1} << 20;
 
 sets::SetFrame blended(const media::TakeFrame& frame) {
-  return {frame.there, frame.image, frame.fields, frame.exposure, frame.gain, frame.gamma};
+  return {frame.present, frame.image, frame.fields, frame.exposure, frame.gain, frame.gamma};
 }
 
 }  // namespace
 
 Result<RaymapConfig> raymap_of(const media::TakeFolder& folder) {
-  NODAL_TRY_ASSIGN(const auto text, folder.text(take::kRigFile, kMostTomlBytes));
+  NODAL_TRY_ASSIGN(const auto text, folder.text(take::kRigFile, kMaxTomlBytes));
   const auto read = [&](const std::string& file) { return folder.text(file, kMaxRayFileBytes); };
   return sets::raymap_config_of(text, folder.shown(take::kRigFile), read);
 }
@@ -110,7 +110,7 @@ Result<bool> TakeRender::next_set(const std::function<void(double)>& compiled) {
     if (since >= options_.to) return false;
     if (since >= options_.from) break;
     for (std::size_t i = 0; i < before.size(); ++i) {
-      if (set_.heads[i].there) before[i] = blended(set_.heads[i]);
+      if (set_.heads[i].present) before[i] = blended(set_.heads[i]);
     }
   }
   NODAL_TRY(use_tables(compiled));

@@ -13,7 +13,7 @@ namespace {
 
 using bands::Layer;
 
-constexpr int kMostRounds = 4;      ///< all heads, in turn; the cost rarely falls after the second round
+constexpr int kMaxRounds = 4;       ///< all heads, in turn; the cost rarely falls after the second round
 constexpr double kUnit = 1.0 / 64;  ///< levels per unit of the integer costs
 /// Between two pixels that no two heads see both, levels.
 constexpr double kUnknown = 40;
@@ -187,7 +187,7 @@ Labels place_seams(std::span<const Layer> views, const Labels& previous, const P
   const Costs costs(views, previous, options);
   Labels labels = first_labels(costs, views.size(), previous);
   double least = cost_of(costs, labels);
-  for (int round = 0; round < kMostRounds; ++round) {
+  for (int round = 0; round < kMaxRounds; ++round) {
     std::size_t changed = 0;
     for (std::size_t alpha = 0; alpha < views.size(); ++alpha) {
       Labels tried = labels;

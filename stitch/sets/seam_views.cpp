@@ -85,10 +85,10 @@ seams::Labels SeamViews::place(const SeamPictures& pictures, const seams::Labels
   for (std::size_t h = 0; h < views_.size(); ++h) {
     const blend::BlendTable& table = views_[h];
     const std::size_t colours = compared(table.format);
-    const bool there = (pictures.heads >> h & 1) != 0;
+    const bool present = (pictures.heads >> h & 1) != 0;
     bands::Layer& layer =
-        layers.emplace_back(kMap, there ? bands::Window::all(kMap) : bands::Window{}, static_cast<int>(colours) + 1);
-    if (!there) continue;
+        layers.emplace_back(kMap, present ? bands::Window::all(kMap) : bands::Window{}, static_cast<int>(colours) + 1);
+    if (!present) continue;
     const ImageView view = packed_image(table.format, table.width, table.height, pictures.views[h].data());
     for (int y = 0; y < kMap.height; ++y) {
       for (int x = 0; x < kMap.width; ++x) {

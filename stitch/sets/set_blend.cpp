@@ -34,7 +34,7 @@ PlanPtr SetBlend::move_seams(PlanPtr plan) { return std::exchange(setup_.plan, s
 
 void SetBlend::note_exposures(std::span<const SetFrame> frames) {
   for (std::size_t i = 0; i < plan()->delivered.size(); ++i) {
-    if (!frames[i].there) continue;
+    if (!frames[i].present) continue;
     exposed_[i] = {stops_of(frames[i].exposure) + stops_of(frames[i].gain), frames[i].gamma};
     was_exposed_ |= bit(i);
   }
@@ -50,7 +50,7 @@ std::size_t SetBlend::begin(std::span<const SetFrame> frames, bool views) {
   const std::vector<decode::FrameDecoder>& decoders = setup_.memory->decoders;
   for (std::size_t i = 0; i < decoders.size(); ++i) {
     frames_[i] = {};
-    if (!frames[i].there) continue;
+    if (!frames[i].present) continue;
     if (frames[i].image.planes[0].data == nullptr || !decoders[i].takes(frames[i].image) ||
         !has_fields_for(plan()->tables[0].sources[i], frames[i])) {
       ++unfit;

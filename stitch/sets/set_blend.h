@@ -25,8 +25,8 @@ struct SeamPictures;
 
 /// One head's frame in a set.
 struct SetFrame {
-  bool there = false;  ///< the head has a frame in the set
-  ImageView image{};   ///< without data: the frame cannot be blended, but its exposure counts
+  bool present = false;  ///< the head has a frame in the set
+  ImageView image{};     ///< without data: the frame cannot be blended, but its exposure counts
   Fields fields = Fields::kProgressive;
   Exposure exposure;  ///< exposure in effect, as gain and gamma
   Gain gain;

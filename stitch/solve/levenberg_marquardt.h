@@ -85,8 +85,8 @@ requires Problem<P, State, Evaluation> Descent<State, Evaluation> descend_from(S
     else accepted = problem.cost(there) < problem.cost(best.at);
     if constexpr (requires { problem.ends(trial, accepted); }) ends = problem.ends(trial, accepted);
     if (!accepted) {
-      constexpr double kLeastAfterRefusal = 1e-9;  // from almost zero, raising the damping would take many refusals
-      damping = std::max(10 * damping, kLeastAfterRefusal);
+      constexpr double kMinAfterRefusal = 1e-9;  // from almost zero, raising the damping would take many refusals
+      damping = std::max(10 * damping, kMinAfterRefusal);
       best.settled = ends || ++refusals >= options.most_refusals || damping > options.most_damping;
       if (best.settled) break;
       continue;

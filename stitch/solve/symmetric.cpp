@@ -9,7 +9,7 @@ namespace nodal::solve {
 namespace {
 
 // Smaller eigenvalues of a unit-diagonal matrix are noise: this is some tens of units in the last place.
-constexpr double kLeastEigenvalue = 1e-14;
+constexpr double kMinEigenvalue = 1e-14;
 
 Eigen::VectorXd solve_scaled(const Eigen::MatrixXd& A, const Eigen::VectorXd& g, double least_pivot) {
   const Eigen::LDLT<Eigen::MatrixXd> cholesky(A);
@@ -17,16 +17,16 @@ Eigen::VectorXd solve_scaled(const Eigen::MatrixXd& A, const Eigen::VectorXd& g,
   // A is symmetric: its eigenvalues are its singular values up to sign. Negative ones are noise and are left out too.
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(A);
   Eigen::VectorXd inverse = eigen.eigenvalues();
-  for (double& each : inverse) each = each > std::max(least_pivot, kLeastEigenvalue) ? 1 / each : 0.0;
+  for (double& each : inverse) each = each > std::max(least_pivot, kMinEigenvalue) ? 1 / each : 0.0;
   return eigen.eigenvectors() * (inverse.asDiagonal() * (eigen.eigenvectors().transpose() * g));
 }
 
 /// The multipliers >= 0 of a quadratic problem's bounds, by Hildreth's method: sweeps over the multipliers and sets
 /// each so that its own bound is just met.
 Eigen::VectorXd multipliers_of(const Eigen::MatrixXd& gram, const Eigen::VectorXd& crossed) {
-  constexpr int kMostSweeps = 2000;
+  constexpr int kMaxSweeps = 2000;
   Eigen::VectorXd multipliers = Eigen::VectorXd::Zero(crossed.size());
-  for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
+  for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
     double beyond = 0;
     for (Eigen::Index k = 0; k < crossed.size(); ++k) {
       const double left = crossed[k] - gram.row(k).dot(multipliers);

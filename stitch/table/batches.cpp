@@ -12,7 +12,7 @@ using blend::kTilePixels;
 constexpr std::size_t kStrip = GridTable::kBlockTiles * kTilePixels;
 
 /// With shorter runs on average, pixels are written one by one.
-constexpr std::size_t kLeastRun = 4;
+constexpr std::size_t kMinRun = 4;
 constexpr std::size_t kLongRun = 32;
 
 /// The first strip of each batch, and the end. A batch has as many whole cells as fit into `most` strips, or one cell
@@ -160,7 +160,7 @@ void add_batches(GridTable& grid, std::size_t components, std::span<const std::u
     grid.runs.push_back({GridTable::kNowhere, static_cast<std::uint32_t>(grid.slots.size())});
     if (grid.slots.size() >= kLongRun * grid.runs.size()) break;
   }
-  if (grid.slots.size() < kLeastRun * grid.runs.size()) clear(grid);
+  if (grid.slots.size() < kMinRun * grid.runs.size()) clear(grid);
   grid.batches.shrink_to_fit();
   grid.runs.shrink_to_fit();
 }

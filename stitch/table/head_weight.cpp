@@ -9,15 +9,15 @@ namespace nodal::table {
 namespace {
 
 /// Keeps the weight of a head above 0 close to its edge, where it may be the only head.
-constexpr double kLeastFeather = 1e-6;
-constexpr double kLeastDepth = 1e-12;
+constexpr double kMinFeather = 1e-6;
+constexpr double kMinDepth = 1e-12;
 
 }  // namespace
 
 double weight_of(const HeadSight& seen, bool seams, double depth_per_px) {
-  // Seams need continuous slopes: kLeastDepth is added, because max(depth, kLeastDepth) has a jump in its slope.
-  if (seams) return seen.density * (seen.depth + kLeastDepth);
-  return seen.density * std::max(kLeastFeather, smoothstep(seen.inside * depth_per_px));
+  // Seams need continuous slopes: kMinDepth is added, because max(depth, kMinDepth) has a jump in its slope.
+  if (seams) return seen.density * (seen.depth + kMinDepth);
+  return seen.density * std::max(kMinFeather, smoothstep(seen.inside * depth_per_px));
 }
 
 double score_of(const HeadSight& seen, double depth_per_px) { return std::sqrt(weight_of(seen, true, depth_per_px)); }

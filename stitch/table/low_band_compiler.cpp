@@ -31,9 +31,9 @@ std::vector<std::uint16_t> low_sizes(const RaySampler& sampler) {
     const Region& region = head.calibration().region;
     const double density = head.density({(region.left + region.right) / 2, (region.top + region.bottom) / 2});
     const double ratio = density > 0 ? std::sqrt(density / raymap_density) : 1;
-    const double doublings = std::clamp(std::round(std::log2(kCellPixels / double{blend::kLeastLowSize} * ratio)), 0.0,
-                                        std::log2(double{blend::kMaxLowSize} / blend::kLeastLowSize));
-    sizes.push_back(static_cast<std::uint16_t>(blend::kLeastLowSize << static_cast<int>(doublings)));
+    const double doublings = std::clamp(std::round(std::log2(kCellPixels / double{blend::kMinLowSize} * ratio)), 0.0,
+                                        std::log2(double{blend::kMaxLowSize} / blend::kMinLowSize));
+    sizes.push_back(static_cast<std::uint16_t>(blend::kMinLowSize << static_cast<int>(doublings)));
   }
   return sizes;
 }

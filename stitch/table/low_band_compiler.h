@@ -12,7 +12,7 @@
 
 namespace nodal::table {
 
-/// BlendTable::Source::low_size of each head: about 16 pixels of the raymap, and at least kLeastLowSize.
+/// BlendTable::Source::low_size of each head: about 16 pixels of the raymap, and at least kMinLowSize.
 std::vector<std::uint16_t> low_sizes(const RaySampler& sampler);
 
 /// Compiles one row of blocks of a grid at a time.

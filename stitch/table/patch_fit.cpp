@@ -104,7 +104,7 @@ void name_rows(const std::vector<std::uint16_t>& coordinates, PixelMask mask, bo
     first[quarter] = std::min(first[quarter], y >> kFractionBits);
     last[quarter] = std::max(last[quarter], y >> kFractionBits);
   });
-  int span = blend::kLeastSpan;
+  int span = blend::kMinSpan;
   for (std::size_t k = 0; k < 4; ++k) span = std::max(span, last[k] - first[k] + 1);
   for (std::size_t half = 0; half < 2; ++half) {
     if (paired && first[2 * half] == kPatch && first[2 * half + 1] == kPatch) {

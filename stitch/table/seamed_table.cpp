@@ -24,7 +24,7 @@ constexpr std::int32_t kWholeWeight = 1 << blend::kWeightBits;
 /// Place of a pixel of the raymap that has no ray.
 constexpr std::uint32_t kNoRay = GridTable::kNowhere - 1;
 /// Smaller weights are left out, as by TableOptions::least_weight.
-constexpr std::int32_t kLeast = kWholeWeight / 1024;
+constexpr std::int32_t kMin = kWholeWeight / 1024;
 
 /// Where a ray lies on the map, in 1 / (1 << kPlaceBits) px.
 std::uint32_t place_on_map(const geometry::Ray& ray, int map_width) {
@@ -165,7 +165,7 @@ bool share_out(const GridTable& cover, std::size_t p, const Parts& parts, std::i
   std::int64_t rest = kWholeWeight;
   for (std::size_t k = 0; k < tile.count; ++k) {
     const std::int64_t weight = k == best ? 0 : raw(k) * kWholeWeight / sum;
-    if (weight < kLeast) continue;
+    if (weight < kMin) continue;
     tile.made[k][p] = static_cast<std::uint16_t>(weight);
     rest -= weight;
   }
@@ -231,7 +231,7 @@ SeamedTable::SeamedTable(const blend::BlendTable& table, const geometry::RaymapL
                          double seam_width_deg)
     : map_width_(map_width) {
   NODAL_ASSERT(table.cover.size() == table.grids.size());
-  NODAL_ASSERT(map_width >= 4 && map_width <= kMostColumns && map_width % 2 == 0);
+  NODAL_ASSERT(map_width >= 4 && map_width <= kMaxColumns && map_width % 2 == 0);
   // Across a straight seam the difference of two shares changes by 3/2 a pixel of the map.
   const double ramp = seam_width_deg / 360 * map_width * 0.75;
   ramp_ = std::clamp<std::int64_t>(std::llround(ramp * static_cast<double>(kWholeShare)), 1, kWholeShare);

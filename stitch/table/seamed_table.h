@@ -28,7 +28,7 @@ namespace nodal::table {
 class SeamedTable {
  public:
   static constexpr std::uint8_t kNoHead = 255;
-  static constexpr int kMostColumns = 512;
+  static constexpr int kMaxColumns = 512;
   using Labels = std::span<const std::uint8_t>;
 
   /// `table` has a cover and is for `layout`. The map has `map_width` columns and half as many rows. `seam_width_deg`:

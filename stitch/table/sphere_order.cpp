@@ -29,9 +29,9 @@ constexpr std::int32_t kNoPart = INT32_MAX;
 constexpr std::int64_t kCellRays = 1024;
 /// With fewer compact cells, the raymap is so small (below half a megapixel) that strips of the whole sphere are
 /// faster: they need fewer patches, and all lines of the raymap stay in the cache.
-constexpr std::uint64_t kLeastCells = 400;
+constexpr std::uint64_t kMinCells = 400;
 /// Cells around the sphere that are lower, in rays, have elongated tiles, which need more patches.
-constexpr double kLeastSide = 5;
+constexpr double kMinSide = 5;
 
 bool by_phi(const Placed& a, const Placed& b) { return a.phi != b.phi ? a.phi < b.phi : a.place < b.place; }
 bool by_theta(const Placed& a, const Placed& b) { return a.theta != b.theta ? a.theta < b.theta : a.place < b.place; }
@@ -105,7 +105,7 @@ geometry::RaymapLayout::Cells cells_of(const RaySampler& sampler, int grid) {
   constexpr std::int64_t kStripPixels = blend::GridTable::kBlockTiles * blend::kTilePixels;
   const std::int64_t most = static_cast<std::int64_t>(strips) * kStripPixels * pixels;
   const Cells cells = layout.cells(kCellRays, blend::kTile * on_raymap.step_y);
-  if (cells.run == 1) return cells.count < kLeastCells ? Cells{} : cells;
+  if (cells.run == 1) return cells.count < kMinCells ? Cells{} : cells;
   // Cells of consecutive pixels can have any size. Batches have whole strips, so cells should, too. In a grid with
   // steps, a cell has the same number of pixels as every other if it has whole rows of the grid.
   const std::int64_t strip = kStripPixels * pixels;
@@ -113,7 +113,7 @@ geometry::RaymapLayout::Cells cells_of(const RaySampler& sampler, int grid) {
   const auto run = static_cast<std::int64_t>(cells.run);
   const std::int64_t unit = on_raymap.step_y > 1 && with_rows <= run / 4 ? with_rows : strip;
   const std::int64_t whole = std::min((run + unit - 1) / unit, most / unit) * unit;
-  if (static_cast<double>(whole) < static_cast<double>(run) * kLeastSide / blend::kTile) return {};
+  if (static_cast<double>(whole) < static_cast<double>(run) * kMinSide / blend::kTile) return {};
   return layout.cells(whole, 0);
 }
 

@@ -174,8 +174,8 @@ Result<blend::GridTable> join(const RaySampler::Grid& shape, std::span<TileRun> 
     for (int column = 0; column < table.tiles_across(); column += blend::GridTable::kBlockTiles) {
       for (int row = block; row < block + table.block_rows(); ++row) {
         for (int k = column; k < column + blend::GridTable::kBlockTiles; ++k) {
-          const bool there = static_cast<std::size_t>(row) < rows.size() && k * blend::kTile < shape.width;
-          if (there) {
+          const bool present = static_cast<std::size_t>(row) < rows.size() && k * blend::kTile < shape.width;
+          if (present) {
             append_tile(rows[static_cast<std::size_t>(row)], static_cast<std::size_t>(k), table);
           } else {
             table.tiles.push_back({static_cast<std::uint32_t>(table.records.size()), 0});

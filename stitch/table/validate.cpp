@@ -63,7 +63,7 @@ Status check_shape(const BlendTable& table) {
       return invalid(head + std::to_string(source.levels) + " levels");
     }
     const bool low_ok =
-        source.low_size == 0 || (source.low_size >= blend::kLeastLowSize && source.low_size <= blend::kMaxLowSize &&
+        source.low_size == 0 || (source.low_size >= blend::kMinLowSize && source.low_size <= blend::kMaxLowSize &&
                                  std::has_single_bit(source.low_size));
     if (!low_ok) return invalid(head + "low picture of squares of " + std::to_string(source.low_size));
     if (source.sharpen > blend::kMaxSharpen) return invalid(head + "sharpening " + std::to_string(source.sharpen));
@@ -223,7 +223,7 @@ class GridProof {
               : record.left + blend::kPatch > width || record.top + blend::kPatch > height) {
       return "has a patch outside its head's picture";
     }
-    if (record.last_row() > blend::kPatch - 2 || record.span() < blend::kLeastSpan) return "has rows beyond its patch";
+    if (record.last_row() > blend::kPatch - 2 || record.span() < blend::kMinSpan) return "has rows beyond its patch";
     for (std::size_t quarter = 0; quarter < 4; ++quarter) {
       if (!record.has(quarter / 2)) continue;
       if (record.first_row(quarter / 2, quarter % 2) + record.span() > blend::kPatch - 1)
@@ -322,7 +322,7 @@ Status check_low(const BlendTable& table) {
     const std::size_t blocks = grid.block_count();
     const std::size_t points = low.first_sight.empty() ? 0 : low.first_sight.size() - 1;
     const auto cells = static_cast<std::size_t>(grid.low_cells_across() * grid.low_cells_down());
-    if (!divides(low.first_point, blocks, points, GridTable::kMostLowPoints))
+    if (!divides(low.first_point, blocks, points, GridTable::kMaxLowPoints))
       return invalid(where + ": points of blocks");
     if (!divides(low.first_sight, points, low.sights.size(), kMaxHeads)) return invalid(where + ": sights of points");
     if (low.cells.size() != blocks * cells) return invalid(where + ": there is not one entry a cell");

@@ -36,8 +36,8 @@ constexpr std::array kKnown{
     Known{"mercator", Projection::kMercator, 360},
     Known{"equirectangular", Projection::kEquirectangular, 360},
 };
-constexpr double kMostD = 100;
-constexpr double kLeastF1 = 1e-6, kMostF = 1e6;
+constexpr double kMaxD = 100;
+constexpr double kMinF1 = 1e-6, kMaxF = 1e6;
 
 const Known& known(Projection projection) { return kKnown[static_cast<std::size_t>(projection)]; }
 
@@ -75,7 +75,7 @@ bool read_coefficients(std::string_view text, std::array<double, 9>& f) {
     const std::string_view each = text.substr(0, text.find(','));
     if (each.size() < 3 || each[0] != 'f' || each[1] < '1' || each[1] > '9' || each[2] != '=') return false;
     const auto k = static_cast<std::size_t>(each[1] - '1');
-    if (given[k] || !read_number(each.substr(3), k == 0 ? kLeastF1 : -kMostF, kMostF, f[k])) return false;
+    if (given[k] || !read_number(each.substr(3), k == 0 ? kMinF1 : -kMaxF, kMaxF, f[k])) return false;
     given[k] = true;
     if (each.size() == text.size()) return true;
     text.remove_prefix(each.size() + 1);
@@ -164,20 +164,20 @@ Result<CameraName> parse_camera(std::string_view text) {
     const std::string_view rest = text.substr(name.size() + 1);
     const std::string start = "camera '" + std::string(text.substr(0, 64)) + "': ";
     if (each.projection == Projection::kPannini) {
-      if (rest.starts_with("d=") && read_number(rest.substr(2), 0, kMostD, made.d)) return made;
-      return fail(Errc::kBadValue, start + "after pannini: there may be d=D, a number from 0 to " + number(kMostD));
+      if (rest.starts_with("d=") && read_number(rest.substr(2), 0, kMaxD, made.d)) return made;
+      return fail(Errc::kBadValue, start + "after pannini: there may be d=D, a number from 0 to " + number(kMaxD));
     }
     if (each.projection == Projection::kFisheye) {
       if (!read_coefficients(rest, made.f)) {
         return fail(Errc::kBadValue,
                     start + "after fisheye: there may be f1=F1,f2=F2 and so on up to f9, each once: F1 from " +
-                        number(kLeastF1) + " to " + number(kMostF) + ", the others from " + number(-kMostF) + " to " +
-                        number(kMostF));
+                        number(kMinF1) + " to " + number(kMaxF) + ", the others from " + number(-kMaxF) + " to " +
+                        number(kMaxF));
       }
-      if (made.widest_fov_deg() >= CameraName::kLeastFovDeg) return made;
+      if (made.widest_fov_deg() >= CameraName::kMinFovDeg) return made;
       return fail(Errc::kBadValue, start + "f1 a + f2 a^2 + ... rises only up to a field of view of " +
                                        number(rises_up_to_deg(made)) + " degrees; the least is " +
-                                       std::to_string(CameraName::kLeastFovDeg));
+                                       std::to_string(CameraName::kMinFovDeg));
     }
     return fail(Errc::kBadValue, "the camera " + std::string(name) + " has no parameter, but '" +
                                      std::string(rest.substr(0, 64)) + "' follows its name");
@@ -196,9 +196,9 @@ Camera::Camera(const CameraSpec& spec)
 
 Result<Camera> Camera::make(const CameraSpec& spec) {
   const int widest = spec.name.widest_fov_deg();
-  if (!(spec.fov_deg >= CameraName::kLeastFovDeg && spec.fov_deg <= widest)) {
+  if (!(spec.fov_deg >= CameraName::kMinFovDeg && spec.fov_deg <= widest)) {
     return fail(Errc::kBadValue, "a field of view of " + number(spec.fov_deg) + " degrees; the " + text_of(spec.name) +
-                                     " camera shows " + std::to_string(CameraName::kLeastFovDeg) + " to " +
+                                     " camera shows " + std::to_string(CameraName::kMinFovDeg) + " to " +
                                      std::to_string(widest));
   }
   return Camera(spec);

@@ -46,7 +46,7 @@ struct CameraName {
   double d = 1;
 
   /// The least and the largest field of view, whole degrees. A fisheye's r must rise up to the largest.
-  static constexpr int kLeastFovDeg = 1;
+  static constexpr int kMinFovDeg = 1;
   int widest_fov_deg() const;
 };
 

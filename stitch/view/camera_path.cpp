@@ -55,11 +55,11 @@ std::optional<CameraKey> read_key(std::string_view line) {
 }
 
 Status check(const CameraKey& key) {
-  constexpr double kMostTurned = 360'000;
+  constexpr double kMaxTurned = 360'000;
   const auto within = [](double value, double most) { return std::abs(value) <= most; };
-  if (key.picture < 0 || key.picture >= CameraPath::kMostPictures)
-    return fail(Errc::kBadValue, "a picture is 0 to " + std::to_string(CameraPath::kMostPictures - 1));
-  if (!within(key.pose.yaw, kMostTurned) || !within(key.pose.roll, kMostTurned))
+  if (key.picture < 0 || key.picture >= CameraPath::kMaxPictures)
+    return fail(Errc::kBadValue, "a picture is 0 to " + std::to_string(CameraPath::kMaxPictures - 1));
+  if (!within(key.pose.yaw, kMaxTurned) || !within(key.pose.roll, kMaxTurned))
     return fail(Errc::kBadValue, "yaw and roll are -360000 to 360000 degrees");
   if (!within(key.pose.pitch, 90)) return fail(Errc::kBadValue, "pitch is -90 to 90 degrees");
   if (!std::isfinite(key.fov_deg)) return fail(Errc::kBadValue, "the field of view is a number of degrees");
@@ -88,8 +88,8 @@ Result<CameraPath> CameraPath::parse(std::string_view text) {
     if (const Status good = check(*key); !good) return wrong(number, good.error().message);
     if (!keys.empty() && key->picture <= keys.back().picture)
       return wrong(number, "picture " + std::to_string(key->picture) + " is not after the one of the line before");
-    if (keys.size() == kMostKeys)
-      return fail(Errc::kTooLarge, "a path has at most " + std::to_string(kMostKeys) + " keys");
+    if (keys.size() == kMaxKeys)
+      return fail(Errc::kTooLarge, "a path has at most " + std::to_string(kMaxKeys) + " keys");
     keys.push_back(*key);
   }
   if (keys.empty()) return fail(Errc::kBadValue, "there is no key; write a line picture,yaw,pitch,roll,fov for each");

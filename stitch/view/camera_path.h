@@ -25,8 +25,8 @@ struct CameraKey {
 /// Threading: immutable; any thread.
 class CameraPath {
  public:
-  static constexpr std::size_t kMostKeys = 100'000;
-  static constexpr std::int64_t kMostPictures = 10'000'000;
+  static constexpr std::size_t kMaxKeys = 100'000;
+  static constexpr std::int64_t kMaxPictures = 10'000'000;
 
   /// Parses lines "picture,yaw,pitch,roll,fov", in degrees, with rising pictures. Ignores empty lines, text after #,
   /// and a first line with these names. Errors: kBadValue with the line; kTooLarge.

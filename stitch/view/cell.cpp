@@ -14,12 +14,12 @@ using geometry::Ray;
 
 constexpr double kSamePlace = 1.0 / 64;  // px of the raymap
 /// Positions of a cell lie within so many px; more would need more samples a pixel than are taken.
-constexpr double kWidest = 1.5 * Cell::kSide * Cell::kMostSamples;
+constexpr double kWidest = 1.5 * Cell::kSide * Cell::kMaxSamples;
 
 }  // namespace
 
 int samples_for(double pixels) {
-  return pixels * pixels < 1.6 ? 1 : std::clamp(static_cast<int>(pixels + 0.7), 1, Cell::kMostSamples);
+  return pixels * pixels < 1.6 ? 1 : std::clamp(static_cast<int>(pixels + 0.7), 1, Cell::kMaxSamples);
 }
 
 std::optional<Cell> Cell::make(const Target& target, const geometry::RaymapLayout& layout, const Pieces& pieces,
@@ -118,7 +118,7 @@ Curve Cell::curve(double i, double j) const {
 template <class Sample>
 void Cell::write(const PlaneView& raymap, int channels, const Taps& taps, RowKernelOf<Sample> kernel, std::uint8_t* to,
                  std::ptrdiff_t stride) const {
-  constexpr int kMost = Samples<Sample>::kMost;
+  constexpr int kMax = Samples<Sample>::kMax;
   const std::uint8_t* origin = raymap.data + static_cast<std::ptrdiff_t>(base_y_) * raymap.row_stride +
                                static_cast<std::ptrdiff_t>(base_x_) * raymap.pixel_stride;
   std::array<typename Samples<Sample>::Scaled, 3 * kSide + 3> samples{};
@@ -128,7 +128,7 @@ void Cell::write(const PlaneView& raymap, int channels, const Taps& taps, RowKer
     if (across_ == 1 && down_ == 1) {
       kernel(origin, raymap.row_stride, taps, curve(0, row), kSide, samples.data());
       for (std::size_t k = 0; k < pixels.size(); ++k) {  // a constant number of them: eight or more at once
-        pixels[k] = static_cast<Sample>(std::clamp((samples[k] + 32) >> 6, 0, kMost));
+        pixels[k] = static_cast<Sample>(std::clamp((samples[k] + 32) >> 6, 0, kMax));
       }
       std::memcpy(to, pixels.data(), static_cast<std::size_t>(values) * sizeof(Sample));
       continue;

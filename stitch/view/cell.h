@@ -23,7 +23,7 @@ class Cell {
  public:
   static constexpr int kSide = geometry::Biquadratic<2>::kSide;
   /// Most samples along each side of a pixel.
-  static constexpr int kMostSamples = 8;
+  static constexpr int kMaxSamples = 8;
 
   /// The cell whose first pixel is (left, top). Nothing unless its positions are a polynomial to within 1/64 px, and
   /// all pixels that its samples need are one piece of the raymap.

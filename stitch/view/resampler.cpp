@@ -109,7 +109,7 @@ class Resampler::Square {
     if (!resampler_.pieces_.all_joined(least.x(), least.y(), most.x() + kLoadedBeyond, most.y())) return false;
     const std::uint8_t* origin =
         plane_.data + base.y() * plane_.row_stride + static_cast<std::ptrdiff_t>(base.x()) * plane_.pixel_stride;
-    std::array<typename Samples<Sample>::Scaled, 3 * Cell::kMostSamples + 3> samples;
+    std::array<typename Samples<Sample>::Scaled, 3 * Cell::kMaxSamples + 3> samples;
     std::array<int, 3> sums{};
     for (int row = 0; row < rows; ++row) {
       const Eigen::Vector2d first =
@@ -183,7 +183,7 @@ class Resampler::Square {
     using Real = typename Sum<Sample>::Real;
     for (int c = 0; c < channels_ && count > 0; ++c) {
       const Real level = sum.value[c] / static_cast<Real>(count) + Real{0.5F};
-      store(static_cast<Sample>(std::clamp(level, Real{0}, Real{Samples<Sample>::kMost})),
+      store(static_cast<Sample>(std::clamp(level, Real{0}, Real{Samples<Sample>::kMax})),
             to + static_cast<std::size_t>(c) * sizeof(Sample));
     }
   }

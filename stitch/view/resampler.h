@@ -17,7 +17,7 @@
 namespace nodal::view {
 
 /// A raymap's layout, prepared for sampling. Where the target's pixels are larger than the raymap's, each is the mean
-/// of samples across it, up to Cell::kMostSamples along each side: as many as it has pixels of the raymap below it.
+/// of samples across it, up to Cell::kMaxSamples along each side: as many as it has pixels of the raymap below it.
 /// Positions of pixels are exact to 1/64 px where the target is smooth, and those of samples within a pixel are linear
 /// or closer; samples are exact to half a level.
 ///

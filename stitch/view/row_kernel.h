@@ -35,7 +35,7 @@ inline constexpr int kLoadedBeyond = 2;
 /// The level of the mean of `count` samples with this sum.
 template <class Sample>
 Sample mean_level(int sum, int count) {
-  return static_cast<Sample>(std::min(std::max(0, sum + 32 * count) / (64 * count), Samples<Sample>::kMost));
+  return static_cast<Sample>(std::min(std::max(0, sum + 32 * count) / (64 * count), Samples<Sample>::kMax));
 }
 
 /// `origin` is the pixel that positions are relative to. Every tap must be a pixel of the picture; for RGB24, so must

@@ -19,7 +19,7 @@ template <>
 struct Samples<std::uint8_t> {
   using Scaled = std::int16_t;  ///< holds filtered levels in 1/64
   using Real = float;
-  static constexpr int kMost = 255;
+  static constexpr int kMax = 255;
   static const auto& phases(const Taps& taps) { return taps.phases; }
   static constexpr int kOne = Taps::kOne;
 };
@@ -28,7 +28,7 @@ template <>
 struct Samples<std::uint16_t> {
   using Scaled = std::int32_t;
   using Real = double;
-  static constexpr int kMost = 65535;
+  static constexpr int kMax = 65535;
   static const auto& phases(const Taps& taps) { return taps.fine; }
   static constexpr int kOne = Taps::kFineOne;
 };

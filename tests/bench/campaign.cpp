@@ -21,7 +21,7 @@ struct Row {
     for (const Reasons& reason : verdict.reasons) {
       due += reason.matters ? 1 : 0;
       named += reason.matters && reason.named ? 1 : 0;
-      falsely += reason.named && !reason.there ? 1 : 0;
+      falsely += reason.named && !reason.present ? 1 : 0;
     }
     not_placed += static_cast<int>(verdict.not_placed.size());
     false_moves += verdict.false_moves;
@@ -61,9 +61,9 @@ void list(std::uint64_t seed, const DrawnRig& rig, const Verdict& verdict) {
     const Reasons& reason = verdict.reasons[k];
     if (reason.matters != reason.named) {
       std::printf("  %s: %s\n", kNames[k],
-                  !reason.named  ? "not named"
-                  : reason.there ? "named, too small"
-                                 : "named, not there");
+                  !reason.named    ? "not named"
+                  : reason.present ? "named, too small"
+                                   : "named, not there");
     }
   }
   if (!verdict.refused.empty()) std::printf("  refused: %s\n", verdict.refused.c_str());

@@ -18,7 +18,7 @@ TEST(Campaign, ErrorsOfPlacedHeads_AreAtMostThreeTimesWhatIsClaimedAndReasonsAre
     for (std::size_t k = 0; k < verdict.reasons.size(); ++k) {
       const Reasons& reason = verdict.reasons[k];
       EXPECT_TRUE(reason.named || !reason.matters) << "rig " << seed << ", reason " << k;
-      EXPECT_TRUE(reason.there || !reason.named) << "rig " << seed << ", reason " << k;
+      EXPECT_TRUE(reason.present || !reason.named) << "rig " << seed << ", reason " << k;
     }
     for (const HeadClaim& head : verdict.placed) {
       ++heads;

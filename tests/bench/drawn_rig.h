@@ -53,7 +53,7 @@ enum class Reason : std::uint8_t {
 };
 inline constexpr int kReasons = 3;
 struct Reasons {
-  bool there = false;    ///< the rig has a fault of this kind
+  bool present = false;  ///< the rig has a fault of this kind
   bool matters = false;  ///< and its effect is above noise (fault_effect.h), so that it has to be named
   bool named = false;    ///< a warning, a head's reason or the error names it
 };

@@ -107,10 +107,10 @@ TEST_F(MetadataCommand, EveryCommandFromEveryFormatToEveryFormat_KeepsWhatIsTrue
         std::printf("%-8s %-4s %-4s", words[0].c_str(), from.c_str(), to.c_str());
         for (const Field& field : fields()) {
           const std::string what = words[0] + " " + from + " to " + to + " " + field.name;
-          const bool there = said.contains(field.name);
-          EXPECT_EQ(there, field.*kept) << what << said;
-          EXPECT_TRUE(!there || is_same(field.before, said[field.name])) << what << said;
-          std::printf(" %s", there ? "kept" : "-");
+          const bool present = said.contains(field.name);
+          EXPECT_EQ(present, field.*kept) << what << said;
+          EXPECT_TRUE(!present || is_same(field.before, said[field.name])) << what << said;
+          std::printf(" %s", present ? "kept" : "-");
         }
         std::printf("\n");
         EXPECT_EQ(said.value("Warning", ""), "") << words[0] << from << to;

@@ -36,8 +36,8 @@ TEST_F(SpherePart, ByItsMetadata_IsPlacedOnTheSphere) {
   ASSERT_EQ(whole.height, 40);
   for (int y = 0; y < 40; ++y) {
     for (int x = 0; x < 80; ++x) {
-      const bool there = x >= 8 && x < 72 && y >= 4 && y < 36;
-      EXPECT_NEAR(whole.bytes[static_cast<std::size_t>(80 * y + x)], there ? 200 : 0, 2) << x << " " << y;
+      const bool present = x >= 8 && x < 72 && y >= 4 && y < 36;
+      EXPECT_NEAR(whole.bytes[static_cast<std::size_t>(80 * y + x)], present ? 200 : 0, 2) << x << " " << y;
     }
   }
   // What --from says is said of the picture as it is.

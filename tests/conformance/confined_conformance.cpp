@@ -26,7 +26,7 @@ using Bytes = std::vector<std::uint8_t>;
 using linux_os::ConfinedLimits;
 using linux_os::ConfinedProcess;
 
-constexpr std::size_t kMost = 8 << 20;
+constexpr std::size_t kMax = 8 << 20;
 
 Bytes as_bytes(const std::string& text) { return {text.begin(), text.end()}; }
 
@@ -36,7 +36,7 @@ Result<Bytes> work(const ConfinedJob& job, const ConfinedProgress& progress) {
   if (job.what == "fails") return fail(Errc::kChecksum, "file 'x': is damaged");
   if (job.what == "counts")
     return Bytes{static_cast<std::uint8_t>(std::accumulate(job.input.begin(), job.input.end(), 0))};
-  if (job.what == "returns much") return Bytes(kMost, 7);
+  if (job.what == "returns much") return Bytes(kMax, 7);
   return as_bytes(job.what);
 }
 
@@ -103,10 +103,10 @@ TEST_P(ConfinedConformance, ManyJobsAndLargeResults_ComeInOrder) {
     EXPECT_EQ(result_of(*port_).value_or(Bytes()), as_bytes(std::to_string(k)));
   }
   ASSERT_TRUE(port_->begin({"returns much"}));
-  EXPECT_EQ(result_of(*port_).value_or(Bytes()), Bytes(kMost, 7));
+  EXPECT_EQ(result_of(*port_).value_or(Bytes()), Bytes(kMax, 7));
 }
 
-constexpr ConfinedLimits kLimits{std::uint64_t{256} << 20, 20, std::chrono::seconds(60), kMost};
+constexpr ConfinedLimits kLimits{std::uint64_t{256} << 20, 20, std::chrono::seconds(60), kMax};
 
 std::unique_ptr<ConfinedPort> process(ConfinedWork what, const ConfinedLimits& limits = kLimits) {
   auto made = ConfinedProcess::start(limits, std::move(what));
@@ -218,7 +218,7 @@ TEST(ConfinedProcess, ConfinedWorker_StillReturnsItsResult) {
   ASSERT_TRUE(port->begin({"returns much"}));
   const auto result = result_of(*port);
   ASSERT_TRUE(result) << result.error().text();
-  EXPECT_EQ(*result, Bytes(kMost, 7));
+  EXPECT_EQ(*result, Bytes(kMax, 7));
 }
 
 }  // namespace

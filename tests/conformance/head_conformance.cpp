@@ -66,9 +66,9 @@ TEST_P(HeadConformance, Opened_SaysWhoItIsAndWhatItSends) {
 
 TEST_P(HeadConformance, Listed_TheHeadIsThereByItsPath) {
   const auto head = open();
-  bool there = false;
-  for (const HeadIdentity& identity : world_->enumerator().list()) there |= identity.path == world_->path();
-  EXPECT_TRUE(there);
+  bool present = false;
+  for (const HeadIdentity& identity : world_->enumerator().list()) present |= identity.path == world_->path();
+  EXPECT_TRUE(present);
 }
 
 TEST_P(HeadConformance, OpenedTwice_SecondIsBusyAndNamesTheHead) {

@@ -15,13 +15,13 @@ namespace nodal::crash {
 namespace {
 
 // Limits for every phase, relative to the quiet phase.
-constexpr double kMostResident = 1.5;
+constexpr double kMaxResident = 1.5;
 constexpr double kLogBytesAtOnce = 32 << 10, kLogBytesAMinute = 32 << 10;
 constexpr std::uint64_t kSettingsBytes = 64 << 10;
 constexpr double kEveryReplyMs = 30'000;  ///< on a busy machine
 // On a machine that runs nothing else.
 constexpr double kReplyMs = 2'000;
-constexpr double kLeastRate = 0.95;
+constexpr double kMinRate = 0.95;
 
 struct Options {
   std::string rig;  ///< a folder; empty: the small rig of the tests
@@ -53,7 +53,7 @@ int broken(const PhaseReport& row, const PhaseReport& quiet, const Options& opti
     if (!holds) std::printf("FAILED: %s: %s\n", row.name.c_str(), what);
     many += holds ? 0 : 1;
   };
-  must(static_cast<double>(row.resident_bytes) <= kMostResident * static_cast<double>(quiet.resident_bytes),
+  must(static_cast<double>(row.resident_bytes) <= kMaxResident * static_cast<double>(quiet.resident_bytes),
        "more memory than 1.5 times the quiet rig's");
   must(static_cast<double>(row.log_bytes) <= kLogBytesAtOnce + kLogBytesAMinute * row.seconds / 60,
        "more log than 32 KiB and 32 KiB a minute");
@@ -62,7 +62,7 @@ int broken(const PhaseReport& row, const PhaseReport& quiet, const Options& opti
   must(row.worst_ms() <= kEveryReplyMs, "a good client's request was not answered");
   if (!options.timed) return many;
   must(row.worst_ms() <= kReplyMs, "a good client waited for more than 2 s");
-  if (!rate_changed) must(row.rate() >= kLeastRate * quiet.rate(), "fewer raymaps than 0.95 times the quiet rig's");
+  if (!rate_changed) must(row.rate() >= kMinRate * quiet.rate(), "fewer raymaps than 0.95 times the quiet rig's");
   return many;
 }
 

@@ -143,7 +143,7 @@ class Card {
   ~Card() {
     if (there_) ::umount2(place_.c_str(), MNT_DETACH);
   }
-  bool there() const { return there_; }
+  bool present() const { return there_; }
   /// As `umount`, and as `umount -l`.
   bool unmount(bool lazy = false) {
     if (::umount2(place_.c_str(), lazy ? MNT_DETACH : 0) != 0) return false;

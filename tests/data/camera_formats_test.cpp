@@ -110,7 +110,7 @@ class CameraFormats : public testing::TestWithParam<CameraFormat> {
     std::vector<sets::SetFrame> set(kHeads);
     const auto each = taken_apart(frames, format);
     for (std::size_t i = 0; i < kHeads; ++i) {
-      set[i].there = true;
+      set[i].present = true;
       set[i].exposure = Exposure::microseconds(1000);
       if (format == PixelFormat::kMjpeg) {
         set[i].image = {format, kSide, kSide, {}, each[i].size(), coding};

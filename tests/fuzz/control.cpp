@@ -14,10 +14,10 @@ namespace {
 using namespace nodal;
 using namespace nodal::fuzz;
 
-constexpr std::size_t kMostOperations = 40;
-constexpr std::size_t kMostGuests = 12;  ///< more than the rig accepts
-constexpr std::size_t kMostVandals = 4;
-constexpr int kMostLongChecks = 1;
+constexpr std::size_t kMaxOperations = 40;
+constexpr std::size_t kMaxGuests = 12;  ///< more than the rig accepts
+constexpr std::size_t kMaxVandals = 4;
+constexpr int kMaxLongChecks = 1;
 constexpr unsigned kCalibratedOneIn = 64;
 constexpr Duration kAfterwards = Duration::milliseconds(200);
 
@@ -29,7 +29,7 @@ class Operations {
         stand_(in_.u8() % kCalibratedOneIn == 0 ? Stand::new_disk() : std::make_unique<hal::sim::SimDisk>()) {}
 
   void run() {
-    for (std::size_t i = 0; i < kMostOperations && in_.left() > 0; ++i) {
+    for (std::size_t i = 0; i < kMaxOperations && in_.left() > 0; ++i) {
       act(in_.u8());
       stand_.check();
     }
@@ -78,7 +78,7 @@ class Operations {
   void come_or_go() {
     const unsigned what = in_.u8();
     auto& all = stand_.guests();
-    if (what % 4 != 0 && all.size() < kMostGuests) {
+    if (what % 4 != 0 && all.size() < kMaxGuests) {
       stand_.connect();
     } else if (!all.empty()) {
       all.erase(all.begin() + static_cast<std::ptrdiff_t>(what / 4 % all.size()));
@@ -111,7 +111,7 @@ class Operations {
   Vandal& vandal() {
     auto& all = stand_.vandals();
     const unsigned which = in_.u8();
-    if (all.empty() || (which % 8 == 7 && all.size() < kMostVandals)) return stand_.intrude();
+    if (all.empty() || (which % 8 == 7 && all.size() < kMaxVandals)) return stand_.intrude();
     return *all[which % all.size()];
   }
   void vandalize_frame() {
@@ -155,8 +155,8 @@ class Operations {
     return made[short_of_a_head ? 1 : 0][which];
   }
   void upload_junk() {
-    constexpr std::size_t kMost = 128U << 10;
-    const std::size_t length = telling(in_, 17) % kMost;
+    constexpr std::size_t kMax = 128U << 10;
+    const std::size_t length = telling(in_, 17) % kMax;
     std::vector<std::uint8_t> bytes(length, in_.u8());
     for (std::size_t i = 0; i < std::min<std::size_t>(8, length); ++i) bytes[i] = in_.u8();
     send_document(bytes, in_.u8() % 2 == 0 ? length : telling(in_), std::nullopt);
@@ -206,7 +206,7 @@ class Operations {
   ByteReader in_;
   Stand stand_;
   wire::Request last_;
-  int long_checks_left_ = kMostLongChecks;  ///< each costs seconds of virtual time
+  int long_checks_left_ = kMaxLongChecks;  ///< each costs seconds of virtual time
 };
 
 }  // namespace

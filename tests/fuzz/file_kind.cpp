@@ -19,7 +19,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::span<const std::uint8_t> bytes(data, size);
   for (const char* name : {"a", "a.jpg", "a.NEF", "a.heic", "a.bmp"}) {
     const media::FileKind* kind = media::file_kind(bytes, name);
-    NODAL_ASSERT(kind == nullptr || is_printable(media::told(*kind)));
+    NODAL_ASSERT(kind == nullptr || is_printable(media::text_of(*kind)));
     // Only pictures have no kind, and nothing that is empty.
     NODAL_ASSERT(kind != nullptr ||
                  (size > 0 && (data[0] == 0xFF || data[0] == 0x89 || media::begins_like_tiff(bytes))));

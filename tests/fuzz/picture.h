@@ -18,7 +18,7 @@ inline constexpr std::size_t kLongestPicture = 16U << 10;
 inline constexpr std::size_t kPictureMemory =
     3 * (media::kSmallImageBytes + media::kMaxExpansion * kLongestPicture) + (std::size_t{32} << 20);
 /// Larger pictures are skipped: every scan of a progressive JPEG takes time for every pixel.
-inline constexpr std::size_t kMostPixels = 1U << 20;
+inline constexpr std::size_t kMaxPixels = 1U << 20;
 
 /// Decodes it to its own and to another format. The result has the number of bytes that its size requires.
 template <class Header>
@@ -27,7 +27,7 @@ void decode_any(std::span<const std::uint8_t> bytes, Header header) {
   (void)limited;
   if (bytes.size() > kLongestPicture) return;
   const auto size = header(bytes, "fuzz");
-  if (size && static_cast<std::size_t>(size->width) * static_cast<std::size_t>(size->height) > kMostPixels) {
+  if (size && static_cast<std::size_t>(size->width) * static_cast<std::size_t>(size->height) > kMaxPixels) {
     // Here it only matters whether it is refused, or would be decoded within its memory.
     const std::uint64_t decoded = packed_size(size->natural, size->width, size->height);
     if (decoded <= media::kSmallImageBytes + media::kMaxExpansion * bytes.size()) return;

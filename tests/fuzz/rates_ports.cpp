@@ -54,10 +54,10 @@ class Sink final : public hal::sim::PulseSink {
 
 /// Takes all edges: their numbers rise, their times follow the rate, and their count is within the trigger's limit.
 std::optional<std::uint64_t> drain(hal::TriggerPort& port, FrameRate rate, Instant from, bool exact) {
-  constexpr int kMostEdges = 1024;
+  constexpr int kMaxEdges = 1024;
   std::optional<std::uint64_t> newest;
   for (int taken = 0;; ++taken) {
-    NODAL_ASSERT(taken <= kMostEdges);
+    NODAL_ASSERT(taken <= kMaxEdges);
     const auto edge = port.take_edge();
     NODAL_ASSERT(edge);
     if (!*edge) return newest;

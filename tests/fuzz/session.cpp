@@ -14,7 +14,7 @@
 namespace nodal {
 namespace {
 
-constexpr std::size_t kMostBytesOfAnEvent = kMaxReplyBytes + 4096;
+constexpr std::size_t kMaxBytesOfAnEvent = kMaxReplyBytes + 4096;
 
 /// One end, its received events, and checks that they are consistent.
 class Harness {
@@ -97,7 +97,7 @@ class Harness {
       if (const auto* piece = std::get_if<BulkPiece>(&*event)) {
         NODAL_ASSERT(piece->offset + piece->data.size() <= piece->total);
         NODAL_ASSERT(piece->last == (piece->offset + piece->data.size() == piece->total));
-        NODAL_ASSERT(piece->data.size() + piece->meta.size() < kMostBytesOfAnEvent);
+        NODAL_ASSERT(piece->data.size() + piece->meta.size() < kMaxBytesOfAnEvent);
         pieces.insert(pieces.end(), piece->data.begin(), piece->data.end());
       }
       NODAL_ASSERT(!kinds.empty() && kinds.front() == 0);  // the Hello must be first

@@ -22,7 +22,7 @@ std::vector<std::uint8_t> file_of(std::string_view text) {
 }
 
 /// Including its first line, at most the maximum length of a settings file.
-constexpr std::size_t kMostOfAText = firmware::kMaxSettingsBytes - 256;
+constexpr std::size_t kMaxOfAText = firmware::kMaxSettingsBytes - 256;
 
 std::string drawn_value(ByteReader& in) {
   constexpr std::array kWords{"\"manual\"", "\"each\"", "\"joint\"", "true",   "false", "-1",   "0",         "15",
@@ -48,7 +48,7 @@ std::string drawn_text(ByteReader& in) {
                              "index",    "exposure_ns",    "gain_mdb",         "red_q12",
                              "blue_q12", "gamma",          "rig_toml",         "other"};
   std::string text;
-  while (in.left() > 0 && text.size() < kMostOfAText - 100) {
+  while (in.left() > 0 && text.size() < kMaxOfAText - 100) {
     const unsigned what = in.u8();
     const unsigned table = what / 4 % (kTables.size() + 1);
     if (what % 4 == 0) text += table < kTables.size() ? std::string(kTables[table]) + "\n" : drawn_genlock(in);
@@ -63,7 +63,7 @@ std::string drawn(std::span<const std::uint8_t> input) {
 }
 
 /// The size of all fields together (SettingsSize.EveryFieldAtItsLargest_IsFarBelowTheLimit).
-constexpr std::size_t kMostOfAllFields = firmware::kMaxSettingsBytes / 8;
+constexpr std::size_t kMaxOfAllFields = firmware::kMaxSettingsBytes / 8;
 
 void check_decoded(std::span<const std::uint8_t> file) {
   const Sha256& rig = fuzz::Stand::config().text_id;
@@ -73,7 +73,7 @@ void check_decoded(std::span<const std::uint8_t> file) {
     return;
   }
   const std::string again = settings->encode(rig);
-  NODAL_ASSERT(again.size() <= kMostOfAllFields);
+  NODAL_ASSERT(again.size() <= kMaxOfAllFields);
   const auto twice =
       firmware::Settings::decode(std::span(reinterpret_cast<const std::uint8_t*>(again.data()), again.size()), rig);
   NODAL_ASSERT(twice && twice->encode(rig) == again);

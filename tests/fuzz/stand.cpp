@@ -14,7 +14,7 @@ constexpr Duration kWarmUp = Duration::milliseconds(150);     ///< one frame set
 constexpr Duration kConverge = Duration::milliseconds(1500);  ///< settings are on disk, and heads have applied them
 constexpr Duration kWatch = Duration::seconds(2);
 constexpr std::int64_t kEventsOfACheck = 2500;
-constexpr std::int64_t kMostUploaded = 16 << 20;  ///< incomplete uploads, and generations on the disk
+constexpr std::int64_t kMaxUploaded = 16 << 20;  ///< incomplete uploads, and generations on the disk
 
 const swarm::Nature& nature() {
   static const swarm::Nature made = [] {
@@ -227,7 +227,7 @@ void Stand::check_left_behind() {
   leave_all();
   check();
   const std::int64_t live = live_heap_bytes() - heap_before_;
-  const std::int64_t uploaded = std::min(bytes_sent_, kMostUploaded);
+  const std::int64_t uploaded = std::min(bytes_sent_, kMaxUploaded);
   NODAL_ASSERT(live <= heap_steady_ * 3 / 2 + kLeftBehindBytes + uploaded);
 }
 

@@ -61,7 +61,7 @@ take::Manifest::File listed(const std::string& name, const Bytes& bytes) {
 /// Records one after the other: two bytes of length, then a Record. An End gets the hashes of the files that it
 /// describes.
 void add_evidence(ByteReader in, InMemory& folder, take::Manifest& manifest) {
-  constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 18;
+  constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 18;
   take::EvidenceWriter writer;
   Bytes evidence;
   std::vector<std::string> names;
@@ -78,7 +78,7 @@ void add_evidence(ByteReader in, InMemory& folder, take::Manifest& manifest) {
       take::wire::End& end = *record.mutable_end();
       manifest.sets = end.sets() - std::min(end.sets(), manifest.deleted_sets);
       for (int k = 0; k < std::min({end.length_size(), end.hashes_size(), static_cast<int>(names.size())}); ++k) {
-        Bytes video(static_cast<std::size_t>(std::min(end.length(k), kMostBytes)), static_cast<std::uint8_t>(k));
+        Bytes video(static_cast<std::size_t>(std::min(end.length(k), kMaxBytes)), static_cast<std::uint8_t>(k));
         const take::Xxh128 hash = take::xxh128(video);
         end.set_hashes(k, std::string(hash.begin(), hash.end()));
         const std::string& name = names[static_cast<std::size_t>(k)];
@@ -115,7 +115,7 @@ void read_all(const media::TakeFolder& folder) {
     for (std::size_t head = 0; head < kMaxHeads; ++head) {
       const ImageView& image = set.heads[head].image;
       if (image.planes[0].data == nullptr) continue;
-      NODAL_ASSERT(head < folder.about().heads.size() && set.heads[head].there);
+      NODAL_ASSERT(head < folder.about().heads.size() && set.heads[head].present);
       // The last byte of every plane is inside of the head's memory.
       for (const PlaneView& plane : image.planes) {
         if (plane.data == nullptr) continue;
@@ -160,7 +160,7 @@ void read_flight(ByteReader in) {
     if (!step) return check(step.error());
     if (step->empty()) return;
     NODAL_ASSERT(std::holds_alternative<firmware::StepBegun>(step->front()));
-    NODAL_ASSERT(step->size() <= flight::FlightReader::kMostEventsInStep);
+    NODAL_ASSERT(step->size() <= flight::FlightReader::kMaxEventsInStep);
   }
 }
 

@@ -267,7 +267,7 @@ class CameraProcess {
       std::size_t at = 0;
       give_up_after(50'000);  // a frame that nobody takes
       while (at < frame.size() && state_.transmits) {
-        const std::size_t n = std::min<std::size_t>(frame.size() - at, RawGadget::kMostBytes);
+        const std::size_t n = std::min<std::size_t>(frame.size() - at, RawGadget::kMaxBytes);
         if (usb_.write(std::span(frame).subspan(at, n)) != 0) break;
         at += n;
       }

@@ -24,7 +24,7 @@ template <class Head>
 struct WithData {
   Head& head() { return *reinterpret_cast<Head*>(bytes.data()); }
   std::uint8_t* data() { return bytes.data() + sizeof(Head); }
-  alignas(Head) std::array<std::uint8_t, sizeof(Head) + RawGadget::kMostBytes> bytes{};
+  alignas(Head) std::array<std::uint8_t, sizeof(Head) + RawGadget::kMaxBytes> bytes{};
 };
 using Transfer = WithData<usb_raw_ep_io>;
 
@@ -88,9 +88,9 @@ bool RawGadget::give(const Bytes& bytes, unsigned most) {
 
 Bytes RawGadget::take(unsigned length) {
   Transfer transfer;
-  transfer.head().length = std::min<std::uint32_t>(length, kMostBytes);
+  transfer.head().length = std::min<std::uint32_t>(length, kMaxBytes);
   ::ioctl(fd_, USB_RAW_IOCTL_EP0_READ, transfer.bytes.data());
-  return Bytes(transfer.data(), transfer.data() + std::min<std::uint32_t>(length, kMostBytes));
+  return Bytes(transfer.data(), transfer.data() + std::min<std::uint32_t>(length, kMaxBytes));
 }
 
 void RawGadget::configure() {

@@ -27,8 +27,8 @@ Bytes string_descriptor(unsigned index, std::span<const char* const> texts);
 /// Threading: write() on one thread, the others on another.
 class RawGadget {
  public:
-  static constexpr std::uint8_t kStream = 0x81;      ///< the endpoint
-  static constexpr std::uint32_t kMostBytes = 4096;  ///< limit of a write, and of a request's data
+  static constexpr std::uint8_t kStream = 0x81;     ///< the endpoint
+  static constexpr std::uint32_t kMaxBytes = 4096;  ///< limit of a write, and of a request's data
 
   /// `controller`: of dummy_hcd, from 0.
   explicit RawGadget(int controller = 0);

@@ -74,9 +74,9 @@ class SmallBoard : public testing::Test {
     return Json::parse(done.out.substr(0, done.out.find('\n')));
   }
   static bool listens(Process& rig) {
-    const bool there = test::wait_until([] { return std::filesystem::exists(kBoard + "/nodal.sock"); });
-    EXPECT_TRUE(there) << rig.complained();
-    return there;
+    const bool present = test::wait_until([] { return std::filesystem::exists(kBoard + "/nodal.sock"); });
+    EXPECT_TRUE(present) << rig.complained();
+    return present;
   }
 };
 

@@ -128,7 +128,7 @@ struct Control {
 constexpr Control kControls[] = {
     {1, 2, 1, 1, 8, UvcCamera::kManual | UvcCamera::kAutomatic, UvcCamera::kAutomatic, &Device::mode},
     {1, 4, 4, 1, UvcCamera::kLongest, 1, 100, &Device::exposure},
-    {2, 4, 2, 0, UvcCamera::kMostGain, 1, 32, &Device::gain},
+    {2, 4, 2, 0, UvcCamera::kMaxGain, 1, 32, &Device::gain},
 };
 
 /// The camera's own process. A failed call to raw-gadget ends it.

@@ -24,7 +24,7 @@ class UvcCamera {
   static constexpr std::uint32_t kAutomatic = 8;  ///< aperture priority, of UVC 1.0's auto exposure modes
   static constexpr std::uint32_t kManual = 1;
   static constexpr std::uint32_t kLongest = 333;  ///< 100 us; a frame period
-  static constexpr std::uint32_t kMostGain = 255;
+  static constexpr std::uint32_t kMaxGain = 255;
 
   /// Plugs the camera in and waits for its video node.
   UvcCamera();

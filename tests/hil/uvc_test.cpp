@@ -66,7 +66,7 @@ TEST_F(Uvc, Opened_ItsAutomaticExposureIsOffAndItsLimitsAreTheCameras) {
   EXPECT_EQ(camera_.exposure_mode(), UvcCamera::kManual);
   EXPECT_EQ(head->limits().exposure_min, in_100_us(1));
   EXPECT_EQ(head->limits().exposure_max, in_100_us(UvcCamera::kLongest));
-  EXPECT_EQ(head->limits().gain_max, in_steps(UvcCamera::kMostGain));
+  EXPECT_EQ(head->limits().gain_max, in_steps(UvcCamera::kMaxGain));
 }
 
 TEST_F(Uvc, RequestedExposureAndGain_AreInItsRegisters) {

@@ -132,7 +132,7 @@ TEST(LimitsOfMemory, OfARigByItsHeadsButtonAndFiles_AreThoseOnThePage) {
        [] { return of_reading({signers_file()}, [](const auto& text) { EXPECT_TRUE(AllowedSigners::parse(text)); }); }},
       {"device nodes of a scan, and what each lists", Means::kSizes,
        [] {  // a vector that grows needs up to twice what it has
-         return hal::v4l2::kMostNodes * hal::v4l2::kMostEnumerations * 2 * sizeof(hal::v4l2::FoundSize);
+         return hal::v4l2::kMaxNodes * hal::v4l2::kMaxEnumerations * 2 * sizeof(hal::v4l2::FoundSize);
        }},
       {"open frame sets", Means::kSizes, [] { return std::uint64_t{Capture::kMaxOpenSets}; }},
       {"marks made with the button", Means::kSizes, [] { return Operation::kMarksKept * sizeof(Operation::Mark); }},

@@ -27,7 +27,7 @@ namespace {
 
 using namespace firmware;
 
-constexpr std::uint64_t kSeamPixels = std::uint64_t{take::kMostSeamColumns} * take::kMostSeamColumns / 2;
+constexpr std::uint64_t kSeamPixels = std::uint64_t{take::kMaxSeamColumns} * take::kMaxSeamColumns / 2;
 
 /// The largest entry of a take that is complete, or of one that is damaged; the texts of both kinds are long.
 TakeEntry largest_entry(bool complete) {
@@ -60,7 +60,7 @@ std::uint64_t of_the_list(bool complete) {
 std::uint64_t of_a_seam_map() {
   std::vector<std::uint8_t> labels(kSeamPixels);
   for (std::size_t k = 0; k < labels.size(); ++k) labels[k] = static_cast<std::uint8_t>(k % 2);
-  const take::wire::Seams record = take::seams_record(0, take::kMostSeamColumns, labels);
+  const take::wire::Seams record = take::seams_record(0, take::kMaxSeamColumns, labels);
   return peak_of([&] { EXPECT_TRUE(take::labels_of(record)); });
 }
 
@@ -71,7 +71,7 @@ TEST(LimitsOfMemory, OfTakes_AreThoseOnThePage) {
       {"a map of placed seams", Means::kHeap, of_a_seam_map},
       {"placed seams on their way to a take", Means::kSizes,
        [] {
-         return (MovingSeams::kChangesWaiting + TakeWriter::kMostSeamsAhead) * (sizeof(SeamChange) + 64 + kSeamPixels);
+         return (MovingSeams::kChangesWaiting + TakeWriter::kMaxSeamsAhead) * (sizeof(SeamChange) + 64 + kSeamPixels);
        }},
       {"hosts of which the rig notes that they read a take", Means::kSizes,
        [] { return sizeof(TakesInUse) + sizeof(TakeSender); }},
@@ -81,7 +81,7 @@ TEST(LimitsOfMemory, OfTakes_AreThoseOnThePage) {
       {"events on their way to a flight record", Means::kHeap,
        [] { return peak_of([] { SpscRing<CaptureEvent> events(FlightRecorder::kEvents); }); }},
       {"flight records since nodald's start, in memory and in a take", Means::kSizes,
-       [] { return std::uint64_t{FlightLog::kMost}; }},
+       [] { return std::uint64_t{FlightLog::kMax}; }},
   });
 }
 

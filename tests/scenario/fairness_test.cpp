@@ -58,7 +58,7 @@ TEST(Publisher, WhatMayWaitForALosslessPull_IsBoundedByRaymapsAndByBytes) {
   EXPECT_EQ(Publisher::most_pending(0), kLosslessQueueItems);
   EXPECT_EQ(Publisher::most_pending(600'000), kLosslessQueueItems) << "JPEGs of ten heads";
   EXPECT_EQ(Publisher::most_pending(3U << 20), 8u) << "their pixels: 24 MiB";
-  EXPECT_EQ(Publisher::most_pending(SIZE_MAX), Publisher::kLosslessLeast);
+  EXPECT_EQ(Publisher::most_pending(SIZE_MAX), Publisher::kLosslessMin);
 }
 
 TEST(Hosts, StuckOnesThatPullAsOftenAsTheyMay_LeaveBuffersForTheOthers) {
@@ -93,11 +93,11 @@ TEST(Hosts, OneSaysNothing_ItIsClosedSoon) {
   EXPECT_EQ(stand.rig->control().clients(), 0u);
 }
 
-constexpr std::size_t kMostHosts = firmware::Admission::kMaxClients;
+constexpr std::size_t kMaxHosts = firmware::Admission::kMaxClients;
 
 TEST(Hosts, MoreThanARigTalksTo_TheOneIdleLongestMakesRoom) {
   Stand stand;
-  for (std::size_t i = 0; i < kMostHosts; ++i) {
+  for (std::size_t i = 0; i < kMaxHosts; ++i) {
     stand.connect();
     stand.run(Duration::milliseconds(10));
   }
@@ -110,7 +110,7 @@ TEST(Hosts, MoreThanARigTalksTo_TheOneIdleLongestMakesRoom) {
   ASSERT_NE(stand.hosts[1]->farewell(), nullptr);
   EXPECT_EQ(stand.hosts[1]->farewell()->code, Errc::kOverload);
   EXPECT_NE(stand.hosts[1]->farewell()->message.find("idle longest"), std::string::npos);
-  EXPECT_EQ(stand.rig->control().clients(), kMostHosts);
+  EXPECT_EQ(stand.rig->control().clients(), kMaxHosts);
 }
 
 TEST(Hosts, ThatPull_AreNotClosedForANewOneHoweverLongTheyAskedNothing) {
@@ -126,7 +126,7 @@ TEST(Hosts, ThatPull_AreNotClosedForANewOneHoweverLongTheyAskedNothing) {
   EXPECT_EQ(ninth.pull(false, 0), 0u);
   EXPECT_EQ(ninth.refusal.code(), static_cast<unsigned>(Errc::kOverload));
   stand.run(Duration::seconds(1));
-  for (std::size_t i = 0; i < 3 * kMostHosts; ++i) {
+  for (std::size_t i = 0; i < 3 * kMaxHosts; ++i) {
     EXPECT_EQ(stand.connect().status().state(), "running");
     stand.run(Duration::milliseconds(5));
   }

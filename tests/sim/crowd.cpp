@@ -52,7 +52,7 @@ void Crowd::attack() {
   const HostileKind common = drawn_kind();
   const bool only_there =
       all_alike && (common == HostileKind::kSilent || common == HostileKind::kIdle || common == HostileKind::kHalfOpen);
-  const int many = 1 + static_cast<int>(random_.below(only_there ? kMostThatOnlyAreThere : kMostHostile));
+  const int many = 1 + static_cast<int>(random_.below(only_there ? kMaxThatOnlyAreThere : kMaxHostile));
   for (int i = 0; i < many; ++i) {
     const HostileKind kind = all_alike ? common : drawn_kind();
     hostile_.push_back(std::make_unique<Hostile>(kind, connect, torn_, kUnknownBytes, random_.next()));
@@ -90,12 +90,12 @@ void Crowd::check(Instant now) {
     oracle_.fail(std::to_string(sets_lost() - lost_before_) + " sets are lost because of " + hostile_names_);
   }
   const auto seconds = static_cast<std::uint64_t>((now - since_).ms()) / 1000;
-  if (news_ > kMostNewsAtOnce + kMostNewsAMinute * seconds / 60) {
+  if (news_ > kMaxNewsAtOnce + kMaxNewsAMinute * seconds / 60) {
     oracle_.fail(std::to_string(news_) + " bytes for the log in " + std::to_string(seconds) + " s, because of " +
                  hostile_names_);
   }
   const std::uint64_t free = *disk_.free_bytes();
-  if (free + kMostFileBytes < free_before_) {
+  if (free + kMaxFileBytes < free_before_) {
     oracle_.fail("files grew by " + std::to_string((free_before_ - free) >> 10) + " KiB, because of " + hostile_names_);
   }
   if (now < next_count_) return;
@@ -103,7 +103,7 @@ void Crowd::check(Instant now) {
   const std::uint64_t live = live_bytes();
   const std::uint64_t more = live - std::min(live, live_before_);
   tally_.most_live = std::max(tally_.most_live, more);
-  if (more > kMostLiveBytes) {
+  if (more > kMaxLiveBytes) {
     oracle_.fail("live memory grew by " + std::to_string(more >> 10) + " KiB, because of " + hostile_names_);
   }
 }
@@ -117,7 +117,7 @@ void Crowd::check_end() {
   const std::uint64_t live = live_bytes();
   const std::uint64_t more = live - std::min(live, live_before_);
   tally_.most_left = std::max(tally_.most_left, more);
-  if (more <= kMostLeftBytes) return;
+  if (more <= kMaxLeftBytes) return;
   oracle_.fail(std::to_string(more >> 10) + " KiB more are live after " + hostile_names_ + " have gone");
 }
 

@@ -39,15 +39,15 @@ class Crowd {
   /// Bytes of this process's live heap.
   static std::uint64_t live_bytes();
 
-  static constexpr int kMostHostile = 12, kMostThatOnlyAreThere = 48;
+  static constexpr int kMaxHostile = 12, kMaxThatOnlyAreThere = 48;
   /// Limit of the memory that 8 clients may cause, including the simulation's own side of their links.
-  static constexpr std::uint64_t kMostLiveBytes = 32U << 20;
+  static constexpr std::uint64_t kMaxLiveBytes = 32U << 20;
   /// Limit of what may remain of it afterwards.
-  static constexpr std::uint64_t kMostLeftBytes = 512U << 10;
+  static constexpr std::uint64_t kMaxLeftBytes = 512U << 10;
   /// Limit of the files' growth: the calibrations that a store keeps, settings, and files being written.
-  static constexpr std::uint64_t kMostFileBytes = 1U << 20;
+  static constexpr std::uint64_t kMaxFileBytes = 1U << 20;
   /// Limits of the log: bytes in a burst, and bytes per minute.
-  static constexpr std::uint64_t kMostNewsAtOnce = 32U << 10, kMostNewsAMinute = 32U << 10;
+  static constexpr std::uint64_t kMaxNewsAtOnce = 32U << 10, kMaxNewsAMinute = 32U << 10;
 
  private:
   std::uint64_t sets_lost() const;

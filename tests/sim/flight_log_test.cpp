@@ -82,7 +82,7 @@ TEST(FlightLog, MoreThanItKeeps_TheTakeKeepsItsRecordAndLaterOnesHaveNone) {
     log.collect(now);
   };
   std::size_t most = 0;
-  while (first_take.size() < firmware::FlightLog::kMost * 3 / 2) {
+  while (first_take.size() < firmware::FlightLog::kMax * 3 / 2) {
     work();
     for (auto record = log.next(); !record.empty(); record = log.next())
       first_take.insert(first_take.end(), record.begin(), record.end());

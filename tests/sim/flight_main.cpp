@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 using Bytes = std::vector<std::uint8_t>;
 
 constexpr int kDifferent = 1, kUnreadable = 2;
-constexpr std::uintmax_t kMostBytes = std::uintmax_t{2} << 30;
+constexpr std::uintmax_t kMaxBytes = std::uintmax_t{2} << 30;
 
 constexpr const char* kHelp =
     "flight TAKE: steps the firmware through the flight record of a take ([takes] flight_recorder)\n"
@@ -35,7 +35,7 @@ Result<Bytes> read(const fs::path& path) {
   std::error_code none;
   const std::uintmax_t size = fs::file_size(path, none);
   if (none) return fail(Errc::kNotFound, fmt::format("{}: {}", path.string(), none.message()));
-  if (size > kMostBytes) return fail(Errc::kTooLarge, path.string() + ": is larger than 2 GiB");
+  if (size > kMaxBytes) return fail(Errc::kTooLarge, path.string() + ": is larger than 2 GiB");
   std::ifstream file(path, std::ios::binary);
   return Bytes(std::istreambuf_iterator<char>(file), {});
 }

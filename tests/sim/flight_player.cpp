@@ -186,15 +186,15 @@ void FlightPlayer::step() {
   now_ = begun->now;
   if (steps_++ == 0) from_ = now_;
   for (const CaptureEvent& event : step_) {
-    bool there = true;
+    bool present = true;
     if (const auto* command = std::get_if<CommandTaken>(&event)) {
       CaptureRequest copy = command->command;
-      there = capture_->requests().push(std::move(copy));
+      present = capture_->requests().push(std::move(copy));
     } else if (const auto* light = std::get_if<LightTaken>(&event)) {
       blend::SphereLight copy = light->light;
-      there = light_.push(std::move(copy));
+      present = light_.push(std::move(copy));
     }
-    if (!there) return differs(place_of(event, config_), text_of(event), "more of these in one step than fit");
+    if (!present) return differs(place_of(event, config_), text_of(event), "more of these in one step than fit");
   }
   capture_->step(now_);
   while (capture_->answers().pop()) {}

@@ -49,7 +49,7 @@ Status FlightReader::add(const take::flight::Record& record) {
       return fail(Errc::kFutureVersion,
                   fmt::format("version {} of flight records is newer than this program", begin.version()));
     }
-    if (begin.version() == 0 || begin.sets_held() == 0 || begin.sets_held() > kMostSetsHeld)
+    if (begin.version() == 0 || begin.sets_held() == 0 || begin.sets_held() > kMaxSetsHeld)
       return fail(Errc::kBadFormat, fmt::format("version {}, {} sets held", begin.version(), begin.sets_held()));
     begin_ = {begin.software(), begin.sets_held(), begin.trigger()};
   }
@@ -69,8 +69,8 @@ Result<std::deque<CaptureEvent>> FlightReader::next_step() {
     if (!events_.empty() && !begins(events_.front()))
       return fail(Errc::kBadFormat, name_ + ": an event before the first step");
     for (; looked_at < events_.size(); ++looked_at) {
-      if (looked_at > kMostEventsInStep) {
-        return fail(Errc::kTooLarge, fmt::format("{}: a step with more than {} events", name_, kMostEventsInStep));
+      if (looked_at > kMaxEventsInStep) {
+        return fail(Errc::kTooLarge, fmt::format("{}: a step with more than {} events", name_, kMaxEventsInStep));
       }
       if (!begins(events_[looked_at])) continue;
       const auto end = events_.begin() + static_cast<std::ptrdiff_t>(looked_at);

@@ -38,8 +38,8 @@ class FlightReader {
   const std::string& ended() const { return ended_; }
 
   /// A step has less, even with 256 pulses and 8 frames of every head.
-  static constexpr std::size_t kMostEventsInStep = 4096;
-  static constexpr std::size_t kMostSetsHeld = 256;
+  static constexpr std::size_t kMaxEventsInStep = 4096;
+  static constexpr std::size_t kMaxSetsHeld = 256;
 
  private:
   FlightReader(std::span<const std::uint8_t> bytes, std::string name) : rest_(bytes), name_(std::move(name)) {}

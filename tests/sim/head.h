@@ -62,7 +62,7 @@ class Head {
   void resize(int frames) { resize_ += frames; }
   void delay(int frames, Duration by);
   void miss_pulses(int pulses) { miss_ += pulses; }
-  void set_signal(bool there) { signal_ = there; }
+  void set_signal(bool present) { signal_ = present; }
   void set_stuck(bool stuck) { stuck_ = stuck; }  ///< accepts settings but does not apply them
   void set_deaf(bool deaf);                       ///< ignores pulses: it continues on its own clock, and drifts slowly
   void set_half_rate(bool half) { half_rate_ = half; }  ///< exposes only on every second pulse in wired mode

@@ -359,9 +359,9 @@ void TakeWorld::cut_power() {
   ++tally_.power_cuts;
   for (Daemon& daemon : daemons_) end(daemon, true);
   for (Card& card : cards_) {
-    const bool there = slot_.disk() == card.disk;
+    const bool present = slot_.disk() == card.disk;
     card.disk = card.disk->after_power_loss(random_.next());
-    if (there) slot_.insert(card.disk);
+    if (present) slot_.insert(card.disk);
   }
 }
 

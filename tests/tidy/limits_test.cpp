@@ -17,7 +17,10 @@ constexpr const char* kPage = "protocol/LIMITS.md";
 
 // Counts that no peer can affect, or parts of a listed limit.
 const std::set<std::string> kNoLimits{"kMaxPieceBytes",     // a part of kMaxBulkBytes, without its header
-                                      "kMaxPinholeAngle"};  // an angle
+                                      "kMaxPinholeAngle",   // an angle
+                                      "kMaxPatience",       // windows that shedding waits
+                                      "kMaxDocumentBytes",  // the disk's own documents, checked as they are read
+                                      "kMaxFailed"};        // starts of nodald in a row
 
 struct Row {
   std::string what, limit, memory, test;

@@ -55,6 +55,16 @@ TEST(Words, Comments_BeginWithWhatTheySpeakOf) {
   }
 }
 
+TEST(Words, LimitsAreNamedMaxOrMin) {
+  static const std::regex other(R"(\bk(Most|Least)([A-Z0-9]\w*)?\b)");
+  for (const TextFile& file : project_files()) {
+    if (!is_source(file.path) || file.path == "tests/tidy/words_test.cpp") continue;
+    for (std::size_t i = 0; i < file.lines.size(); ++i) {
+      EXPECT_FALSE(std::regex_search(file.lines[i], other)) << file.path << ":" << i + 1 << ": kMax..., kMin...";
+    }
+  }
+}
+
 TEST(Fragments, CommentsOfManyShapes_OnlyThoseThatBeginWithAFragmentAreFound) {
   EXPECT_EQ(fragments_in({"int a;  ///< of the set", "int b;  // in px", "int c;  ///< formats that it has", "// for b",
                           "int d;"}),

@@ -39,7 +39,7 @@ std::optional<OpenAnswer> read_answer(std::span<const std::uint8_t> bytes) {
 
 WrittenRecord write_record(std::uint16_t session, std::span<const std::uint8_t> payload,
                            std::span<std::uint8_t, kTransferBytes> into) {
-  const auto taken = payload.first(std::min(payload.size(), kMostPayload));
+  const auto taken = payload.first(std::min(payload.size(), kMaxPayload));
   const std::size_t size = kHeaderBytes + taken.size();
   const bool padded = size % kPacketBytes == 0 && size < kTransferBytes;
   ByteWriter writer(into);
@@ -60,8 +60,8 @@ Status RecordReader::read_header() {
   }
   payload_ = reader.u16();
   padding_ = reader.u16();
-  if (payload_ > kMostPayload) {
-    return broken("has " + std::to_string(payload_) + " bytes; at most " + std::to_string(kMostPayload) +
+  if (payload_ > kMaxPayload) {
+    return broken("has " + std::to_string(payload_) + " bytes; at most " + std::to_string(kMaxPayload) +
                   " are allowed");
   }
   if (padding_ > 1) return broken("has " + std::to_string(padding_) + " bytes of padding; at most 1 is allowed");

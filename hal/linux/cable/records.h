@@ -37,7 +37,7 @@ inline constexpr std::uint16_t kVersion = 1;
 inline constexpr std::size_t kTransferBytes = 16384;
 inline constexpr std::size_t kTransfers = 16;
 inline constexpr std::size_t kHeaderBytes = 8;
-inline constexpr std::size_t kMostPayload = kTransferBytes - kHeaderBytes;
+inline constexpr std::size_t kMaxPayload = kTransferBytes - kHeaderBytes;
 /// The smallest packet of a bulk endpoint; the others (512, 1024) are multiples.
 inline constexpr std::size_t kPacketBytes = 64;
 

@@ -87,8 +87,8 @@ void DeviceHead::stop() {
 }
 
 void DeviceHead::restart(StreamJob job) {
-  if (restarts_in_row_ == kMostRestarts) {
-    return fail_for_good(error(Errc::kDeviceFailed, "its stream broke " + std::to_string(kMostRestarts) +
+  if (restarts_in_row_ == kMaxRestarts) {
+    return fail_for_good(error(Errc::kDeviceFailed, "its stream broke " + std::to_string(kMaxRestarts) +
                                                         " times in a row; unplug it and plug it in again"));
   }
   ++restarts_in_row_;
@@ -163,7 +163,7 @@ void DeviceHead::take_reports() {
     }
     state_ = State::kStreaming;
     started_ = each.at;
-    began();
+    on_stream_start();
   }
 }
 

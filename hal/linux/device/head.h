@@ -26,11 +26,11 @@ namespace nodal::hal::device {
 /// Threading: thread-bound to capture.
 /// Ownership: refers to the worker and the clock. The destructor posts a job that ends the stream and closes the
 /// device.
-/// Errors: as HeadPort. A stream that fails is started again and counted in recoveries(); after kMostRestarts in a row
+/// Errors: as HeadPort. A stream that fails is started again and counted in recoveries(); after kMaxRestarts in a row
 ///   without a frame the error becomes kDeviceFailed, which is final.
 class DeviceHead : public HeadPort {
  public:
-  static constexpr int kMostRestarts = 5;
+  static constexpr int kMaxRestarts = 5;
 
   /// `in_use` is set while this head owns the device: until the head is destroyed or its device is gone.
   DeviceHead(HeadIdentity identity, std::shared_ptr<Channel> channel, Worker& worker, ClockPort& clock,
@@ -57,7 +57,7 @@ class DeviceHead : public HeadPort {
   /// The job that starts the stream; kUnsupported if the device has no such trigger.
   virtual Result<StreamJob> begin(TriggerMode trigger) = 0;
   /// The stream runs.
-  virtual void began() = 0;
+  virtual void on_stream_start() = 0;
   /// The stream was stopped: no buffer is lent any more.
   virtual void stopped() = 0;
 
@@ -74,7 +74,7 @@ class DeviceHead : public HeadPort {
   /// Posts the job that starts a broken stream again; with too many in a row the head fails.
   void restart(StreamJob job);
   /// A frame arrived: the stream works.
-  void works() { restarts_in_row_ = 0; }
+  void frame_is_good() { restarts_in_row_ = 0; }
   /// The settings of the frame whose exposure begins at begin_with(exposure). A change applies to frames that begin
   /// after it, plus the control latency; to every frame of a stream that was started after it.
   const HeadSettings& settings_of(const std::function<Instant(Exposure)>& begin_with);

@@ -16,7 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kLongestAttribute = 256;
-constexpr int kMostLevels = 4;  ///< from a video device to its USB device: the interface, and drivers between them
+constexpr int kMaxLevels = 4;  ///< from a video device to its USB device: the interface, and drivers between them
 
 /// The first line of a file of sysfs, or nothing.
 std::optional<std::string> attribute(const fs::path& file) {
@@ -53,7 +53,7 @@ std::optional<UsbPlace> usb_place_of(const fs::path& sysfs, const std::string& n
   const std::string name = (error ? fs::path(node) : device).filename().string();
   fs::path at = fs::canonical(sysfs / "class" / "video4linux" / name / "device", error);
   if (error) return std::nullopt;
-  for (int level = 0; level < kMostLevels && at.has_relative_path(); ++level, at = at.parent_path()) {
+  for (int level = 0; level < kMaxLevels && at.has_relative_path(); ++level, at = at.parent_path()) {
     if (fs::exists(at / "busnum", error) && fs::exists(at / "speed", error)) return place_in(sysfs, at);
   }
   return std::nullopt;

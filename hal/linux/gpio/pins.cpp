@@ -54,15 +54,15 @@ Instant GpioOutputPin::work(Instant now) {
   return high ? until : kNever;
 }
 
-Status GpioInputPin::there() const { return state_of(name_, "reading", error_.load()); }
+Status GpioInputPin::check_present() const { return state_of(name_, "reading", error_.load()); }
 
 Result<bool> GpioInputPin::level() {
-  NODAL_TRY(there());
+  NODAL_TRY(check_present());
   return level_.load();
 }
 
 Result<std::optional<PinEdge>> GpioInputPin::take_edge() {
-  NODAL_TRY(there());
+  NODAL_TRY(check_present());
   return edges_.pop();
 }
 

@@ -69,7 +69,7 @@ class GpioInputPin final : public InputPinPort {
   Instant work(Instant now);
 
  private:
-  Status there() const;
+  Status check_present() const;
   int report_events();
   void report(Instant at, bool high);
 

@@ -50,14 +50,14 @@ class TimedRunner final : public Runner {
 
  private:
   Round work() {
-    heard_ = rung_.load();
+    rings_ = rung_.load();
     if (stop_.load()) return Round::kEnd;
     next_ = step_(monotonic_now());
     return Round::kSleep;
   }
   void sleep() {
     const timespec until = timespec_of(next_.ns());
-    ::syscall(SYS_futex, &rung_, FUTEX_WAIT_BITSET_PRIVATE, heard_, next_ == kNever ? nullptr : &until, nullptr,
+    ::syscall(SYS_futex, &rung_, FUTEX_WAIT_BITSET_PRIVATE, rings_, next_ == kNever ? nullptr : &until, nullptr,
               FUTEX_BITSET_MATCH_ANY);
   }
 
@@ -65,7 +65,7 @@ class TimedRunner final : public Runner {
   std::atomic<std::uint32_t> rung_{0};
   static_assert(sizeof(std::atomic<std::uint32_t>) == sizeof(std::uint32_t), "the kernel reads it as a futex");
   std::atomic<bool> stop_{false};
-  std::uint32_t heard_ = 0;  ///< the thread's, before the newest step
+  std::uint32_t rings_ = 0;  ///< the thread's, before the newest step
   Instant next_;             ///< the thread's
   Thread thread_;
 };

@@ -61,7 +61,7 @@ Status GpioTrigger::run() {
   return {};
 }
 
-Status GpioTrigger::there() const {
+Status GpioTrigger::check_present() const {
   if (safe_.load()) return fail(Errc::kDeviceGone, who_ + "its lines are safe for good; the program ends");
   const int error = pulses_.counts().error.load();
   if (error == 0 || error == ECANCELED || pulses_.counts().error_train.load() != id_) return {};
@@ -69,7 +69,7 @@ Status GpioTrigger::there() const {
 }
 
 Status GpioTrigger::check(const TriggerSettings& settings) const {
-  if (safe_.load()) return there();
+  if (safe_.load()) return check_present();
   if (!settings.rate.valid()) {
     return fail(Errc::kBadValue, who_ + "a rate of " + std::to_string(settings.rate.numerator) + "/" +
                                      std::to_string(settings.rate.denominator) + " cannot be made; allowed is " +
@@ -196,7 +196,7 @@ void GpioTrigger::add_wake_ups(WakeUps& to) const {
 }
 
 Result<std::optional<TriggerEdge>> GpioTrigger::take_edge() {
-  if (safe_.load()) return fail(there().error());
+  if (safe_.load()) return fail(check_present().error());
   if (!running_) return std::optional<TriggerEdge>{};
   return following_ ? take_followed() : take_sent();
 }
@@ -229,7 +229,7 @@ Result<std::optional<TriggerEdge>> GpioTrigger::take_followed() {
 }
 
 Result<std::optional<TriggerEdge>> GpioTrigger::take_sent() {
-  NODAL_TRY(there());
+  NODAL_TRY(check_present());
   if (!read_back_line_) return log_.take(id_);
   while (const auto sent = log_.take(id_)) read_back_.add_pulse(*sent);
   for (;;) {

@@ -63,7 +63,7 @@ class GpioTrigger final : public TriggerPort {
   GpioTrigger(System& system, TriggerLines lines);
   Status claim();
   Status run();
-  Status there() const;
+  Status check_present() const;
   Status check(const TriggerSettings& settings) const;
   Status check_delays(const TriggerSettings& settings) const;
   void post(Train train);

@@ -21,8 +21,8 @@ Exposure exposure_in(float seconds) {
 
 Gain gain_of_decibels(double decibels) {
   const double mdb = std::round(decibels * 1000);
-  constexpr double kMost = kMostGainMdb;
-  return Gain::millidecibels(std::isfinite(mdb) ? static_cast<std::int32_t>(std::clamp(mdb, -kMost, kMost)) : 0);
+  constexpr double kMax = kMaxGainMdb;
+  return Gain::millidecibels(std::isfinite(mdb) ? static_cast<std::int32_t>(std::clamp(mdb, -kMax, kMax)) : 0);
 }
 
 std::uint32_t middle_of(const Feature& feature) { return std::max((feature.low + feature.high + 1) / 2, 1U); }

@@ -23,10 +23,10 @@ std::optional<std::uint64_t> guid_in(std::string_view path) {
 }
 
 Error no_such_camera(Bus& bus, const std::string& path) {
-  std::string there;
-  for (const CameraInfo& info : bus.list()) there += (there.empty() ? "" : ", ") + port_of(info.guid);
+  std::string connected;
+  for (const CameraInfo& info : bus.list()) connected += (connected.empty() ? "" : ", ") + port_of(info.guid);
   return {Errc::kNoSuchDevice,
-          "head '" + path + "': there is no such IIDC camera; there is: " + (there.empty() ? "none" : there)};
+          "head '" + path + "': there is no such IIDC camera; there is: " + (connected.empty() ? "none" : connected)};
 }
 
 /// Its part of the bandwidth of its bus; null for cameras on IEEE 1394, whose bus refuses by itself.

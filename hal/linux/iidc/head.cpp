@@ -42,7 +42,7 @@ Result<device::DeviceHead::StreamJob> IidcHead::begin(TriggerMode mode) {
   });
 }
 
-void IidcHead::began() {
+void IidcHead::on_stream_start() {
   if (slots_.empty()) slots_.assign(channel_->stream.buffers(), Slot::kQueued);
 }
 
@@ -80,7 +80,7 @@ Result<std::optional<FrameView>> IidcHead::take_frame() {
     if (failed == 0) {
       slots_[frame.slot] = Slot::kLent;
       const FrameView taken = view(frame, now);
-      displaced_ ? restart_stream() : works();
+      displaced_ ? restart_stream() : frame_is_good();
       return std::optional<FrameView>{taken};
     }
     if (failed == ENODEV || (failed != EAGAIN && channel_->gone())) {

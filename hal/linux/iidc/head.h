@@ -64,7 +64,7 @@ class IidcHead final : public device::DeviceHead {
   enum class Slot : std::uint8_t { kQueued, kLent, kRefused };
 
   Result<StreamJob> begin(TriggerMode trigger) override;
-  void began() override;
+  void on_stream_start() override;
   void stopped() override;
   void return_refused();
   bool give_back(std::size_t slot);

@@ -15,7 +15,7 @@ namespace {
 constexpr int kFormat7 = 7;
 constexpr int kPacketsPerSecond = 8000;  ///< the bus's cycles
 constexpr int kLargestSide = 16384;      ///< px; width or height of a head's picture
-constexpr int kMostPolls = 1000;  ///< reads of the register until a value is set; each read is a request on the bus
+constexpr int kMaxPolls = 1000;  ///< reads of the register until a value is set; each read is a request on the bus
 constexpr std::uint32_t kIsoSpeed400 = 2U << 24;
 constexpr std::uint32_t kIsoChannelBits = 0xF000'0000;
 
@@ -109,7 +109,7 @@ Status Camera::add_scalable_modes(std::vector<Mode>& modes) {
     mode.scalable = true;
     mode.place = std::uint64_t{place} * 4;
     std::array<std::uint32_t, 5> values{};
-    constexpr std::array kOffsets{reg::kMostSize, reg::kUnitSize, reg::kUnitPlace, reg::kCodings, reg::kColourFilter};
+    constexpr std::array kOffsets{reg::kMaxSize, reg::kUnitSize, reg::kUnitPlace, reg::kCodings, reg::kColourFilter};
     for (std::size_t i = 0; i < values.size(); ++i) {
       const auto value = read_at(mode.place + kOffsets[i], doing);
       // Cameras of version 1.20 have no units of the place and no colour filter, and may refuse these registers.
@@ -170,7 +170,7 @@ Status Camera::apply(const Mode& mode, std::uint32_t error_bit, const std::strin
   if (!state || (*state & reg::kPresent) == 0) return {};
   if (error_bit == reg::kError1) {
     NODAL_TRY(write_at(mode.place + reg::kValueSetting, reg::kSetting1, doing));
-    for (int i = 0; i < kMostPolls; ++i) {
+    for (int i = 0; i < kMaxPolls; ++i) {
       state = read_at(mode.place + reg::kValueSetting, doing);
       if (!state) return fail(state.error());
       if ((*state & reg::kSetting1) == 0) break;

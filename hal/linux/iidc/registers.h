@@ -55,7 +55,7 @@ inline constexpr std::uint32_t kTriggerModeBits = 0xF'0000;
 inline constexpr std::uint32_t kAbsoluteLow = 0x0, kAbsoluteHigh = 0x4, kAbsoluteValue = 0x8;
 
 // Offsets from the registers of a mode of format 7. Sizes and places: width or left in the high half.
-inline constexpr std::uint32_t kMostSize = 0x00;
+inline constexpr std::uint32_t kMaxSize = 0x00;
 inline constexpr std::uint32_t kUnitSize = 0x04;
 inline constexpr std::uint32_t kPlace = 0x08;
 inline constexpr std::uint32_t kSize = 0x0C;

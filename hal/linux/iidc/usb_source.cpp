@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::uint8_t kEndpoint = 0x81;  ///< the endpoint that every USB camera known to libdc1394 has
 constexpr unsigned kDrainMs = 20;
-constexpr int kMostDrains = 64;
+constexpr int kMaxDrains = 64;
 
 int errno_of(int libusb_error) {
   switch (libusb_error) {
@@ -229,7 +229,7 @@ class UsbSource final : public FrameSource {
 
   void drain() {
     std::vector<std::uint8_t> rest(frame_bytes_);
-    for (int i = 0; i < kMostDrains; ++i) {
+    for (int i = 0; i < kMaxDrains; ++i) {
       int bytes = 0;
       const int error =
           libusb_bulk_transfer(handle_.get(), kEndpoint, rest.data(), static_cast<int>(rest.size()), &bytes, kDrainMs);

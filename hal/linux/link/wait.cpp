@@ -10,7 +10,7 @@
 namespace nodal::hal {
 
 bool wait_for(const WakeUps& wake_ups, Instant now, Duration at_most) {
-  std::array<pollfd, WakeUps::kMost> polled{};
+  std::array<pollfd, WakeUps::kMax> polled{};
   nfds_t count = 0;
   for (const WakeUps::Descriptor& each : wake_ups.descriptors()) {
     polled[count].fd = each.number;

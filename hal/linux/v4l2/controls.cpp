@@ -113,7 +113,7 @@ Result<Controls> Controls::find(const Device& device, std::int32_t gain_step_mdb
   if (const auto& range = controls.gain_) {
     const auto gain = [&](std::int32_t steps) {
       return Gain::millidecibels(static_cast<std::int32_t>(
-          std::clamp<std::int64_t>(std::int64_t{steps} * gain_step_mdb, -kMostGainMdb, kMostGainMdb)));
+          std::clamp<std::int64_t>(std::int64_t{steps} * gain_step_mdb, -kMaxGainMdb, kMaxGainMdb)));
     };
     limits.gain_min = gain(range->low);
     limits.gain_max = gain(range->high);
@@ -138,7 +138,7 @@ Result<HeadSettings> Controls::read(const Device& device) const {
   if (gain_) {
     NODAL_TRY_ASSIGN(const auto value, get(*gain_));
     settings.gain = Gain::millidecibels(static_cast<std::int32_t>(
-        std::clamp<std::int64_t>(std::int64_t{value} * gain_step_mdb_, -kMostGainMdb, kMostGainMdb)));
+        std::clamp<std::int64_t>(std::int64_t{value} * gain_step_mdb_, -kMaxGainMdb, kMaxGainMdb)));
   }
   if (red_) {
     NODAL_TRY_ASSIGN(const auto red, get(*red_));

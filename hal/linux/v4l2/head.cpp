@@ -13,7 +13,7 @@ namespace {
 /// How often the input is asked for its signal state.
 constexpr Duration kSignalEvery = Duration::milliseconds(500);
 /// A thread that has no time to sleep asks the driver at every eighth call.
-constexpr int kMostSkipped = 8;
+constexpr int kMaxSkipped = 8;
 
 }  // namespace
 
@@ -39,7 +39,7 @@ Result<device::DeviceHead::StreamJob> V4l2Head::begin(TriggerMode trigger) {
   return StreamJob([channel = channel_] { return channel->stream.begin(channel->request.buffers); });
 }
 
-void V4l2Head::began() {
+void V4l2Head::on_stream_start() {
   if (slots_.empty()) slots_.assign(channel_->stream.buffers(), Slot::kQueued);
 }
 
@@ -82,7 +82,7 @@ void V4l2Head::watch_signal(Instant now) {
 /// Asking costs a system call for each head and each step of the capture stage, and most steps are for other heads or
 /// for buffers that come back.
 bool V4l2Head::may_have_frame() {
-  if (!ready_.value_or(true) && ++skipped_ < kMostSkipped) return false;
+  if (!ready_.value_or(true) && ++skipped_ < kMaxSkipped) return false;
   skipped_ = 0;
   return true;
 }
@@ -101,7 +101,7 @@ Result<std::optional<FrameView>> V4l2Head::take_frame() {
     } else if (failed != 0) {
       restart_stream();
     } else {
-      works();
+      frame_is_good();
       watch_signal(now);
       slots_[frame.slot] = Slot::kLent;
       // Two fields are half a period apart, so none can have come since.

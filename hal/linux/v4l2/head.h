@@ -67,7 +67,7 @@ class V4l2Head final : public device::DeviceHead {
   enum class Slot : std::uint8_t { kIdle, kQueued, kLent };
 
   Result<StreamJob> begin(TriggerMode trigger) override;
-  void began() override;
+  void on_stream_start() override;
   void stopped() override;
   void queue_idle();
   void restart_stream();

@@ -12,7 +12,7 @@
 namespace nodal::hal::v4l2 {
 namespace {
 
-constexpr std::uint32_t kMostListed = 64;  ///< inputs, formats, sizes: for drivers whose list does not end
+constexpr std::uint32_t kMaxListed = 64;  ///< inputs, formats, sizes: for drivers whose list does not end
 
 struct Standard {
   std::string_view name;
@@ -45,7 +45,7 @@ Result<std::uint32_t> choose_input(const Device& device, const std::string& want
     return static_cast<std::uint32_t>(std::max(current, 0));
   }
   std::vector<std::string> names;
-  for (std::uint32_t i = 0; i < kMostListed; ++i) {
+  for (std::uint32_t i = 0; i < kMaxListed; ++i) {
     v4l2_input input{};
     input.index = i;
     if (device.ioctl(VIDIOC_ENUMINPUT, &input) != 0) break;
@@ -88,7 +88,7 @@ Result<v4l2_std_id> choose_standard(const Device& device, const std::string& wan
 Result<FourCc> choose_format(const Device& device, PixelFormat pixels) {
   std::vector<std::uint32_t> offered;
   std::vector<std::string> names;
-  for (std::uint32_t i = 0; i < kMostListed; ++i) {
+  for (std::uint32_t i = 0; i < kMaxListed; ++i) {
     v4l2_fmtdesc description{};
     description.index = i;
     description.type = device.buffer_type();
@@ -108,7 +108,7 @@ Result<FourCc> choose_format(const Device& device, PixelFormat pixels) {
 
 std::string sizes_of(const Device& device, std::uint32_t code) {
   std::vector<std::string> sizes;
-  for (std::uint32_t i = 0; i < kMostListed; ++i) {
+  for (std::uint32_t i = 0; i < kMaxListed; ++i) {
     v4l2_frmsizeenum size{};
     size.index = i;
     size.pixel_format = code;
@@ -233,7 +233,7 @@ Status set_rate(const Device& device, const FrameRate& rate, v4l2_std_id standar
     period = parameters.parm.capture.timeperframe;
     known = true;
   }
-  for (std::uint32_t i = 0; !known && standard != 0 && i < kMostListed; ++i) {
+  for (std::uint32_t i = 0; !known && standard != 0 && i < kMaxListed; ++i) {
     v4l2_standard each{};
     each.index = i;
     if (device.ioctl(VIDIOC_ENUMSTD, &each) != 0) break;

@@ -40,14 +40,14 @@ class Question {
       description.index = i;
       description.type = device_.buffer_type();
       if (!ask(VIDIOC_ENUM_FMT, &description)) break;
-      if (found_.formats.size() == kMostFormats) {
-        odd("lists more than " + std::to_string(kMostFormats) + " formats; the others are left out");
+      if (found_.formats.size() == kMaxFormats) {
+        odd("lists more than " + std::to_string(kMaxFormats) + " formats; the others are left out");
         break;
       }
       found_.formats.push_back(format(description.pixelformat));
     }
     if (out_of_questions_) {
-      odd("answers more than " + std::to_string(kMostEnumerations) +
+      odd("answers more than " + std::to_string(kMaxEnumerations) +
           " questions for formats, sizes and rates; the rest is left out");
     }
     ask_controls();
@@ -61,7 +61,7 @@ class Question {
   }
 
   bool ask(unsigned long request, void* argument) {
-    if (asked_ == kMostEnumerations) {
+    if (asked_ == kMaxEnumerations) {
       out_of_questions_ = true;
       return false;
     }
@@ -106,8 +106,8 @@ class Question {
       size.index = i;
       size.pixel_format = code;
       if (!ask(VIDIOC_ENUM_FRAMESIZES, &size)) break;
-      if (format.sizes.size() == kMostSizes) {
-        odd("lists more than " + std::to_string(kMostSizes) + " sizes of " + format.name + "; the others are left out");
+      if (format.sizes.size() == kMaxSizes) {
+        odd("lists more than " + std::to_string(kMaxSizes) + " sizes of " + format.name + "; the others are left out");
         break;
       }
       if (size.type == V4L2_FRMSIZE_TYPE_DISCRETE) {
@@ -150,8 +150,8 @@ class Question {
       interval.width = width;
       interval.height = height;
       if (!ask(VIDIOC_ENUM_FRAMEINTERVALS, &interval)) break;
-      if (size.rates.size() == kMostRates) {
-        odd("lists more than " + std::to_string(kMostRates) + " rates of a size; the others are left out");
+      if (size.rates.size() == kMaxFrameRates) {
+        odd("lists more than " + std::to_string(kMaxFrameRates) + " rates of a size; the others are left out");
         break;
       }
       if (interval.type == V4L2_FRMIVAL_TYPE_DISCRETE) {
@@ -256,7 +256,7 @@ bool Scanner::ask(const std::string& node) {
 std::vector<FoundDevice> Scanner::scan(std::chrono::milliseconds patience) {
   const auto until = std::chrono::steady_clock::now() + patience;
   std::vector<std::string> nodes = system_.nodes();
-  if (nodes.size() > kMostNodes) nodes.resize(kMostNodes);
+  if (nodes.size() > kMaxNodes) nodes.resize(kMaxNodes);
   std::set<std::string> refused;
   for (const std::string& node : nodes) {
     if (!ask(node)) refused.insert(node);

@@ -54,11 +54,11 @@ struct FoundDevice {
   std::string listed_only;            ///< why its modes are not known, although nothing is wrong; otherwise empty
 };
 
-inline constexpr std::size_t kMostNodes = 64;    ///< device nodes that a scan opens
-inline constexpr int kMostEnumerations = 4096;   ///< questions for formats, sizes and rates to one device
-inline constexpr std::size_t kMostFormats = 64;  ///< pixel formats kept of a device
-inline constexpr std::size_t kMostSizes = 64;    ///< frame sizes kept of a format
-inline constexpr std::size_t kMostRates = 32;    ///< frame rates kept of a size
+inline constexpr std::size_t kMaxNodes = 64;       ///< device nodes that a scan opens
+inline constexpr int kMaxEnumerations = 4096;      ///< questions for formats, sizes and rates to one device
+inline constexpr std::size_t kMaxFormats = 64;     ///< pixel formats kept of a device
+inline constexpr std::size_t kMaxSizes = 64;       ///< frame sizes kept of a format
+inline constexpr std::size_t kMaxFrameRates = 32;  ///< frame rates kept of a size
 
 /// Asks devices, each on a thread of its own; also those that other programs use.
 ///

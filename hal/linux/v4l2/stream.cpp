@@ -10,8 +10,8 @@ namespace {
 
 constexpr std::uint32_t kFewestBuffers = 2;  ///< one is filled while the other is read
 /// Size limit of a frame, so that its length is a valid width.
-constexpr std::size_t kMostBytes = std::size_t{1} << 30;
-constexpr std::uint32_t kMostBuffers = 256;  ///< upper limit of what the driver may grant; the kernel's own limit is 32
+constexpr std::size_t kMaxBytes = std::size_t{1} << 30;
+constexpr std::uint32_t kMaxBuffers = 256;  ///< upper limit of what the driver may grant; the kernel's own limit is 32
 
 /// An invalid time counts as the clock's start.
 Instant instant_of(const timeval& time) {
@@ -67,7 +67,7 @@ Status Stream::begin(int buffers) {
   }
   allocated_ = true;
   Status begun;
-  if (wanted.count < kFewestBuffers || wanted.count > kMostBuffers) {
+  if (wanted.count < kFewestBuffers || wanted.count > kMaxBuffers) {
     begun = fail(Errc::kDeviceFailed, "head '" + device_.head() + "': the driver grants " +
                                           std::to_string(wanted.count) + " buffers, and at least " +
                                           std::to_string(kFewestBuffers) + " are needed; choose a smaller size");
@@ -146,8 +146,7 @@ int Stream::dequeue(Frame& frame) {
     const std::size_t needed = granted_.layout.needed[p];
     const bool inside = offset <= plane.length - needed;  // map() has checked that a frame fits
     plane.offset = inside ? offset : 0;
-    plane.used =
-        inside && used > offset && offset < kMostBytes ? std::min({used, plane.length, kMostBytes}) - offset : 0;
+    plane.used = inside && used > offset && offset < kMaxBytes ? std::min({used, plane.length, kMaxBytes}) - offset : 0;
     if (!inside || used > plane.length) {
       frame.verdict = FrameVerdict::kCorrupt;
     } else if (used < offset + needed && frame.verdict == FrameVerdict::kGood) {

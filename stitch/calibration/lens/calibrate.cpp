@@ -16,11 +16,11 @@
 namespace nodal::calibration {
 namespace {
 
-constexpr double kLeastExplained = 0.6;  // share of a photograph's variance
-constexpr double kLeastTilt = 4 * kRadiansPerDegree;
-constexpr double kMostFocalDeviation = 0.003;
+constexpr double kMinExplained = 0.6;  // share of a photograph's variance
+constexpr double kMinTilt = 4 * kRadiansPerDegree;
+constexpr double kMaxFocalDeviation = 0.003;
 constexpr double kHopeless = 0.03;  // deviation after kQuick; kThorough divides it by five, not by ten
-constexpr std::size_t kLeastViews = 2;
+constexpr std::size_t kMinViews = 2;
 constexpr double kAlikeTurn = 3 * kRadiansPerDegree;  // photographs that differ by less count as one view
 constexpr double kAlikeMove = 0.03;                   // share of the pattern's distance
 constexpr double kWellCovered = 0.95;
@@ -44,7 +44,7 @@ GreyImage pattern_light(const PatternRaster& raster) {
 }
 
 Status check_photographs(const std::vector<LensPhotograph>& photographs) {
-  if (photographs.size() < kLeastViews) {
+  if (photographs.size() < kMinViews) {
     return fail(Errc::kNotDetermined, std::to_string(photographs.size()) + " photograph" +
                                           (photographs.size() == 1 ? " is" : "s are") +
                                           " too few; take three or more, with the pattern turned by 20 to 40 degrees, "
@@ -125,7 +125,7 @@ double mapping_deviation(const LensParameters& lens, const Eigen::MatrixXd& cova
 
 Status check_fits(const std::vector<LensPhotograph>& photographs, const std::vector<DenseFit>& fits) {
   for (std::size_t v = 0; v < fits.size(); ++v) {
-    if (fits[v].explained >= kLeastExplained) continue;
+    if (fits[v].explained >= kMinExplained) continue;
     return fail(Errc::kNotDetermined,
                 photographs[v].name + ": the pattern was found, but explains only " +
                     text(100 * std::max(0.0, fits[v].explained), "%.0f") +
@@ -139,7 +139,7 @@ Status check_determined(const Arrangement& arrangement, const LensReport& report
   double tilt = 0;
   for (const Pose& pose : arrangement.poses) tilt = std::max(tilt, tilt_of(pose));
   const double part = report.focal.deviation / report.focal.value;
-  if (tilt >= kLeastTilt && part <= kMostFocalDeviation) return {};
+  if (tilt >= kMinTilt && part <= kMaxFocalDeviation) return {};
   return fail(Errc::kNotDetermined,
               "the focal length is not determined (" + text(report.focal.value, "%.1f") + " px, give or take " +
                   text(100 * part) + " %; the most tilted photograph is tilted by " +

@@ -15,7 +15,7 @@ constexpr solve::Huber kPixelHuber{2.0};  // standard deviations of the residual
 constexpr int kShadeStride = 3;           // shading is smooth: every third pixel of a row suffices
 constexpr double kPixelVariance = 1.0 / 12;
 constexpr int kSmallestSide = 90;  // px, of the coarsest pyramid level
-constexpr int kMostTaps = 9;
+constexpr int kMaxTaps = 9;
 constexpr double kCalm = 0.05;  // share of the pattern's range, per doubling of the blur
 constexpr int kRounds = 12;
 
@@ -44,7 +44,7 @@ ScaleSpace::Sample through_footprint(const ScaleSpace& pattern, const Eigen::Vec
   const double short2 = std::max(half - root, 1e-6 * long2);
   const double narrow = sigma * std::sqrt(short2);
   const double stretch = long2 / short2 - 1;
-  const int taps = std::min(kMostTaps, 1 + 2 * static_cast<int>(std::floor(0.8 * stretch + 0.6)));
+  const int taps = std::min(kMaxTaps, 1 + 2 * static_cast<int>(std::floor(0.8 * stretch + 0.6)));
   if (taps == 1) return pattern.at(at.x(), at.y(), sigma * std::sqrt(std::sqrt(long2 * short2)));
   const Eigen::Vector2d step = long_axis(S, long2) * sigma * std::sqrt(4 * (long2 - short2) / (taps - 1));
   ScaleSpace::Sample sum;

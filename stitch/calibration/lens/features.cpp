@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kScales = 3;           // per octave
 constexpr double kFirstSigma = 1.6;  // px of the octave
-constexpr float kLeastContrast = 0.006F;
+constexpr float kMinContrast = 0.006F;
 constexpr int kBorder = 8;  // px of the octave; no features closer to the edge
 constexpr int kBins = 36;   // bins of the histogram of gradient directions
 constexpr int kCells = 4;
@@ -195,7 +195,7 @@ void collect(const Octave& octave, std::size_t index, std::vector<Candidate>& ca
     for (int j = kBorder; j < height - kBorder; ++j) {
       const float* row = d.row(j);
       for (int i = kBorder; i < width - kBorder; ++i) {
-        if (std::abs(row[i]) < kLeastContrast || !is_extremum(octave, s, i, j)) continue;
+        if (std::abs(row[i]) < kMinContrast || !is_extremum(octave, s, i, j)) continue;
         const auto offset = refine(d, i, j);
         if (!offset) continue;
         candidates.push_back({index, s, i + 0.5 + offset->x(), j + 0.5 + offset->y(), std::abs(row[i])});

@@ -11,7 +11,7 @@
 namespace nodal::calibration {
 namespace {
 
-constexpr double kMostTilted = 0.05;  // cosine between ray and plane normal; below it detail is smeared
+constexpr double kMaxTilted = 0.05;  // cosine between ray and plane normal; below it detail is smeared
 
 /// For Tsai, r_ideal as a function of r; for fisheyes, r as a function of the angle.
 geometry::RisingPolynomial polynomial_of(const LensParameters& lens) {
@@ -135,7 +135,7 @@ PlaneFinder::PlaneFinder(const Pose& pose) : normal_(pose.R.col(2)) {
 
 std::optional<PlanePoint> PlaneFinder::at(const Eigen::Vector3d& ray) const {
   const Eigen::Vector3d w = inverse_ * ray;
-  if (!(w.z() > 0) || std::abs(normal_.dot(ray)) < kMostTilted) return std::nullopt;
+  if (!(w.z() > 0) || std::abs(normal_.dot(ray)) < kMaxTilted) return std::nullopt;
   PlanePoint point;
   point.distance = 1 / w.z();
   point.at = w.head<2>() * point.distance;

@@ -14,8 +14,8 @@ namespace nodal::calibration {
 namespace {
 
 constexpr int kFlare = 0, kVignetting = 1, kCurve = 4;  // indices of the shared unknowns
-constexpr int kMostCurve = 3;
-constexpr int kShared = kCurve + kMostCurve;
+constexpr int kMaxCurve = 3;
+constexpr int kShared = kCurve + kMaxCurve;
 constexpr int kLightOwn = 5;                       // gain, slope x, slope y, x^2 - y^2, x y
 constexpr double kLowest = 0.02, kHighest = 0.98;  // outside, recorded values are crushed or saturated
 constexpr double kFoot = 0.002;                    // share of full light
@@ -37,7 +37,7 @@ struct Placed {
 /// unknowns.
 struct Decoded {
   double encoded, slope;
-  std::array<double, kMostCurve> by_curve;
+  std::array<double, kMaxCurve> by_curve;
 };
 
 Response response_of(const State& state, bool gamma) {
@@ -49,9 +49,9 @@ Response response_of(const State& state, bool gamma) {
   }
   response.curve = Response::Curve::kPolynomial;
   double first = 1;
-  for (int k = 0; k < kMostCurve; ++k) first -= state.shared[static_cast<std::size_t>(kCurve + k)];
+  for (int k = 0; k < kMaxCurve; ++k) first -= state.shared[static_cast<std::size_t>(kCurve + k)];
   response.coefficients = {first};
-  for (std::size_t k = 0; k < kMostCurve; ++k) response.coefficients.push_back(state.shared[kCurve + k]);
+  for (std::size_t k = 0; k < kMaxCurve; ++k) response.coefficients.push_back(state.shared[kCurve + k]);
   return response;
 }
 
@@ -86,7 +86,7 @@ Decoded encode_with_slopes(const Curve& curve, double light) {
   }
   d.slope = std::max(curve.polynomial->slope(e), 1e-6);
   d.encoded = e + std::min(light - kFoot, 0.0) / d.slope;
-  for (int k = 0; k < kMostCurve; ++k) d.by_curve[static_cast<std::size_t>(k)] = std::pow(e, k + 2) - e;
+  for (int k = 0; k < kMaxCurve; ++k) d.by_curve[static_cast<std::size_t>(k)] = std::pow(e, k + 2) - e;
   return d;
 }
 
@@ -114,7 +114,7 @@ solve::Evaluation evaluate(const State& state, const std::vector<Placed>& sample
     by_shared[kVignetting] = by_light * lamp * seen * p.s;
     by_shared[kVignetting + 1] = by_shared[kVignetting] * p.s;
     by_shared[kVignetting + 2] = by_shared[kVignetting + 1] * p.s;
-    for (std::size_t k = 0; k < kMostCurve; ++k) by_shared[kCurve + k] = -d.by_curve[k] / d.slope;
+    for (std::size_t k = 0; k < kMaxCurve; ++k) by_shared[kCurve + k] = -d.by_curve[k] / d.slope;
     std::array<double, kLightOwn> by_own;
     for (std::size_t k = 0; k < kLightOwn; ++k) by_own[k] = by_light * fall * seen * field[k];
     const double size = std::abs(residual);
@@ -158,7 +158,7 @@ Photometry fit_photometry(const std::vector<LightSample>& samples, int views, co
   start.shared[kCurve] = 2.0;
   const auto gamma = fit(start, placed, true);
   State bend = gamma.state;
-  for (int k = 0; k < kMostCurve; ++k) bend.shared[static_cast<std::size_t>(kCurve + k)] = k == 0 ? 0.8 : 0.05;
+  for (int k = 0; k < kMaxCurve; ++k) bend.shared[static_cast<std::size_t>(kCurve + k)] = k == 0 ? 0.8 : 0.05;
   const auto polynomial = fit(bend, placed, false);
   const bool take_gamma = gamma.at.cost * kClearly * kClearly <= polynomial.at.cost;
   const auto& best = take_gamma ? gamma : polynomial;

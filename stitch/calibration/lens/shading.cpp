@@ -10,9 +10,9 @@ namespace nodal::calibration {
 namespace {
 
 constexpr int kPasses = 3;
-constexpr double kFarOff = 2.0;       // standard deviations; residuals beyond it weigh less
-constexpr double kStiffness = 1e-3;   // weight of the tone curve's second differences
-constexpr double kLeastRange = 0.05;  // smallest range of the tone curve; below it there is no contrast
+constexpr double kFarOff = 2.0;      // standard deviations; residuals beyond it weigh less
+constexpr double kStiffness = 1e-3;  // weight of the tone curve's second differences
+constexpr double kMinRange = 0.05;   // smallest range of the tone curve; below it there is no contrast
 
 /// The monomials x^i y^j of degree up to 4, in order of degree.
 template <class Terms>
@@ -126,7 +126,7 @@ bool Shadings::fit_tone(ToneSums& sums) {
   const Eigen::Matrix<double, kKnots, 1> knots = solve::solve_symmetric(sums.A, sums.b, {}, {});
   // A linear function can be moved between tone and shading; the convention is that the tone goes from 0 to 1.
   const double range = knots(kKnots - 1) - knots(0);
-  if (!(range > kLeastRange)) return false;
+  if (!(range > kMinRange)) return false;
   for (int k = 0; k < kKnots; ++k) tone_[static_cast<std::size_t>(k)] = (knots(k) - knots(0)) / range;
   return true;
 }

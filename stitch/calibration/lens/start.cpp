@@ -16,7 +16,7 @@ namespace nodal::calibration {
 namespace {
 
 constexpr int kTries = 1500;
-constexpr double kLeastStartTilt = 5 * kRadiansPerDegree;
+constexpr double kMinStartTilt = 5 * kRadiansPerDegree;
 using Row6 = Eigen::Matrix<double, 1, 6>;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 
@@ -178,7 +178,7 @@ double RadialPose::tilt() const { return std::asin(std::min(1.0, third.norm()));
 
 std::optional<RadialPose> radial_pose(const std::vector<PointPair>& pairs, const Eigen::Vector2d& center, double aspect,
                                       double tolerance_px) {
-  if (pairs.size() < static_cast<std::size_t>(kLeastPairs)) return std::nullopt;
+  if (pairs.size() < static_cast<std::size_t>(kMinPairs)) return std::nullopt;
   std::vector<Eigen::Vector2d> p;
   p.reserve(pairs.size());
   for (const PointPair& pair : pairs) p.push_back(from_center(pair, center, aspect));
@@ -195,7 +195,7 @@ std::optional<RadialPose> radial_pose(const std::vector<PointPair>& pairs, const
     if (in.size() > best.size()) best = std::move(in);
   }
   Vector6 m = Vector6::Zero();
-  for (int pass = 0; pass < 5 && best.size() >= static_cast<std::size_t>(kLeastPairs); ++pass) {
+  for (int pass = 0; pass < 5 && best.size() >= static_cast<std::size_t>(kMinPairs); ++pass) {
     Eigen::Matrix<double, Eigen::Dynamic, 6> A(static_cast<Eigen::Index>(best.size()), 6);
     for (std::size_t k = 0; k < best.size(); ++k) {
       const std::size_t i = best[k];
@@ -205,7 +205,7 @@ std::optional<RadialPose> radial_pose(const std::vector<PointPair>& pairs, const
     best = best_sign(m, p, pairs, tolerance_px);
   }
   // Any pose fits some wrong pairs by chance; the pattern is found only if many more fit.
-  if (best.size() < std::max<std::size_t>(kLeastPairs, pairs.size() / 5)) return std::nullopt;
+  if (best.size() < std::max<std::size_t>(kMinPairs, pairs.size() / 5)) return std::nullopt;
   RadialPose pose;
   pose.rows = as_rows(m);
   if (pose.rows.leftCols<2>().determinant() <= 0) return std::nullopt;  // a mirror image
@@ -225,7 +225,7 @@ Result<Arrangement> first_arrangement(const std::vector<RadialPose>& views, Lens
     tilt = std::max(tilt, view.tilt());
     for (const PointPair& pair : view.inliers) farthest = std::max(farthest, from_center(pair, center, aspect).norm());
   }
-  if (tilt < kLeastStartTilt) {
+  if (tilt < kMinStartTilt) {
     return fail(Errc::kNotDetermined,
                 "every photograph looks at the pattern head on, so that focal length and distance cannot be told "
                 "apart; take some with the pattern turned by 20 to 40 degrees");

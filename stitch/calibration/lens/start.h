@@ -34,8 +34,8 @@ struct RadialPose {
   double tilt() const;  ///< rad, between the pattern's normal and the lens's axis
 };
 
-/// The pose that most pairs fit; nothing if fewer than kLeastPairs do. `center` and `aspect` are estimates.
-inline constexpr int kLeastPairs = 20;
+/// The pose that most pairs fit; nothing if fewer than kMinPairs do. `center` and `aspect` are estimates.
+inline constexpr int kMinPairs = 20;
 std::optional<RadialPose> radial_pose(const std::vector<PointPair>& pairs, const Eigen::Vector2d& center, double aspect,
                                       double tolerance_px);
 

@@ -13,9 +13,9 @@ namespace nodal::calibration {
 namespace {
 
 constexpr double kStop = 0.69314718055994530942;  // ln 2
-constexpr int kLeastRays = 60;                    // rays that two heads must share to be compared
-constexpr std::size_t kLeastPlaces = 300;         // places per fit of a response; each has three channels
-constexpr double kLeastGamma = 0.3, kMostGamma = 5;
+constexpr int kMinRays = 60;                      // rays that two heads must share to be compared
+constexpr std::size_t kMinPlaces = 300;           // places per fit of a response; each has three channels
+constexpr double kMinGamma = 0.3, kMaxGamma = 5;
 constexpr double kLargeLeft = 0.3;     // stops
 constexpr double kUnsureCorner = 0.1;  // stops
 
@@ -66,7 +66,7 @@ std::vector<bool> placed_heads(const LightGroups& groups, std::size_t heads) {
   for (std::size_t round = 0; round < heads; ++round) {
     for (std::size_t a = 0; a < heads; ++a) {
       for (std::size_t b = 0; b < heads; ++b) {
-        if (together[a][b] >= kLeastRays) family[a] = family[b] = std::min(family[a], family[b]);
+        if (together[a][b] >= kMinRays) family[a] = family[b] = std::min(family[a], family[b]);
       }
     }
   }
@@ -115,7 +115,7 @@ Result<bool> stops_known(const std::vector<ExposedSet>& sets) {
 Status find_responses(const std::vector<geometry::Head>& heads, const std::vector<ExposedSet>& sets,
                       const LightOptions& options, LightModel& model, LightReport& report) {
   const LightGroups places = same_places(heads, sets);
-  if (places.size() < 3 * kLeastPlaces) {
+  if (places.size() < 3 * kMinPlaces) {
     return fail(Errc::kNotDetermined, "too few places are neither black nor clipped in two exposures (" +
                                           std::to_string(places.size() / 3) +
                                           "); take the same scene a stop or two apart, and calm");
@@ -123,7 +123,7 @@ Status find_responses(const std::vector<geometry::Head>& heads, const std::vecto
   const auto fitted = [&](const LightGroups& groups, const std::string& whose) -> Result<ResponseFit> {
     const ResponseFit fit = fit_response(groups);
     const bool gamma = fit.response.curve == Response::Curve::kGamma;
-    if (gamma && !(fit.response.gamma >= kLeastGamma && fit.response.gamma <= kMostGamma)) {
+    if (gamma && !(fit.response.gamma >= kMinGamma && fit.response.gamma <= kMaxGamma)) {
       return fail(Errc::kNotDetermined, whose + " pictures do not follow the stops given (gamma would be " +
                                             text(fit.response.gamma) +
                                             "); check their signs and their order: +1 is twice the light");
@@ -142,7 +142,7 @@ Status find_responses(const std::vector<geometry::Head>& heads, const std::vecto
   if (!options.own_response) return {};
   for (std::size_t h = 0; h < heads.size(); ++h) {
     const LightGroups own = only(places, [h](int head) { return static_cast<std::size_t>(head) == h; });
-    if (own.size() < 3 * kLeastPlaces) {
+    if (own.size() < 3 * kMinPlaces) {
       report.notes.push_back("head '" + heads[h].name() +
                              "' has too few good places for a response of its own and "
                              "takes the others'");
@@ -238,7 +238,7 @@ Result<LightReport> calibrate_light(const Calibration& prior, const std::vector<
   const LightGroups all = shared_rays(heads, sets);
   const std::vector<bool> placed = placed_heads(all, prior.heads.size());
   if (std::ranges::count(placed, true) == 0) {
-    return fail(Errc::kNoCoverage, "no two heads share " + std::to_string(kLeastRays) +
+    return fail(Errc::kNoCoverage, "no two heads share " + std::to_string(kMinRays) +
                                        " rays that are neither black nor clipped; check the calibration's rotations "
                                        "and the pictures' exposure");
   }

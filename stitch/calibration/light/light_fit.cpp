@@ -18,16 +18,16 @@ namespace {
 constexpr solve::Huber kHuber{1.5};  // standard deviations
 constexpr double kLoosely = 4;       // weight of "no fall-off" where the data do not determine the fall-off
 constexpr double kHeld = 1e6;        // weight that holds an unknown that the data do not determine
-constexpr double kLeastLight = 1e-4;
-constexpr double kLeastFall = 0.02;
+constexpr double kMinLight = 1e-4;
+constexpr double kMinFall = 0.02;
 constexpr double kClearly = 0.85;  // a polynomial's rms must be below this share of the gamma curve's
-constexpr std::size_t kMostTerms = 4;
+constexpr std::size_t kMaxTerms = 4;
 
 /// ln light of an observation, and its derivatives by the few unknowns on which it depends.
 struct Linear {
   double log_light = 0;
-  std::array<Eigen::Index, kMostTerms> unknown{};
-  std::array<double, kMostTerms> slope{};
+  std::array<Eigen::Index, kMaxTerms> unknown{};
+  std::array<double, kMaxTerms> slope{};
   std::size_t count = 0;
 
   std::ptrdiff_t terms() const { return static_cast<std::ptrdiff_t>(count); }
@@ -125,8 +125,8 @@ constexpr solve::DescentOptions kDescent{
 /// step towards the border of the valid states, and the descent would end there.
 template <class State, class Move, class Possible>
 State moved_within(const State& from, Eigen::VectorXd step, Move&& moved, Possible&& possible) {
-  constexpr int kMostHalvings = 20;
-  for (int halved = 0; halved < kMostHalvings && !possible(moved(from, step)); ++halved) step /= 2;
+  constexpr int kMaxHalvings = 20;
+  for (int halved = 0; halved < kMaxHalvings && !possible(moved(from, step)); ++halved) step /= 2;
   return moved(from, step);
 }
 
@@ -134,13 +134,13 @@ double fall_off(const std::array<double, 3>& v, double s) { return 1 + s * (v[0]
 
 /// ln decode(value), limited below, because the logarithm of almost no light is meaningless.
 double log_decoded(const Response& response, double value) {
-  return std::log(std::max(geometry::decode(response, value), kLeastLight));
+  return std::log(std::max(geometry::decode(response, value), kMinLight));
 }
 
 double log_light(const LightModel& model, const Observation& o) {
   const auto h = static_cast<std::size_t>(o.head);
   return log_decoded(model.response[h], o.value) - model.log_gain[h][static_cast<std::size_t>(o.channel)] -
-         std::log(std::max(fall_off(model.vignetting[h], o.s), kLeastFall)) - std::log(2.0) * o.stops;
+         std::log(std::max(fall_off(model.vignetting[h], o.s), kMinFall)) - std::log(2.0) * o.stops;
 }
 
 /// The curve with unknowns x: gamma alone, or c2, c3, c4 of a polynomial (the coefficients sum to one).
@@ -171,7 +171,7 @@ Linear curve_line(const Eigen::VectorXd& x, const Observation& o) {
   }
   double light = e;
   for (Eigen::Index k = 0; k < x.size(); ++k) light += x[k] * (std::pow(e, k + 2) - e);
-  light = std::max(light, kLeastLight);
+  light = std::max(light, kMinLight);
   line.log_light = std::log(light) - std::log(2.0) * o.stops;
   for (Eigen::Index k = 0; k < x.size(); ++k) line.add(k, (std::pow(e, k + 2) - e) / light);
   return line;
@@ -259,7 +259,7 @@ struct Places {
 
 Linear gain_line(const LightModel& model, const Places& places, const Observation& o) {
   const auto h = static_cast<std::size_t>(o.head);
-  const double fall = std::max(fall_off(model.vignetting[h], o.s), kLeastFall);
+  const double fall = std::max(fall_off(model.vignetting[h], o.s), kMinFall);
   Linear line;
   line.log_light = log_light(model, o);
   line.add(places.gain(h, o.channel), -1);
@@ -311,7 +311,7 @@ LightModel moved(const LightModel& from, const Places& places, const Eigen::Vect
 bool falls_gently(const LightModel& model) {
   for (const auto& v : model.vignetting) {
     for (const double s : {0.25, 0.5, 0.75, 1.0}) {
-      if (!(fall_off(v, s) > kLeastFall)) return false;
+      if (!(fall_off(v, s) > kMinFall)) return false;
     }
   }
   return true;

@@ -12,7 +12,7 @@ constexpr int kRays = 60'000;
 constexpr int kPlaces = 4'000;                 // per head
 constexpr int kPatch = 2;                      // px to each side: five by five
 constexpr int kDarkest = 5, kBrightest = 250;  // a pixel outside is crushed or clipped
-constexpr double kMostDetail = 16;             // levels; a patch with more shows an edge, not a brightness
+constexpr double kMaxDetail = 16;              // levels; a patch with more shows an edge, not a brightness
 constexpr double kNoise = 1;                   // standard deviation of a patch's mean, levels
 constexpr double kMisplaced = 0.4;             // difference due to misaligned heads, as a share of a patch's detail
 
@@ -41,7 +41,7 @@ std::optional<Patch> patch_at(const ImageView& image, geometry::Pixel at) {
     patch.mean[c] = sum / kCount;
     patch.detail = std::max(patch.detail, std::sqrt(std::max(0.0, square / kCount - patch.mean[c] * patch.mean[c])));
   }
-  if (patch.detail > kMostDetail) return std::nullopt;
+  if (patch.detail > kMaxDetail) return std::nullopt;
   return patch;
 }
 

@@ -11,7 +11,7 @@
 namespace nodal::media {
 namespace {
 
-constexpr double kLeastMm = 1, kMostMm = 2000;
+constexpr double kMinMm = 1, kMaxMm = 2000;
 
 struct Unref {
   void operator()(ExifData* data) const { exif_data_unref(data); }
@@ -70,7 +70,7 @@ Exif parse_exif(std::span<const std::uint8_t> start) {
   const std::unique_ptr<ExifData, Unref> data(
       exif_data_new_from_data(start.data(), static_cast<unsigned int>(std::min(start.size(), kExifBytes))));
   if (!data) return exif;
-  const auto plausible = [](std::optional<double> mm) { return mm && *mm >= kLeastMm && *mm <= kMostMm; };
+  const auto plausible = [](std::optional<double> mm) { return mm && *mm >= kMinMm && *mm <= kMaxMm; };
   // 0 means that it is not known.
   exif.focal_35mm = number(data.get(), EXIF_IFD_EXIF, EXIF_TAG_FOCAL_LENGTH_IN_35MM_FILM);
   if (!plausible(exif.focal_35mm)) exif.focal_35mm = from_focal_plane(data.get());

@@ -87,7 +87,7 @@ class TakeFolder {
 
 /// One head in a set.
 struct TakeFrame {
-  bool there = false;         ///< the head had a frame in the set: its time and settings are known
+  bool present = false;       ///< the head had a frame in the set: its time and settings are known
   std::string placeholder{};  ///< why there is no picture: "missing", "format"; empty: there is one
   ImageView image{};          ///< refers to the TakeSet; without data if it was not read
   Fields fields = Fields::kProgressive;

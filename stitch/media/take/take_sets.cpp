@@ -9,23 +9,23 @@
 namespace nodal::media {
 namespace {
 
-TakeFrame frame_of(const take::wire::Frame& told, const TakeStream& stream) {
+TakeFrame frame_of(const take::wire::Frame& stored, const TakeStream& stream) {
   TakeFrame frame;
-  frame.there = told.placeholder() != "missing";
-  frame.placeholder = told.placeholder();
+  frame.present = stored.placeholder() != "missing";
+  frame.placeholder = stored.placeholder();
   frame.fields = stream.fields;
-  if (!frame.there) return frame;
-  frame.offset = Duration::nanoseconds(told.offset_ns());
+  if (!frame.present) return frame;
+  frame.offset = Duration::nanoseconds(stored.offset_ns());
   constexpr std::uint64_t kLongest = 1'000'000'000'000;  // ns
   frame.exposure =
-      Exposure::of(Duration::nanoseconds(static_cast<std::int64_t>(std::min(told.exposure_ns(), kLongest))));
-  frame.gain = Gain::millidecibels(std::clamp(told.gain_mdb(), -kMostGainMdb, kMostGainMdb));
+      Exposure::of(Duration::nanoseconds(static_cast<std::int64_t>(std::min(stored.exposure_ns(), kLongest))));
+  frame.gain = Gain::millidecibels(std::clamp(stored.gain_mdb(), -kMaxGainMdb, kMaxGainMdb));
   const auto q12 = [](std::uint32_t value) {
     return static_cast<std::uint16_t>(std::min<std::uint32_t>(value, 65535));
   };
-  frame.white_balance = {q12(told.red_q12()), q12(told.blue_q12())};
-  frame.gamma = static_cast<std::int32_t>(std::min<std::uint32_t>(told.gamma(), 100'000));
-  frame.sequence = told.sequence();
+  frame.white_balance = {q12(stored.red_q12()), q12(stored.blue_q12())};
+  frame.gamma = static_cast<std::int32_t>(std::min<std::uint32_t>(stored.gamma(), 100'000));
+  frame.sequence = stored.sequence();
   return frame;
 }
 
@@ -51,11 +51,11 @@ Result<bool> TakeSets::next(TakeSet& set) {
     segment_.emplace(std::move(opened));
     next_set_ = 0;
   }
-  const take::wire::Set& told = segment_->evidence().sets[next_set_++];
-  set.evidence = told;
-  set.mid_exposure = Instant::from_ns(told.mid_exposure_ns());
+  const take::wire::Set& stored = segment_->evidence().sets[next_set_++];
+  set.evidence = stored;
+  set.mid_exposure = Instant::from_ns(stored.mid_exposure_ns());
   set.heads = {};
-  for (const take::wire::Frame& frame : told.frames()) {
+  for (const take::wire::Frame& frame : stored.frames()) {
     const TakeStream& stream = segment_->streams()[frame.file()];
     set.heads[*stream.head] = frame_of(frame, stream);
   }

@@ -11,7 +11,7 @@
 namespace nodal::media {
 namespace {
 
-constexpr tmsize_t kMostAtOnce = tmsize_t{1} << 30;  // bytes that libtiff may allocate at once, for a strip or a tile
+constexpr tmsize_t kMaxAtOnce = tmsize_t{1} << 30;  // bytes that libtiff may allocate at once, for a strip or a tile
 
 TiffMemory& memory_of(thandle_t handle) { return *static_cast<TiffMemory*>(handle); }
 
@@ -65,7 +65,7 @@ std::unique_ptr<TIFFOpenOptions, decltype(&TIFFOpenOptionsFree)> options_for(Tif
   if (!options) return options;
   TIFFOpenOptionsSetErrorHandlerExtR(options.get(), keep_error, &memory);
   TIFFOpenOptionsSetWarningHandlerExtR(options.get(), drop_warning, nullptr);
-  TIFFOpenOptionsSetMaxSingleMemAlloc(options.get(), kMostAtOnce);
+  TIFFOpenOptionsSetMaxSingleMemAlloc(options.get(), kMaxAtOnce);
   return options;
 }
 

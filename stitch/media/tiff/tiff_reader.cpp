@@ -25,11 +25,11 @@
 namespace nodal::media {
 namespace {
 
-constexpr std::uint32_t kMostSide = 32768;
+constexpr std::uint32_t kMaxSide = 32768;
 /// Decoded bytes per byte of file. Deflate expands at most 1032 times, LZW and runs of one colour less.
-constexpr std::uint64_t kMostExpansion = 3096;
-constexpr std::uint64_t kMostBlock = std::uint64_t{1} << 30;  // bytes of a strip or a tile
-constexpr std::uint64_t kSmall = std::uint64_t{1} << 20;      // bytes; a picture this small may claim any expansion
+constexpr std::uint64_t kMaxExpansion = 3096;
+constexpr std::uint64_t kMaxBlock = std::uint64_t{1} << 30;  // bytes of a strip or a tile
+constexpr std::uint64_t kSmall = std::uint64_t{1} << 20;     // bytes; a picture this small may claim any expansion
 
 /// A file and what libtiff says of it.
 struct Reader {
@@ -57,15 +57,15 @@ Status check_size(Reader& reader) {
   const auto height = field<std::uint32_t>(tiff, TIFFTAG_IMAGELENGTH, 0);
   const std::string size = std::to_string(width) + "x" + std::to_string(height);
   if (width == 0 || height == 0) return fail(reader.error(Errc::kBadFormat, "the TIFF has " + size + " pixels"));
-  if (width > kMostSide || height > kMostSide) {
+  if (width > kMaxSide || height > kMaxSide) {
     return fail(
-        reader.error(Errc::kTooLarge, "is " + size + ", over the limit of " + std::to_string(kMostSide) + " a side"));
+        reader.error(Errc::kTooLarge, "is " + size + ", over the limit of " + std::to_string(kMaxSide) + " a side"));
   }
   if (std::uint64_t{width} * height > kMaxPicturePixels) {
     return fail(reader.error(Errc::kTooLarge, "is " + size + ", over the limit of " +
                                                   std::to_string(kMaxPicturePixels >> 20) + " * 2^20 pixels"));
   }
-  if (std::uint64_t{width} * height * 3 > kSmall + kMostExpansion * reader.file_bytes) {
+  if (std::uint64_t{width} * height * 3 > kSmall + kMaxExpansion * reader.file_bytes) {
     return fail(reader.error(Errc::kTruncated, std::to_string(reader.file_bytes) + " bytes cannot hold " + size +
                                                    " pixels; fetch or export it again"));
   }
@@ -195,8 +195,8 @@ Result<Blocks> plain_blocks(const Reader& reader) {
   blocks.sample_bytes = field<std::uint16_t>(tiff, TIFFTAG_BITSPERSAMPLE, 1) / 8;
   blocks.bytes = blocks.tiled ? TIFFTileSize(tiff) : TIFFStripSize(tiff);
   const std::uint64_t wanted = blocks.sample_bytes * blocks.across * blocks.down * blocks.stored;
-  if (blocks.across == 0 || blocks.down == 0 || blocks.bytes <= 0 || wanted > kMostBlock ||
-      static_cast<std::uint64_t>(blocks.bytes) < wanted || static_cast<std::uint64_t>(blocks.bytes) > kMostBlock) {
+  if (blocks.across == 0 || blocks.down == 0 || blocks.bytes <= 0 || wanted > kMaxBlock ||
+      static_cast<std::uint64_t>(blocks.bytes) < wanted || static_cast<std::uint64_t>(blocks.bytes) > kMaxBlock) {
     return fail(reader.error(Errc::kUnsupported, "the TIFF has unusual strips or tiles; export it again"));
   }
   return blocks;

@@ -8,7 +8,7 @@
 namespace nodal::media {
 namespace {
 
-constexpr std::uint64_t kMostBytes = std::uint64_t{4000} << 20;  // limit of the samples: offsets in a TIFF have 32 bits
+constexpr std::uint64_t kMaxBytes = std::uint64_t{4000} << 20;  // limit of the samples: offsets in a TIFF have 32 bits
 constexpr int kEffort = 3;  // zlib's level, as in PNGs: a third of the time of the default 6, for 5 % more bytes
 constexpr std::uint32_t kStripRows = 32;
 
@@ -48,7 +48,7 @@ Result<std::vector<std::uint8_t>> tiff_file(const ImageView& picture, const Tiff
   if (narrow != PixelFormat::kGrey8 && narrow != PixelFormat::kRgb24) {
     return fail(Errc::kUnsupported, "a TIFF of " + std::string(pixel_format_name(picture.format)) + " pictures");
   }
-  if (packed_size(picture.format, picture.width, picture.height) > kMostBytes) {
+  if (packed_size(picture.format, picture.width, picture.height) > kMaxBytes) {
     return fail(Errc::kTooLarge, "a TIFF holds at most 4 GB; choose a smaller picture, or PNG");
   }
   TiffMemory memory;

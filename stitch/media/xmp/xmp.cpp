@@ -109,9 +109,9 @@ class Collector final : public pugi::xml_tree_walker {
                                       {"GPano:CroppedAreaImageWidthPixels", &area_.width},
                                       {"GPano:CroppedAreaImageHeightPixels", &area_.height}}) {
       if (name != field) continue;
-      constexpr double kMost = 1e9;
+      constexpr double kMax = 1e9;
       const std::optional<double> number = number_of(value);
-      if (number && std::abs(*number) <= kMost) *into = std::llround(*number);
+      if (number && std::abs(*number) <= kMax) *into = std::llround(*number);
     }
     const auto* const kept = std::ranges::find(kKept, name, &Kept::name);
     if (kept == kKept.end() || std::ranges::find(words_.kept, name, &XmpProperty::name) != words_.kept.end()) return;

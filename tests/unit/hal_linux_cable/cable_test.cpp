@@ -159,7 +159,7 @@ TEST_F(CableTest, HostOpens_EightReadsOrMoreAreQueuedBeforeTheAnswer) {
 
 TEST_F(CableTest, BytesBothWays_ArriveInOrder) {
   const auto link = open();
-  const Bytes bytes = numbered(3 * kMostPayload + 5);
+  const Bytes bytes = numbered(3 * kMaxPayload + 5);
   bus_.send_record(session(), numbered(500));
   bus_.send_record(session(), numbered(1));
   Bytes expected = numbered(500);
@@ -181,10 +181,10 @@ TEST_F(CableTest, BytesBothWays_ArriveInOrder) {
 TEST_F(CableTest, HostDoesNotRead_WriteTakesWhatTheSlotsHoldAndThenNothing) {
   const auto link = open();
   const Bytes bytes = numbered(2 * kTransfers * kTransferBytes);
-  EXPECT_EQ(link->write(bytes), kTransfers * kMostPayload);
+  EXPECT_EQ(link->write(bytes), kTransfers * kMaxPayload);
   EXPECT_EQ(link->write(bytes), 0u);
   bus_.take();
-  EXPECT_EQ(link->write(bytes), kMostPayload);
+  EXPECT_EQ(link->write(bytes), kMaxPayload);
 }
 
 TEST_F(CableTest, HostKilledInTheMiddle_TheNextGetsNoByteOfIt) {
@@ -254,7 +254,7 @@ TEST_F(CableTest, UnpluggedDuringTheRequest_ThereIsNoSession) {
 TEST_F(CableTest, LinkDropped_HostIsToldAfterTheBytesBefore) {
   auto link = open();
   const std::uint16_t now = session();
-  ASSERT_EQ(link->write(numbered(kTransfers * kMostPayload)), kTransfers * kMostPayload);
+  ASSERT_EQ(link->write(numbered(kTransfers * kMaxPayload)), kTransfers * kMaxPayload);
   link.reset();  // no slot is free for the last record
   RecordReader host(now);
   std::size_t bytes = 0;
@@ -264,7 +264,7 @@ TEST_F(CableTest, LinkDropped_HostIsToldAfterTheBytesBefore) {
     accept();
   }
   EXPECT_TRUE(host.ended());
-  EXPECT_EQ(bytes, kTransfers * kMostPayload);
+  EXPECT_EQ(bytes, kTransfers * kMaxPayload);
 }
 
 TEST_F(CableTest, LinkDropped_WhatTheHostStillSendsIsTaken) {

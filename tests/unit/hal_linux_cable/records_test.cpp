@@ -38,12 +38,12 @@ Result<Bytes> read_all(RecordReader& reader, std::span<const std::uint8_t> strea
 
 // USB ends a transfer at a packet that is shorter than the others, or when the receiver's buffer is full.
 TEST(Records, OfEverySize_EndWithAShortPacketOrFillTheBuffer) {
-  const Bytes bytes = numbered(kMostPayload + 100);
+  const Bytes bytes = numbered(kMaxPayload + 100);
   for (std::size_t n = 0; n <= bytes.size(); ++n) {
     Bytes into(kTransferBytes);
     const WrittenRecord written = write_record(1, std::span(bytes).first(n),
                                                std::span<std::uint8_t, kTransferBytes>(into.data(), kTransferBytes));
-    ASSERT_EQ(written.payload, std::min(n, kMostPayload));
+    ASSERT_EQ(written.payload, std::min(n, kMaxPayload));
     ASSERT_LE(written.transfer, kTransferBytes);
     ASSERT_TRUE(written.transfer == kTransferBytes || written.transfer % 64 != 0) << n;
     ASSERT_LE(written.transfer, written.payload + kHeaderBytes + 1);
@@ -52,7 +52,7 @@ TEST(Records, OfEverySize_EndWithAShortPacketOrFillTheBuffer) {
 
 RC_GTEST_PROP(Records, AnySizesCutAnywhere_GiveTheStreamBack, ()) {
   const auto sizes = *rc::gen::container<std::vector<std::size_t>>(
-      rc::gen::element<std::size_t>(1, 55, 56, 57, 120, 503, 504, 505, 1016, kMostPayload - 1, kMostPayload));
+      rc::gen::element<std::size_t>(1, 55, 56, 57, 120, 503, 504, 505, 1016, kMaxPayload - 1, kMaxPayload));
   const auto piece = *rc::gen::inRange<std::size_t>(1, 2000);
   const auto session = *rc::gen::arbitrary<std::uint16_t>();
   Bytes sent, stream;

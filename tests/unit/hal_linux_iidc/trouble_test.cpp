@@ -124,7 +124,7 @@ TEST_F(IidcHeadTest, AStreamThatBreaksEveryTime_FailsForGood) {
   const auto frame = next(*head);
   ASSERT_FALSE(frame);
   expect_says(frame.error(), Errc::kDeviceFailed, "5 times in a row");
-  EXPECT_EQ(head->recoveries().restarts, static_cast<std::uint64_t>(IidcHead::kMostRestarts));
+  EXPECT_EQ(head->recoveries().restarts, static_cast<std::uint64_t>(IidcHead::kMaxRestarts));
   bus_.break_stream(0);
   head.reset();
   EXPECT_EQ(pass_frame(*streaming()).verdict, FrameVerdict::kGood);

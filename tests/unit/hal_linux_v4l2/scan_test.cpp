@@ -282,11 +282,11 @@ TEST(Scan, ListsThatDoNotEnd_AreCutAndSaidToBe) {
       .bus = "usb-1", .modes = {{V4L2_PIX_FMT_YUYV, 640, 480, {{1, 30}}}}, .endless = true};
   const auto found = Scanner(machine).scan(seconds(60));
   ASSERT_EQ(found.size(), 1U);
-  EXPECT_LE(machine.questions, kMostEnumerations + 20);
-  EXPECT_LE(found[0].formats.size(), kMostFormats);
+  EXPECT_LE(machine.questions, kMaxEnumerations + 20);
+  EXPECT_LE(found[0].formats.size(), kMaxFormats);
   ASSERT_FALSE(found[0].formats.empty());
-  EXPECT_EQ(found[0].formats[0].sizes.size(), kMostSizes);
-  EXPECT_EQ(found[0].formats[0].sizes[0].rates.size(), kMostRates);
+  EXPECT_EQ(found[0].formats[0].sizes.size(), kMaxSizes);
+  EXPECT_EQ(found[0].formats[0].sizes[0].rates.size(), kMaxFrameRates);
   std::string all;
   for (const std::string& oddity : found[0].oddities) all += oddity + "\n";
   EXPECT_NE(all.find("lists more than 64 sizes of YUYV"), std::string::npos) << all;
@@ -297,7 +297,7 @@ TEST(Scan, ListsThatDoNotEnd_AreCutAndSaidToBe) {
 TEST(Scan, MoreNodesThanItOpens_TheFirstAreListed) {
   Machine machine;
   for (int i = 100; i < 400; ++i) machine.cameras["/dev/video" + std::to_string(i)] = {.bus = "b" + std::to_string(i)};
-  EXPECT_EQ(Scanner(machine).scan(seconds(60)).size(), kMostNodes);
+  EXPECT_EQ(Scanner(machine).scan(seconds(60)).size(), kMaxNodes);
 }
 
 TEST(Scan, WhatCannotBe_IsLeftOutAndSaidAndTextsAreHarmless) {

@@ -102,7 +102,7 @@ TEST_F(V4l2HeadTest, TheStreamBreaksEveryTime_ItFailsForGood) {
   const auto hook = before([&](unsigned long request) { return request == VIDIOC_DQBUF && broken.load() ? EIO : 0; });
   auto head = streaming();
   expect_error(status_of(next(*head)), Errc::kDeviceFailed, "5 times");
-  EXPECT_EQ(head->recoveries().restarts, static_cast<std::uint64_t>(V4l2Head::kMostRestarts));
+  EXPECT_EQ(head->recoveries().restarts, static_cast<std::uint64_t>(V4l2Head::kMaxRestarts));
   expect_error(head->start(TriggerMode::kFreeRun), Errc::kDeviceFailed, "5 times");
   broken.store(false);
   head.reset();

@@ -121,17 +121,17 @@ TEST(BodySource, SizesThatCannotBe_AreRefused) {
   Conversation talk;
   talk.run();
   const StreamId stream = talk.rig->open_stream(StreamPolicy::kLossless).value();
-  constexpr std::uint64_t kMost = std::numeric_limits<std::uint64_t>::max();
+  constexpr std::uint64_t kMax = std::numeric_limits<std::uint64_t>::max();
   const auto offer = [&](std::uint64_t size, std::uint64_t offset) {
     return talk.rig->offer(stream, BulkItem{"meta", std::make_shared<Generated>(size), offset});
   };
-  for (const std::uint64_t size : {kMost, kMost - 3, kMaxItemBytes + 1, kMaxItemBytes, kMaxItemBytes - 3}) {
+  for (const std::uint64_t size : {kMax, kMax - 3, kMaxItemBytes + 1, kMaxItemBytes, kMaxItemBytes - 3}) {
     const Status refused = offer(size, 0);
     ASSERT_FALSE(refused) << size;
     EXPECT_EQ(refused.error().code, Errc::kTooLarge);
   }
   EXPECT_EQ(offer(5, 6).error().code, Errc::kBadValue);
-  EXPECT_EQ(offer(5, kMost).error().code, Errc::kBadValue);
+  EXPECT_EQ(offer(5, kMax).error().code, Errc::kBadValue);
   EXPECT_TRUE(offer(kMaxItemBytes - 4, 0));
 }
 

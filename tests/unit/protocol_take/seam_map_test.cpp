@@ -14,18 +14,18 @@ namespace {
 
 using Labels = std::vector<std::uint8_t>;
 
-constexpr std::size_t kPixels = std::size_t{kMostSeamColumns} * kMostSeamColumns / 2;
+constexpr std::size_t kPixels = std::size_t{kMaxSeamColumns} * kMaxSeamColumns / 2;
 
 TEST(SeamMap, LabelsOfEveryRunLength_AreReadAsTheyWereWritten) {
   Labels labels;
   for (std::size_t length = 1; labels.size() + length < kPixels; ++length)
     labels.insert(labels.end(), length, length % 17 == 16 ? kNoHeadOfSeams : static_cast<std::uint8_t>(length % 17));
   labels.resize(kPixels, 3);
-  const wire::Seams seams = seams_record(77, kMostSeamColumns, labels);
+  const wire::Seams seams = seams_record(77, kMaxSeamColumns, labels);
   EXPECT_EQ(seams.set(), 77U);
   EXPECT_TRUE(check_seams(seams));
   EXPECT_EQ(labels_of(seams).value(), labels);
-  const wire::Seams one = seams_record(0, kMostSeamColumns, Labels(kPixels, 0));
+  const wire::Seams one = seams_record(0, kMaxSeamColumns, Labels(kPixels, 0));
   EXPECT_EQ(one.runs().size(), 4U);
   EXPECT_EQ(labels_of(one).value(), Labels(kPixels, 0));
 }
@@ -35,21 +35,21 @@ TEST(SeamMap, Noise_TakesAByteAPixelAtMostAndFitsARecord) {
   Labels labels(kPixels);
   for (std::uint8_t& label : labels) label = static_cast<std::uint8_t>(random() % 16);
   wire::Record record;
-  *record.mutable_seams() = seams_record(UINT64_MAX, kMostSeamColumns, labels);
+  *record.mutable_seams() = seams_record(UINT64_MAX, kMaxSeamColumns, labels);
   EXPECT_LE(record.seams().runs().size(), kPixels);
   EXPECT_LE(record.ByteSizeLong(), kMaxTakeRecordBytes);
   EXPECT_EQ(labels_of(record.seams()).value(), labels);
 }
 
 TEST(SeamMap, OfTheCalibrationsOwnSeams_IsEmpty) {
-  const wire::Seams seams = seams_record(5, kMostSeamColumns, {});
+  const wire::Seams seams = seams_record(5, kMaxSeamColumns, {});
   EXPECT_EQ(seams.columns(), 0U);
   EXPECT_TRUE(check_seams(seams));
   EXPECT_TRUE(labels_of(seams).value().empty());
 }
 
 TEST(SeamMap, HostileMaps_AreRefusedWithTheirSet) {
-  const wire::Seams good = seams_record(1234, kMostSeamColumns, Labels(kPixels, 2));
+  const wire::Seams good = seams_record(1234, kMaxSeamColumns, Labels(kPixels, 2));
   EXPECT_TRUE(check_seams(good, 3));
   const std::string runs = good.runs();
   struct Case {
@@ -59,17 +59,17 @@ TEST(SeamMap, HostileMaps_AreRefusedWithTheirSet) {
     std::size_t heads = kMaxHeads;
   };
   const std::vector<Case> cases = {
-      {"nothing", kMostSeamColumns, ""},
-      {"a pixel more", kMostSeamColumns, runs + '\x02'},
-      {"a run cut off", kMostSeamColumns, runs.substr(0, 3)},
-      {"a length without end", kMostSeamColumns, std::string("\xe2") + std::string(60'000, '\xff')},
-      {"runs of more than 32 bits together", kMostSeamColumns, std::string(60'000, '\xe2')},
-      {"a head that no rig has", kMostSeamColumns, '\xf0' + runs.substr(1)},
-      {"a head that the take does not have", kMostSeamColumns, runs, 2},
+      {"nothing", kMaxSeamColumns, ""},
+      {"a pixel more", kMaxSeamColumns, runs + '\x02'},
+      {"a run cut off", kMaxSeamColumns, runs.substr(0, 3)},
+      {"a length without end", kMaxSeamColumns, std::string("\xe2") + std::string(60'000, '\xff')},
+      {"runs of more than 32 bits together", kMaxSeamColumns, std::string(60'000, '\xe2')},
+      {"a head that no rig has", kMaxSeamColumns, '\xf0' + runs.substr(1)},
+      {"a head that the take does not have", kMaxSeamColumns, runs, 2},
       {"runs without columns", 0, runs},
-      {"more columns than there may be", kMostSeamColumns + 2, runs},
+      {"more columns than there may be", kMaxSeamColumns + 2, runs},
       {"very many columns", UINT32_MAX - 1, runs},
-      {"an odd number of columns", kMostSeamColumns - 1, runs},
+      {"an odd number of columns", kMaxSeamColumns - 1, runs},
   };
   for (const Case& each : cases) {
     wire::Seams seams = good;
@@ -104,8 +104,8 @@ TEST(SeamMap, InEvidence_AreReadAndThoseThatContradictEachOtherAreNot) {
     }
     return read_evidence(bytes, "takes/000001/evidence-0000");
   };
-  const wire::Seams own = seams_record(8, kMostSeamColumns, {});
-  const wire::Seams placed = seams_record(16, kMostSeamColumns, Labels(kPixels, 1));
+  const wire::Seams own = seams_record(8, kMaxSeamColumns, {});
+  const wire::Seams placed = seams_record(16, kMaxSeamColumns, Labels(kPixels, 1));
   const auto good = read({own, placed});
   ASSERT_TRUE(good) << good.error().text();
   ASSERT_EQ(good->seams.size(), 2U);

@@ -109,11 +109,11 @@ wire::Record calibration(const std::string& file, std::uint64_t set) {
 
 TEST(TakeFiles, EvidenceOfManyCalibrations_HasThemUpToTheLimit) {
   std::vector<wire::Record> many{records().front()};
-  for (std::size_t k = 0; k < kMostCalibrations; ++k) many.push_back(calibration(calibration_file(k + 1), k / 2));
+  for (std::size_t k = 0; k < kMaxCalibrations; ++k) many.push_back(calibration(calibration_file(k + 1), k / 2));
   const auto segment = read_evidence(bytes_of(many), "evidence-0000");
   ASSERT_TRUE(segment) << segment.error().text();
-  EXPECT_EQ(segment->calibrations.size(), kMostCalibrations);
-  many.push_back(calibration(calibration_file(kMostCalibrations + 1), kMostCalibrations));
+  EXPECT_EQ(segment->calibrations.size(), kMaxCalibrations);
+  many.push_back(calibration(calibration_file(kMaxCalibrations + 1), kMaxCalibrations));
   EXPECT_FALSE(read_evidence(bytes_of(many), "evidence-0000"));
 }
 

@@ -113,19 +113,19 @@ TEST(Manifest, OfWhatIsBeyondEveryLimit_IsCutToWhatItsReaderAccepts) {
   manifest.length = Duration::nanoseconds(-5);
   manifest.ended = std::string(1000, 'x') + "\x1b[2J";
   manifest.gaps = {1, 2, 3, 4, Duration::nanoseconds(INT64_MAX), 5};
-  for (std::size_t k = 0; k < kMostMarks + 5; ++k)
+  for (std::size_t k = 0; k < kMaxMarks + 5; ++k)
     manifest.marks.push_back({UINT64_MAX, "a\nb\x07" + std::string(500, 'c')});
   for (std::size_t k = 0; k < kMaxRates + 5; ++k) manifest.rates.push_back({k, kFifty});
   EXPECT_FALSE(parse_manifest(manifest_json(manifest), "manifest"));
   const auto read = parse_manifest(manifest_json(within_limits(manifest)), "manifest");
   ASSERT_TRUE(read) << read.error().text();
-  EXPECT_EQ(read->marks.size(), kMostMarks);
+  EXPECT_EQ(read->marks.size(), kMaxMarks);
   EXPECT_EQ(read->marks[0].text.substr(0, 5), "a?b?c");
 }
 
 TEST(Manifest, CalibrationsAboveTheirNumber_EndWithOneThatIsNotStored) {
   std::vector<Manifest::Calibration> all;
-  for (std::size_t k = 1; k <= kMostCalibrations; ++k) {
+  for (std::size_t k = 1; k <= kMaxCalibrations; ++k) {
     const Manifest::Calibration next{calibration_file(k), std::string(64, 'a'), k};
     ASSERT_TRUE(check_next(next, all));
     all.push_back(next);

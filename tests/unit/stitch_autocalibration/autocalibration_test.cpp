@@ -139,7 +139,7 @@ TEST(Autocalibration, TooFewTooManyOrBlackPictures_AreRefused) {
   EXPECT_EQ(autocalibrate({}, {}, {}).error().code, Errc::kBadValue);
   EXPECT_EQ(autocalibrate({black}, {"a"}, {}).error().code, Errc::kBadValue);
   EXPECT_EQ(autocalibrate({black, black}, {"a", "b"}, {}).error().code, Errc::kNoCoverage);
-  const std::vector<DecodedImage> many(kMostPictures + 1, black);
+  const std::vector<DecodedImage> many(kMaxPictures + 1, black);
   EXPECT_EQ(autocalibrate(many, std::vector<std::string>(many.size(), "a"), {}).error().code, Errc::kBadValue);
 }
 

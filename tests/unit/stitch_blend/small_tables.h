@@ -163,7 +163,7 @@ class RandomTables {
       low.first_point = low.first_sight = {0};
       const int cells = grid.low_cells_across() * grid.low_cells_down();
       for (std::size_t block = 0; block < grid.block_count(); ++block) {
-        const int points = 1 + below(static_cast<int>(GridTable::kMostLowPoints));
+        const int points = 1 + below(static_cast<int>(GridTable::kMaxLowPoints));
         for (int p = 0; p < points; ++p) {
           add_sights(table, g, head.planes[g], gains);
           low.first_sight.push_back(static_cast<std::uint32_t>(low.sights.size()));
@@ -290,7 +290,7 @@ class RandomTables {
   void name_rows(PatchRecord& record, int begin = 0, int end = 4) {
     std::array<int, 4> first{kPatch, kPatch, kPatch, kPatch};
     int lowest = 0;
-    int span = kLeastSpan + below(3);
+    int span = kMinSpan + below(3);
     for (int quarter = begin; quarter < end; ++quarter) {
       int last = 0;
       for (int p = 0; p < 16; ++p) {

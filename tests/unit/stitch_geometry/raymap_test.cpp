@@ -215,17 +215,17 @@ TEST(MakeLayout, SizeThatIsNone_SaysWhatIs) {
 }
 
 TEST(SizeForWidth, EveryLayoutAtAnyWidth_IsASizeThatItCanHaveAndHalvedChromaFits) {
-  constexpr double kMost = kMaxRaymapSide;
+  constexpr double kMax = kMaxRaymapSide;
   for (const LayoutKind& kind : layout_kinds()) {
     const LayoutName name = LayoutName::parse(kind.name).value();
-    for (const double width : {1.0, 2.0, 3.9, 4.0, 5.0, 99.0, 100.1, 2048.0, 4000.0, kMost, kMost + 1, 1e9, 1e300,
+    for (const double width : {1.0, 2.0, 3.9, 4.0, 5.0, 99.0, 100.1, 2048.0, 4000.0, kMax, kMax + 1, 1e9, 1e300,
                                std::numeric_limits<double>::infinity(), 0.0, -1.0, -1e300, std::nan("")}) {
       const RaymapSize size = name.size_for_width(width);
       EXPECT_TRUE(size.width > 600 || make_layout(name, size.width, size.height)) << kind.name << " " << width;
       EXPECT_TRUE(name.check_size(size)) << kind.name << " " << width;
       EXPECT_TRUE(size.width % 2 == 0 && size.height % 2 == 0) << kind.name << " " << width;
       EXPECT_LE(std::max(size.width, size.height), kMaxRaymapSide);
-      if (width > 0 && width <= kMost / 2) {
+      if (width > 0 && width <= kMax / 2) {
         EXPECT_GE(size.width, width) << kind.name;
         EXPECT_LT(size.width, width + kind.step.width) << kind.name << ": the smallest of them";
       }

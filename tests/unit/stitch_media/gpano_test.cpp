@@ -40,8 +40,8 @@ TEST(Gpano, APart_IsPlacedOnTheSphereAndTheRestIsBlack) {
     const int channels = component_count(format);
     for (int y = 0; y < 4; ++y) {
       for (int x = 0; x < 8; ++x) {
-        const bool there = x >= 2 && x < 5 && y >= 1 && y < 3;
-        const int expected = there ? 1 + channels * (3 * (y - 1) + x - 2) : 0;
+        const bool present = x >= 2 && x < 5 && y >= 1 && y < 3;
+        const int expected = present ? 1 + channels * (3 * (y - 1) + x - 2) : 0;
         EXPECT_EQ(whole.bytes[static_cast<std::size_t>(channels * (8 * y + x))], expected) << x << " " << y;
       }
     }

@@ -46,11 +46,11 @@ class ScriptedPort final : public hal::HeadPort {
 
 class ScriptedEnumerator final : public hal::HeadEnumerator {
  public:
-  bool there = true;
+  bool present = true;
   hal::HeadLimits limits = limits_with_gamma();
 
   Result<std::unique_ptr<hal::HeadPort>> open(const std::string&) override {
-    if (!there) return fail(Errc::kNoSuchDevice, "nothing is connected");
+    if (!present) return fail(Errc::kNoSuchDevice, "nothing is connected");
     return std::make_unique<ScriptedPort>(limits);
   }
   std::vector<hal::HeadIdentity> list() override { return {}; }
@@ -80,7 +80,7 @@ class CaptureHeadTest : public testing::Test {
 };
 
 TEST_F(CaptureHeadTest, NotStreaming_MissesSetsWithoutBeingReportedForThem) {
-  enumerator.there = false;
+  enumerator.present = false;
   step();
   for (int set = 0; set < 1000; ++set) head.missed_set(kPeriod);
   EXPECT_EQ(head.report().missing_sets, 1000U);

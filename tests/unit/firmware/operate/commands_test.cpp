@@ -14,9 +14,9 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr auto kMost64 = std::numeric_limits<std::uint64_t>::max();
-constexpr auto kMost32 = std::numeric_limits<std::uint32_t>::max();
-constexpr auto kLeast32 = std::numeric_limits<std::int32_t>::min();
+constexpr auto kMax64 = std::numeric_limits<std::uint64_t>::max();
+constexpr auto kMax32 = std::numeric_limits<std::uint32_t>::max();
+constexpr auto kMin32 = std::numeric_limits<std::int32_t>::min();
 
 RigConfig two_heads() {
   RigConfig config;
@@ -59,28 +59,28 @@ TEST(Commands, OfHeads_AreAllowedToTheirLimitsAndNotBeyond) {
     EXPECT_TRUE(head_set([&](auto& set) { set.set_exposure_ns(ns); })) << ns;
   }
   for (const std::uint64_t ns :
-       {std::uint64_t{0}, std::uint64_t{3'600'000'000'001}, kMost64 / 2, kMost64 / 2 + 1, kMost64}) {
+       {std::uint64_t{0}, std::uint64_t{3'600'000'000'001}, kMax64 / 2, kMax64 / 2 + 1, kMax64}) {
     EXPECT_FALSE(head_set([&](auto& set) { set.set_exposure_ns(ns); })) << ns;
   }
   for (const std::int32_t mdb : {-60'000, 60'000}) EXPECT_TRUE(head_set([&](auto& set) { set.set_gain_mdb(mdb); }));
-  for (const std::int32_t mdb : {-60'001, 60'001, kLeast32}) {
+  for (const std::int32_t mdb : {-60'001, 60'001, kMin32}) {
     EXPECT_FALSE(head_set([&](auto& set) { set.set_gain_mdb(mdb); })) << mdb;
   }
   const auto balance = [](std::uint32_t red, std::uint32_t blue) {
     return head_set([&](auto& set) { set.set_red_q12(red), set.set_blue_q12(blue); });
   };
   EXPECT_TRUE(balance(256, 65535));
-  for (const std::uint32_t bad : {0U, 255U, 65536U, 65536U + 4096U, kMost32}) {
+  for (const std::uint32_t bad : {0U, 255U, 65536U, 65536U + 4096U, kMax32}) {
     EXPECT_FALSE(balance(bad, 4096)) << bad;
     EXPECT_FALSE(balance(4096, bad)) << bad;
   }
   EXPECT_FALSE(head_set([](auto& set) { set.set_red_q12(4096); })) << "without blue";
   for (const std::uint32_t gamma : {0U, 100U, 8000U}) EXPECT_TRUE(head_set([&](auto& set) { set.set_gamma(gamma); }));
-  for (const std::uint32_t gamma : {1U, 99U, 8001U, kMost32 / 2 + 1, kMost32}) {
+  for (const std::uint32_t gamma : {1U, 99U, 8001U, kMax32 / 2 + 1, kMax32}) {
     EXPECT_FALSE(head_set([&](auto& set) { set.set_gamma(gamma); })) << gamma;
   }
   EXPECT_TRUE(head_set([](auto& set) { set.add_heads(1), set.set_gain_mdb(0); }));
-  for (const std::uint32_t head : {2U, 15U, 16U, 31U, 32U, kMost32}) {
+  for (const std::uint32_t head : {2U, 15U, 16U, 31U, 32U, kMax32}) {
     EXPECT_FALSE(head_set([&](auto& set) { set.add_heads(head), set.set_gain_mdb(0); })) << head;
   }
 }
@@ -88,13 +88,13 @@ TEST(Commands, OfHeads_AreAllowedToTheirLimitsAndNotBeyond) {
 TEST(Commands, OfTheExposure_AreAllowedToTheirLimitsAndNotBeyond) {
   for (const std::uint32_t stops : {500U, 8000U})
     EXPECT_TRUE(exposure([&](auto& set) { set.set_target_below(stops); }));
-  for (const std::uint32_t stops : {0U, 499U, 8001U, kMost32}) {
+  for (const std::uint32_t stops : {0U, 499U, 8001U, kMax32}) {
     EXPECT_FALSE(exposure([&](auto& set) { set.set_target_below(stops); })) << stops;
   }
   for (const std::uint32_t stops : {0U, 8000U}) EXPECT_TRUE(exposure([&](auto& set) { set.set_difference(stops); }));
   for (const std::uint32_t stops : {1U, 8000U}) EXPECT_TRUE(exposure([&](auto& set) { set.set_ramp(stops); }));
   EXPECT_FALSE(exposure([](auto& set) { set.set_ramp(0); }));
-  for (const std::uint32_t stops : {8001U, kMost32 / 1024, kMost32 / 1024 + 1, kMost32}) {
+  for (const std::uint32_t stops : {8001U, kMax32 / 1024, kMax32 / 1024 + 1, kMax32}) {
     EXPECT_FALSE(exposure([&](auto& set) { set.set_difference(stops); })) << stops;
     EXPECT_FALSE(exposure([&](auto& set) { set.set_ramp(stops); })) << stops;
   }
@@ -104,9 +104,9 @@ TEST(Commands, OfTheExposure_AreAllowedToTheirLimitsAndNotBeyond) {
   for (const std::uint64_t ns : {0ULL, 999ULL, 10'000'000'001ULL, 1ULL << 63, ~0ULL}) {
     EXPECT_FALSE(exposure([&](auto& set) { set.set_longest_ns(ns); })) << ns;
   }
-  EXPECT_FALSE(exposure([](auto& set) { set.set_highest_gain_mdb(kLeast32); }));
+  EXPECT_FALSE(exposure([](auto& set) { set.set_highest_gain_mdb(kMin32); }));
   for (const std::int32_t head : {-1, 0, 1}) EXPECT_TRUE(exposure([&](auto& set) { set.set_anchor(head); }));
-  for (const std::int32_t head : {-2, 2, 16, kLeast32, -(kLeast32 + 1)}) {
+  for (const std::int32_t head : {-2, 2, 16, kMin32, -(kMin32 + 1)}) {
     EXPECT_FALSE(exposure([&](auto& set) { set.set_anchor(head); })) << head;
   }
   EXPECT_FALSE(exposure([](auto& set) { set.set_program("automatic"); }));
@@ -115,13 +115,13 @@ TEST(Commands, OfTheExposure_AreAllowedToTheirLimitsAndNotBeyond) {
 TEST(Commands, OfTheGenlock_ArePulsesShorterThanAFrameAtRatesThatAreAllowed) {
   EXPECT_TRUE(genlock(0, 0, 0)) << "as rig.toml says";
   EXPECT_TRUE(genlock(25, 1, 39'999'999));
-  for (const std::uint64_t pulse : {std::uint64_t{40'000'000}, kMost64 / 2 + 1, kMost64}) {
+  for (const std::uint64_t pulse : {std::uint64_t{40'000'000}, kMax64 / 2 + 1, kMax64}) {
     EXPECT_FALSE(genlock(25, 1, pulse)) << pulse;
   }
   EXPECT_FALSE(genlock(1, 0, 0));
   EXPECT_FALSE(genlock(0, 1, 0));
-  EXPECT_FALSE(genlock(kMost32, kMost32 - 1, 0)) << "terms over a million";
-  EXPECT_TRUE(genlock(kMost32, kMost32, 0)) << "it is 1/1";
+  EXPECT_FALSE(genlock(kMax32, kMax32 - 1, 0)) << "terms over a million";
+  EXPECT_TRUE(genlock(kMax32, kMax32, 0)) << "it is 1/1";
 }
 
 TEST(Commands, EveryRequestThatAStageCarriesOut_IsACommandOfThatStageUnderItsOwnName) {

@@ -132,7 +132,7 @@ TEST_F(DiskSpeedTest, DisksThatCannotBeTested_SayWhy) {
   TakeRequest::TestDisk nothing_known = test_of(Duration::seconds(1));
   nothing_known.heads = {std::nullopt, std::nullopt};
   EXPECT_EQ(stage.ask(nothing_known).result.error().code, Errc::kNotReady);
-  disk.set_capacity(DiskTest::kLeastRoom - 1);
+  disk.set_capacity(DiskTest::kMinRoom - 1);
   EXPECT_EQ(stage.ask(test_of(Duration::seconds(1))).result.error().code, Errc::kDiskFull);
   disk.set_capacity(std::uint64_t{1} << 40);
   disk.set_speed(&clock, 50'000'000);

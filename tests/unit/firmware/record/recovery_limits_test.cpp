@@ -105,7 +105,7 @@ void spoil(std::vector<wire::Record>& records) {
   const auto here = records.begin() + static_cast<std::ptrdiff_t>(at);
   switch (*rc::gen::inRange(0, 9)) {
     case 0: records.insert(here, mark(value, "\x1b[2J\n\x07 red")); return;
-    case 1: records.insert(here, take::kMostMarks + 1, mark(3, std::string(5, '\0') + std::string(300, 'm'))); return;
+    case 1: records.insert(here, take::kMaxMarks + 1, mark(3, std::string(5, '\0') + std::string(300, 'm'))); return;
     case 2: records.front().mutable_begin()->set_first_set(value); return;
     case 3: records.front().mutable_begin()->set_segment(static_cast<std::uint32_t>(value)); return;
     case 4: records.front().mutable_begin()->set_rate_numerator(static_cast<std::uint32_t>(value)); return;
@@ -119,13 +119,13 @@ void spoil(std::vector<wire::Record>& records) {
     default: break;
   }
   if (set == records.end()) return;
-  wire::Set& told = *set->mutable_set();
+  wire::Set& stored = *set->mutable_set();
   switch (*rc::gen::inRange(0, 5)) {
-    case 0: told.set_number(value); return;
-    case 1: told.set_mid_exposure_ns(static_cast<std::int64_t>(value)); return;
-    case 2: told.set_missed(value); return;
-    case 3: told.mutable_frames(0)->set_bytes(value); return;
-    default: told.mutable_frames(0)->set_placeholder("\x1b[31m"); return;
+    case 0: stored.set_number(value); return;
+    case 1: stored.set_mid_exposure_ns(static_cast<std::int64_t>(value)); return;
+    case 2: stored.set_missed(value); return;
+    case 3: stored.mutable_frames(0)->set_bytes(value); return;
+    default: stored.mutable_frames(0)->set_placeholder("\x1b[31m"); return;
   }
 }
 
@@ -171,7 +171,7 @@ TEST(RecoveryLimits, MoreMarksThanThereMayBe_TheFirstAreKeptAndTheManifestSaysSo
   record(disk, film(6), true);
   ASSERT_TRUE(disk.remove("000042/manifest"));
   std::vector<wire::Record> records = records_of(read(disk, "evidence-0000"));
-  for (std::size_t k = 0; k < take::kMostMarks + 3; ++k) records.insert(records.begin() + 1, mark(UINT64_MAX, "a\nb"));
+  for (std::size_t k = 0; k < take::kMaxMarks + 3; ++k) records.insert(records.begin() + 1, mark(UINT64_MAX, "a\nb"));
   take::EvidenceWriter writer;
   Bytes bytes;
   for (const wire::Record& each : records) {
@@ -184,7 +184,7 @@ TEST(RecoveryLimits, MoreMarksThanThereMayBe_TheFirstAreKeptAndTheManifestSaysSo
   disk.close(*file);
   const auto manifest = recover_take(disk, "000042");
   ASSERT_TRUE(manifest) << manifest.error().text();
-  EXPECT_EQ(manifest->marks.size(), take::kMostMarks);
+  EXPECT_EQ(manifest->marks.size(), take::kMaxMarks);
   EXPECT_EQ(manifest->marks[0].text, "a?b");
   EXPECT_EQ(manifest->sets, 24U);
   EXPECT_TRUE(read_all(disk)) << read_all(disk).error().text();
@@ -224,8 +224,8 @@ TEST(RecoveryLimits, TheDiskFailsAtAnyCall_TheNextRecoveryHasAllThatIsThere) {
     if (disk->operations() - before <= call) break;  // it makes no such call
     failures += first ? 0 : 1;
     // A manifest that is there is the take's, also if the folder could not be synced after it.
-    const bool there = disk->size("000042/manifest").has_value();
-    const auto manifest = first ? first : there ? stored_manifest(*disk, "000042") : recover_take(*disk, "000042");
+    const bool present = disk->size("000042/manifest").has_value();
+    const auto manifest = first ? first : present ? stored_manifest(*disk, "000042") : recover_take(*disk, "000042");
     ASSERT_TRUE(manifest) << "call " << call << ": " << manifest.error().text();
     EXPECT_EQ(manifest->sets, expected) << "call " << call;
     EXPECT_EQ(check(*disk, *manifest), expected) << "call " << call;
@@ -253,8 +253,8 @@ TEST(RecoveryLimits, AnyOpenOrReadFailsOnce_NothingIsLostAndTheErrorNamesTheFile
       EXPECT_NE(first.error().message.find(failing.failed()), std::string::npos)
           << "call " << call << ", of " << failing.failed() << ": " << first.error().message;
     }
-    const bool there = disk->size("000042/manifest").has_value();
-    const auto manifest = first ? first : there ? stored_manifest(*disk, "000042") : recover_take(*disk, "000042");
+    const bool present = disk->size("000042/manifest").has_value();
+    const auto manifest = first ? first : present ? stored_manifest(*disk, "000042") : recover_take(*disk, "000042");
     ASSERT_TRUE(manifest) << "call " << call << ", of " << failing.failed() << ": " << manifest.error().text();
     EXPECT_EQ(manifest->sets, expected) << "call " << call << ", of " << failing.failed();
     EXPECT_EQ(check(*disk, *manifest), expected) << "call " << call;

@@ -340,8 +340,8 @@ TEST(TakeReel, EveryHead_HasItsPicturesInOrderAndAGapWhereItIsMissing) {
     for (const std::size_t i : order) {
       const hal::replay::Shot shot = (*reel)->shot(i);
       const std::uint64_t set = 100 + i;
-      EXPECT_EQ(shot.there, !(set % 11 == 3 && head == 1)) << i;
-      if (!shot.there) continue;
+      EXPECT_EQ(shot.present, !(set % 11 == 3 && head == 1)) << i;
+      if (!shot.present) continue;
       ASSERT_TRUE(shot.picture) << i;
       EXPECT_EQ(shot.picture->bytes, picture(set, head)) << i;
     }
@@ -358,7 +358,7 @@ TEST(TakeReel, AChangedByte_IsAFrameThatCannotBeReadAndTheOthersAreGood) {
   ASSERT_TRUE(reel) << reel.error().text();
   for (std::size_t i = 0; i < 40; ++i) {
     const hal::replay::Shot shot = (*reel)->shot(i);
-    EXPECT_TRUE(shot.there);
+    EXPECT_TRUE(shot.present);
     // The file is smaller than the piece of a hash, so that no picture of it can be trusted.
     EXPECT_EQ(shot.picture, nullptr);
   }

@@ -203,7 +203,7 @@ TEST_F(GenlockTest, AFreeHeadThatComesBackAfterASecond_IsJudgedByWhereItIsNow) {
 // they do not follow a late pulse, which is detected after 12 / 0.5 = 24 sets on average: a set adds late^2 / (2
 // variance), which is a half when pulses and timestamps have the same deviation.
 TEST_F(GenlockTest, AHeadThatRunsFreeBesidePulsesThatJitter_IsNoticedByItsPhaseThatDoesNotFollowThem) {
-  constexpr int kTimes = 100, kFollowing = 100, kMost = 500;
+  constexpr int kTimes = 100, kFollowing = 100, kMax = 500;
   int periods = 0;
   for (std::uint64_t seed = 1; seed <= kTimes; ++seed) {
     hal::sim::TriggerOptions pulses;
@@ -215,7 +215,7 @@ TEST_F(GenlockTest, AHeadThatRunsFreeBesidePulsesThatJitter_IsNoticedByItsPhaseT
     ASSERT_TRUE(follower.start(settings, clock.now()));
     const Instant first = clock.now() + pulses.first_pulse;
     for (int i = 0;; ++i) {
-      ASSERT_LT(i, kMost) << "seed " << seed;
+      ASSERT_LT(i, kMax) << "seed " << seed;
       clock.advance(settings.rate.period());
       jittery.step(clock.now());
       std::optional<hal::TriggerEdge> edge;
