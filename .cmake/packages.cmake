@@ -32,7 +32,7 @@ nodal_pkgconfig_package(zlib zlib)
 nodal_pkgconfig_package(xxhash libxxhash)
 nodal_pkgconfig_package(deflate libdeflate)
 # LGPL-2.1: linked dynamically. Debian's pkg-config names the shared library.
-nodal_pkgconfig_package(gpiod libgpiod>=1.6 libgpiod<2)
+nodal_pkgconfig_package(gpiod libgpiod>=1.6 libgpiod<3)
 # LGPL-2.1: linked dynamically. Debian's pkg-config names the shared library.
 nodal_pkgconfig_package(dc1394 libdc1394-2)
 nodal_pkgconfig_package(usb libusb-1.0)

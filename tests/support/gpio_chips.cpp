@@ -120,9 +120,14 @@ bool GpioChips::change(const Key& key, bool high) {
   bool queued = false;
   const EdgeKind edges = wire.options.edges;
   if (wire.input && (edges == EdgeKind::kBoth || (edges == EdgeKind::kRising) == rises)) {
-    queued = wire.events.size() < hal::gpio::kKernelQueue;
+    const bool full = wire.events.size() == hal::gpio::kKernelQueue;
+    queued = !full || discards_oldest;
+    if (full) ++discarded_;
+    if (full && discards_oldest) {
+      wire.events.pop_front();
+      wire.events.front().after_gap = true;
+    }
     if (queued) wire.events.push_back({stamp ? stamp(at) : at, rises});
-    else ++discarded_;
   }
   if (const auto other = connected_.find(key); other != connected_.end()) queued |= change(other->second, high);
   return queued;
@@ -249,6 +254,7 @@ Claim GpioChips::claim_input(const LineName& line, const hal::gpio::InputOptions
   wire->input = true;
   wire->options = options;
   wire->events.clear();
+  wire->was_full = false;
   return {std::make_unique<ClaimedLine>(*this, line), 0};
 }
 
@@ -319,9 +325,13 @@ int GpioChips::read_events(const LineName& line, std::span<LineEvent> into) {
   }
   const std::lock_guard lock(mutex_);
   if (unplugged_.contains(key(line).first)) return -ENODEV;
-  auto& events = wires_.at(key(line)).events;
+  Wire& wire = wires_.at(key(line));
+  auto& events = wire.events;
   const std::size_t count = std::min(into.size(), events.size());
   std::copy_n(events.begin(), count, into.begin());
+  if (count > 0 && std::exchange(wire.was_full, !discards_oldest && count == hal::gpio::kKernelQueue)) {
+    into[0].after_gap = true;
+  }
   events.erase(events.begin(), events.begin() + static_cast<std::ptrdiff_t>(count));
   return static_cast<int>(count);
 }

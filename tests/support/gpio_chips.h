@@ -32,8 +32,9 @@ class GpioChips final : public hal::gpio::System {
   bool threads = false;         ///< runners are threads, so that a line can hang
   bool refuse_threads = false;  ///< like a system at its limit
   bool refuse_realtime = false;
-  Duration write_time;                     ///< duration of a write
-  std::function<Duration()> lateness;      ///< how late a runner wakes up at a given time
+  bool discards_oldest = false;        ///< what a full queue discards: the oldest edges (libgpiod 2), or new ones (1.6)
+  Duration write_time;                 ///< duration of a write
+  std::function<Duration()> lateness;  ///< how late a runner wakes up at a given time
   std::map<std::string, int> claim_error;  ///< errno by the line's text()
 
   // What a test controls.
@@ -74,6 +75,7 @@ class GpioChips final : public hal::gpio::System {
     bool input = false;
     hal::gpio::InputOptions options;
     std::deque<LineEvent> events;
+    bool was_full = false;  ///< at the last read
     std::vector<LineEvent> history;
   };
   using Key = std::pair<std::string, std::uint32_t>;

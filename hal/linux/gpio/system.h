@@ -29,16 +29,18 @@ enum class EdgeKind : std::uint8_t { kRising, kFalling, kBoth };
 struct InputOptions {
   bool active_low = false;  ///< level() and edges are inverted
   Bias bias = Bias::kAsIs;
-  EdgeKind edges = EdgeKind::kBoth;  ///< before inversion
+  EdgeKind edges = EdgeKind::kBoth;  ///< after inversion
 };
 
 /// One edge, with the kernel's timestamp.
 struct LineEvent {
   Instant at;
-  bool high = false;  ///< the level after the edge, as far as the kernel knows
+  bool high = false;       ///< the level after the edge, as far as the kernel knows
+  bool after_gap = false;  ///< the kernel discarded edges before this one, or may have
 };
 
-/// Events that the kernel keeps for a line. It discards those that come while its queue is full.
+/// Events that the kernel keeps for a line. While its queue is full it discards the new ones (libgpiod 1.6) or the oldest
+/// ones (libgpiod 2).
 inline constexpr std::size_t kKernelQueue = 16;
 
 /// A claimed line; its destructor releases it, and the controller usually keeps the level.

@@ -155,7 +155,6 @@ Status GpioTrigger::start(const TriggerSettings& settings) {
   running_ = true;
   following_ = settings.follow;
   events_left_ = 0;
-  queue_was_full_ = after_overrun_ = false;
   read_back_.start(settings.rate.period());
   Train train;
   train.active_high = lines_.active_high;
@@ -208,7 +207,6 @@ Result<bool> GpioTrigger::read(Line& line, const LineName& name) {
   if (count < 0) return fail(explain_use(name, "reading", -count).in("trigger"));
   events_read_ = 0;
   events_left_ = static_cast<std::size_t>(count);
-  if (count > 0) after_overrun_ = std::exchange(queue_was_full_, events_left_ == kKernelQueue);
   // Before Linux 5.7 the timestamps are of the wall clock, which is decades ahead.
   constexpr Duration kDoubt = Duration::seconds(60);
   if (count > 0 && events_[0].at.ns() - kDoubt.ns() > system_.now().ns()) {
@@ -224,7 +222,8 @@ Result<std::optional<TriggerEdge>> GpioTrigger::take_followed() {
     NODAL_TRY_ASSIGN(const auto some, read(*input_, *lines_.input));
     if (!some) return std::optional<TriggerEdge>{};
     --events_left_;
-    if (auto pulse = sync_.add(events_[events_read_++].at, std::exchange(after_overrun_, false))) return pulse;
+    const LineEvent& event = events_[events_read_++];
+    if (auto pulse = sync_.add(event.at, event.after_gap)) return pulse;
   }
 }
 

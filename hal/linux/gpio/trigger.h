@@ -95,7 +95,6 @@ class GpioTrigger final : public TriggerPort {
   Duration read_back_delay_;  ///< delay of the first output after the trigger
   std::array<LineEvent, kKernelQueue> events_;
   std::size_t events_read_ = 0, events_left_ = 0;
-  bool queue_was_full_ = false, after_overrun_ = false;
 
   std::string notice_;
   std::unique_ptr<Runner> runner_;

@@ -1,4 +1,6 @@
 // Pulses of another device: their numbers, and the counters of lost and extra pulses.
+#include <numeric>
+
 #include "gpio_fixture.h"
 
 namespace nodal::hal::gpio {
@@ -79,14 +81,23 @@ TEST_F(GpioInputTest, DoubledPulse_IsDiscardedWhereverItIsInThePeriod) {
 }
 
 TEST_F(GpioInputTest, QueueWasFull_WhatIsMissingIsAnOverrunAndNotLost) {
-  for (int i = 0; i < 20; ++i) period();  // the edges are not taken
-  EXPECT_EQ(chips_.discarded_edges(), 4U);
-  EXPECT_EQ(numbers().size(), 16U);
-  period();
-  EXPECT_EQ(numbers(), Numbers{20});
   TriggerCounts overrun;
-  overrun.overrun = 4;
-  EXPECT_EQ(trigger_->counts(), overrun);
+  for (const bool oldest : {false, true}) {
+    chips_.discards_oldest = oldest;
+    const std::uint64_t before = chips_.discarded_edges();
+    period();
+    const Numbers first = numbers();
+    ASSERT_EQ(first.size(), 1U);
+    for (int i = 0; i < 20; ++i) period();  // the edges are not taken
+    EXPECT_EQ(chips_.discarded_edges() - before, 4U);
+    Numbers kept(16);
+    std::iota(kept.begin(), kept.end(), first[0] + (oldest ? 5 : 1));
+    EXPECT_EQ(numbers(), kept);
+    period();
+    EXPECT_EQ(numbers(), Numbers{first[0] + 21});
+    overrun.overrun += 4;
+    EXPECT_EQ(trigger_->counts(), overrun);
+  }
 }
 
 TEST_F(GpioInputTest, SourceContinuesWithAnotherPhase_ItIsFollowedAfterThreePulses) {

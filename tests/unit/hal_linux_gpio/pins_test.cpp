@@ -36,10 +36,12 @@ TEST_F(GpioPinsTest, NobodySteps_TheLeaseEndsAllTheSame) {
 
 TEST_F(GpioPinsTest, BurstOfMoreEdgesThanTheKernelKeeps_TheLevelAfterItIsReported) {
   add_pins();
-  for (const int edges_in_burst : {15, 16, 17, 40, 41}) {
+  for (const int edges_in_burst :
+       {15, 16, 17, 40, 41, -15, -16, -17, -40, -41}) {  // negative: the oldest are discarded
+    chips_.discards_oldest = edges_in_burst < 0;
     std::vector<bool> levels;
     bool high = chips_.wire(line(5));
-    for (int i = 0; i < edges_in_burst; ++i) levels.push_back(high = !high);
+    for (int i = 0; i < std::abs(edges_in_burst); ++i) levels.push_back(high = !high);
     chips_.drive_burst(line(5), levels);
     chips_.pass(Duration::milliseconds(10));
     const auto all = edges();
@@ -52,7 +54,7 @@ TEST_F(GpioPinsTest, BurstOfMoreEdgesThanTheKernelKeeps_TheLevelAfterItIsReporte
     }
   }
   EXPECT_GT(chips_.discarded_edges(), 0U);
-  EXPECT_EQ(button_->bursts(), 4U);
+  EXPECT_EQ(button_->bursts(), 8U);
 }
 
 TEST_F(GpioPinsTest, NobodyTakesEdges_TheLastLevelComesWhenThereIsRoom) {

@@ -1,4 +1,4 @@
-// The kernel's GPIO lines through libgpiod 1.6. No other file calls libgpiod, so a port to 2.x changes this one only.
+// The kernel's GPIO lines through libgpiod 1.6. libgpiod_2.cpp is the same for libgpiod 2; CMake compiles one of them.
 #include <gpiod.h>
 #include <poll.h>
 
@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <ctime>
 #include <string>
+#include <utility>
 
 #include "hal/linux/gpio/runner.h"
 #include "hal/linux/gpio/system.h"
@@ -67,8 +68,9 @@ class KernelLine final : public Line {
       const gpiod_line_event& event = events[static_cast<std::size_t>(i)];
       into[static_cast<std::size_t>(i)] = {
           Instant::from_ns(static_cast<std::int64_t>(event.ts.tv_sec) * 1'000'000'000 + event.ts.tv_nsec),
-          event.event_type == GPIOD_LINE_EVENT_RISING_EDGE};
+          event.event_type == GPIOD_LINE_EVENT_RISING_EDGE, i == 0 && std::exchange(was_full_, false)};
     }
+    was_full_ = static_cast<std::size_t>(count) == kKernelQueue;
     return count;
   }
   int descriptor() const override { return gpiod_line_event_get_fd(line_); }
@@ -76,6 +78,8 @@ class KernelLine final : public Line {
  private:
   Chip chip_;
   gpiod_line* const line_;
+  /// The kernel's queue was full at the last read. The kernel says no more about edges that it discarded.
+  bool was_full_ = false;
 };
 
 int flags_of(const InputOptions& options) {
