@@ -142,11 +142,10 @@ bool Lens::radial_only() const {
   return std::ranges::all_of(tangential, none) && std::ranges::all_of(prism, none);
 }
 
-const nlohmann::json& first_value(const nlohmann::json& curve, const std::string& name,
-                                  std::set<std::string>& changing) {
+const nlohmann::json& first_value(const nlohmann::json& curve, std::string_view name, std::set<std::string>& changing) {
   constexpr std::size_t kEach = 3;  // type, frame, value
   if (!curve.is_array() || curve.empty() || curve.size() % kEach != 0 || !curve[1].is_number()) return curve;
-  if (curve.size() > kEach) changing.insert(name);
+  if (curve.size() > kEach) changing.emplace(name);
   return curve[kEach - 1];
 }
 

@@ -5,6 +5,7 @@
 #include <array>
 #include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "protocol/base/result.h"
@@ -39,8 +40,7 @@ struct Geometry {
 
 /// The first value of a curve over time: [type, frame, value, type, frame, value, ...]; of anything else the value
 /// itself. Adds `name` to `changing` if there are several.
-const nlohmann::json& first_value(const nlohmann::json& curve, const std::string& name,
-                                  std::set<std::string>& changing);
+const nlohmann::json& first_value(const nlohmann::json& curve, std::string_view name, std::set<std::string>& changing);
 
 /// Reads 'geometries', or the fields of an old project; `crop` is the part of the picture to which the field of view
 /// refers.

@@ -87,12 +87,18 @@ TEST_F(Gpio, PulsesOfAnotherDevice_EveryOneIsNumberedAndMissingAndDoubledOnesAre
 TEST_F(Gpio, PulsesThatNobodyTakes_TheKernelKeepsSixteenAndTheRestIsAnOverrun) {
   const auto trigger = following();
   const Instant begin = kernel().now() + Duration::milliseconds(40);
-  for (int i = 0; i < 30; ++i) pulse(begin + Duration::milliseconds(40) * i);
-  EXPECT_EQ(edges(*trigger).size(), 16U);
-  pulse(begin + Duration::milliseconds(40) * 30);
+  pulse(begin);
+  EXPECT_EQ(edges(*trigger).size(), 1U);
+  for (int i = 1; i < 31; ++i) pulse(begin + Duration::milliseconds(40) * i);
+  // The first sixteen with libgpiod 1.6, the last sixteen with libgpiod 2.
+  const auto kept = edges(*trigger);
+  ASSERT_EQ(kept.size(), 16U);
+  EXPECT_TRUE(kept[0].number == 1 || kept[0].number == 15) << kept[0].number;
+  EXPECT_EQ(kept[15].number, kept[0].number + 15);
+  pulse(begin + Duration::milliseconds(40) * 31);
   const auto next = edges(*trigger);
   ASSERT_EQ(next.size(), 1U);
-  EXPECT_EQ(next[0].number, 30U);
+  EXPECT_EQ(next[0].number, 31U);
   TriggerCounts counts;
   counts.overrun = 14;
   EXPECT_EQ(trigger->counts(), counts);
@@ -174,8 +180,13 @@ TEST_F(Gpio, ButtonBurst_OfMoreEdgesThanTheKernelKeepsEndsAtTheRightLevel) {
     EXPECT_EQ(button->level().value(), high) << edges_in_burst;
     std::vector<hal::PinEdge> all;
     while (const auto edge = button->take_edge().value()) all.push_back(*edge);
-    // Those that the kernel kept, and the level after them.
-    EXPECT_EQ(all.size(), edges_in_burst % 2 == 0 ? 16U : 17U) << edges_in_burst;
+    // With libgpiod 1.6 the first sixteen, and the level after them; with 2 the last sixteen, without one that repeats
+    // the level before the burst.
+    if (edges_in_burst % 2 == 0) {
+      EXPECT_EQ(all.size(), 16U) << edges_in_burst;
+    } else {
+      EXPECT_TRUE(all.size() == 15 || all.size() == 17) << edges_in_burst << ": " << all.size();
+    }
     EXPECT_EQ(all.back().high, high) << edges_in_burst;
     for (std::size_t i = 1; i < all.size(); ++i) EXPECT_NE(all[i].high, all[i - 1].high);
   }

@@ -128,12 +128,8 @@ gpiod_line_bias bias_of(Bias bias) {
 }
 
 gpiod_line_edge edge_of(EdgeKind edges) {
-  switch (edges) {
-    case EdgeKind::kRising: return GPIOD_LINE_EDGE_RISING;
-    case EdgeKind::kFalling: return GPIOD_LINE_EDGE_FALLING;
-    case EdgeKind::kBoth: return GPIOD_LINE_EDGE_BOTH;
-  }
-  return GPIOD_LINE_EDGE_BOTH;
+  if (edges == EdgeKind::kBoth) return GPIOD_LINE_EDGE_BOTH;
+  return edges == EdgeKind::kRising ? GPIOD_LINE_EDGE_RISING : GPIOD_LINE_EDGE_FALLING;
 }
 
 class Kernel final : public System {

@@ -22,8 +22,8 @@ class SyncInput {
   static constexpr int kFilter = 4;
 
   void start(FrameRate rate, Instant from);
-  /// An edge in order of time; `after_overrun`: the kernel discarded edges before it, or may have. Returns the pulse, or
-  /// nothing when the edge is discarded.
+  /// An edge in order of time; `after_overrun`: the kernel discarded edges before it, or may have. Returns the pulse,
+  /// or nothing when the edge is discarded.
   std::optional<TriggerEdge> add(Instant at, bool after_overrun);
   const TriggerCounts& counts() const { return counts_; }
 

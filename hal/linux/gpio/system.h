@@ -39,8 +39,8 @@ struct LineEvent {
   bool after_gap = false;  ///< the kernel discarded edges before this one, or may have
 };
 
-/// Events that the kernel keeps for a line. While its queue is full it discards the new ones (libgpiod 1.6) or the oldest
-/// ones (libgpiod 2).
+/// Events that the kernel keeps for a line. While its queue is full it discards the new ones (libgpiod 1.6) or the
+/// oldest ones (libgpiod 2).
 inline constexpr std::size_t kKernelQueue = 16;
 
 /// A claimed line; its destructor releases it, and the controller usually keeps the level.
