@@ -47,6 +47,14 @@ nodal watches and sets a rig that runs nodald, here or over ssh, calibrates and
 registers its heads, and pulls raymaps, pictures of the full sphere. Without a
 rig it stitches pictures by a calibration or a project of PTGui or Hugin.")
 
+# The user's pages; those of developers stay in the source tree.
+include(documents)
+file(GLOB host_pages RELATIVE ${CMAKE_SOURCE_DIR} CONFIGURE_DEPENDS host_tool/*.md)
+list(FILTER host_pages EXCLUDE REGEX "README.md$")
+nodal_documents(nodal ${host_pages} .github/QUESTIONS.md .github/COMPARISON.md firmware/HARDWARE.md firmware/RIG.md
+  protocol/CALIBRATION.md protocol/TAKE.md stitch/interchange/FIELDS.md)
+nodal_documents(nodald firmware/HARDWARE.md firmware/RIG.md protocol/CALIBRATION.md protocol/TAKE.md)
+
 # What Debian's policy requires in every package: licence, changes of the package, changes of the program.
 string(TIMESTAMP NODAL_DATE "%a, %d %b %Y %H:%M:%S +0000" UTC)
 foreach(package nodald nodal)
