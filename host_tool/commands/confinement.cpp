@@ -91,6 +91,8 @@ void add_input(std::string word, CommandRights& rights) {
   if (!is_there(word)) return;
   rights.read.push_back(word);
   if (names_pictures(word)) rights.read.push_back(folder_of(word));
+  const std::string companion = fs::path(word).replace_extension(".rig.json").string();
+  if (is_there(companion)) rights.read.push_back(companion);  // the calibration of a stitched sphere, see `convert`
   if (is_there(word + ".sig")) rights.read.push_back(word + ".sig");  // a calibration's signature
 }
 

@@ -14,6 +14,7 @@
 #include "host_tool/commands/picture_places_option.h"
 #include "host_tool/commands/replay_toml.h"
 #include "host_tool/commands/trial.h"
+#include "host_tool/commands/up_option.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
@@ -41,6 +42,7 @@ struct RegisterArgs {
   bool trial = false;
   PicturePlaces places = PicturePlaces::kBesideProject;
   std::string limit = "60s";
+  std::string up = "auto";
   Options options;
 };
 
@@ -81,8 +83,9 @@ Result<RigPictures> pictures_alone(Console& console, const RegisterArgs& args) {
   tell_notes(console, rig);
   Progress bar(console, "matching", 1000);
   NODAL_TRY(interruptible(console, [&] {
-    return calibrate_by_pictures(
-        rig, [&](double done, const std::string& what) { bar.update(static_cast<std::uint64_t>(1000 * done), what); });
+    return calibrate_by_pictures(rig, parse_up(args.up).value(), [&](double done, const std::string& what) {
+      bar.update(static_cast<std::uint64_t>(1000 * done), what);
+    });
   }));
   std::vector<HeadPicture> matched = std::move(rig.sets[rig.match->set]);
   rig.sets.clear();
@@ -216,7 +219,11 @@ Status run_register(Context& context, const RegisterArgs& args) {
   }
   NODAL_TRY_ASSIGN(RigPictures input, read_input(context, args));
   tell_notes(console, input);
-  if (input.match) console.note(input.match->confidence);
+  if (input.match) {
+    console.note(input.match->confidence);
+  } else {
+    NODAL_TRY(turn_up(input, parse_up(args.up).value()));
+  }
   if (!args.pairs.empty()) {
     NODAL_TRY_ASSIGN(const auto pairs, read_pairs(args.pairs, input.calibration));
     Result<registration::PairFit> fit = interruptible(
@@ -327,6 +334,7 @@ void add_register(CLI::App& app, CommandLine& line) {
       ->type_name("DURATION")
       ->needs(trial)
       ->check(checked_by(parse_duration));
+  add_up_option(*command, args->up);
   add_picture_places(*command, args->places);
   add_nominal_options(*command, args->nominal);
   line.on(command, [args](Context& context) { return run_register(context, *args); });

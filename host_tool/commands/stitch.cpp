@@ -11,11 +11,10 @@
 #include "host_tool/commands/layout_option.h"
 #include "host_tool/commands/nominal_options.h"
 #include "host_tool/commands/picture_places_option.h"
+#include "host_tool/commands/stitch_job.h"
+#include "host_tool/commands/up_option.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
-#include "host_tool/console/overwriting.h"
-#include "host_tool/input/own_pictures.h"
-#include "host_tool/report/registration_report.h"
 #include "protocol/base/try.h"
 #include "stitch/geometry/raymap/layout.h"
 #include "stitch/media/raymap/raymap_file.h"
@@ -25,27 +24,8 @@
 namespace nodal::host {
 namespace {
 
-struct StitchArgs {
-  std::vector<std::string> inputs;
-  NominalWords nominal;
-  std::string out = "sphere.jpg";
-  std::string layout = "equirectangular";
-  int width = 0;
-  int bits = 8;
-  std::string blend = "rig";
-  std::string quality;  ///< quality of JPEGs; empty: the blend's
-  std::string transition = "two-band";
-  double seam_width_deg = table::TableOptions().seam_width_deg;
-  double feather = table::TableOptions().feather;
-  int threads = 0;
-  double distance = 0;  ///< 0: the calibration's
-  PicturePlaces places = PicturePlaces::kBesideProject;
-};
-
 /// The value of --quality that chose the blend before there was --blend.
 constexpr const char* kBestAsQuality = "best";
-
-bool best(const StitchArgs& args) { return args.blend == "best"; }
 
 int jpeg_quality(const StitchArgs& args) {
   constexpr int kUsual = 92, kBest = 98;
@@ -63,15 +43,6 @@ table::TableOptions table_options(const StitchArgs& args) {
   return options;
 }
 
-/// The parameters that all raymaps of a run share.
-struct Job {
-  StitchArgs args;
-  media::RaymapFormat format = media::RaymapFormat::kJpg;
-  geometry::RaymapSize size;
-  RigPictures rig;
-  bool reported = false;  ///< there is a page that says how well a calibration from the pictures fits
-};
-
 /// Unlike CLI::Range it refuses NaN.
 CLI::Validator number_between(double least, double most) {
   return checked_by([least, most](const std::string& text) -> Result<double> {
@@ -87,111 +58,8 @@ PixelFormat raymap_format(PixelFormat pictures, int bits) {
   return pictures == PixelFormat::kGrey8 ? PixelFormat::kGrey16 : PixelFormat::kRgb48;
 }
 
-/// The name of a file that belongs to the raymaps `out`: sphere.jpg or sphere-%04d.jpg, ".rig.json" -> sphere.rig.json.
-std::string beside(const std::string& out, const std::string& ending) {
-  const std::filesystem::path path(out);
-  std::string name = path.stem().string();
-  if (has_number(out)) {
-    const std::size_t from = name.find('%');
-    name.erase(from, name.find('d', from) + 1 - from);
-    name.erase(name.find_last_not_of("-_.") + 1);
-    if (name.empty()) name = "sphere";
-  }
-  return (path.parent_path() / (name + ending)).string();
-}
-
-Status check_names(const std::string& out, const std::vector<std::vector<std::string>>& sets) {
-  NODAL_TRY(check_output(out, sets, sets.size()));
-  if (sets.size() == 1 || has_number(out)) return {};
-  return fail(Errc::kBadValue, fmt::format("--out {}: there are {} sets of pictures, and every raymap needs a name of "
-                                           "its own; put %04d into it",
-                                           out, sets.size()));
-}
-
-/// Pictures without a calibration: finds one, and writes it and its report beside the raymap.
-Status calibrate(Console& console, Job& job) {
-  NODAL_TRY_ASSIGN(job.rig, own_pictures(job.args.inputs));
-  RigPictures& rig = job.rig;
-  const std::vector<std::vector<std::string>> files = rig.files();
-  NODAL_TRY(check_names(job.args.out, files));
-  Progress bar(console, "calibrating", 1000);
-  // Matching takes about as long as the registration.
-  const auto show = [&](double from, double done, const std::string& what) {
-    bar.update(static_cast<std::uint64_t>(1000 * (from + done / 2)), what);
-  };
-  const auto matched = calibrate_by_pictures(rig, [&](double done, const std::string& what) { show(0, done, what); });
-  if (!matched) {
-    for (const std::string& note : rig.notes) console.note("note: " + note);
-    return fail(matched.error());
-  }
-  const PointMatch& match = *rig.match;
-  if (files.size() > 1) {
-    rig.notes.push_back(fmt::format("the calibration is from set {} of {}, with {}", match.set + 1, files.size(),
-                                    files[match.set].front()));
-  }
-  Result<registration::Report> report =
-      refined(rig, [&](double done, const std::string& what) { show(0.5, done, what); });
-  if (report) {
-    if (!match.lens.note.empty()) report->warnings.push_back(match.lens.note);
-    job.reported = true;
-    NODAL_TRY_ASSIGN(const std::string page, registration_report(rig.calibration, rig.frames(match.set), *report));
-    NODAL_TRY(write_file(beside(job.args.out, ".report.html"), page));
-    rig.calibration = std::move(report->calibration);
-  } else {
-    rig.notes.push_back("the pictures' light is not matched: " + report.error().message);
-  }
-  // They are stitched next, or else would be kept in memory while other sets are stitched.
-  if (match.set > 0) {
-    for (HeadPicture& picture : rig.sets[match.set]) picture.release();
-  }
-  return write_file(beside(job.args.out, ".rig.json"), to_json(rig.calibration));
-}
-
-/// Linear numbers need a response. A data sheet and most projects have none, and their pictures are files for people to
-/// look at: sRGB.
-void take_for_srgb(RigPictures& rig) {
-  bool taken = false;
-  for (HeadCalibration& head : rig.calibration.heads) {
-    if (head.response.curve != Response::Curve::kLinear) continue;
-    head.response.curve = Response::Curve::kSrgb;
-    taken = true;
-  }
-  if (taken) rig.notes.push_back("the calibration does not say how numbers follow from light; sRGB is taken");
-}
-
-Result<Job> make_job(Console& console, const StitchArgs& args) {
-  Job job;
-  job.args = args;
-  const Result<geometry::LayoutName> layout = layout_named(args.layout);
-  if (!layout) return fail(layout.error().in("--layout"));
-  job.args.layout = layout->text();
-  const Result<media::RaymapFormat> format = media::raymap_format_of_name(args.out);
-  if (!format) return fail(format.error().in("--out"));
-  job.format = *format;
-  if (args.bits == 16 && job.format == media::RaymapFormat::kJpg) {
-    return fail(Errc::kBadValue, "--bits 16: a JPEG has 8 bits; let --out end in .png, .tif or .raw");
-  }
-  if (args.nominal.rig.empty() && is_picture(args.inputs.front())) {
-    NODAL_TRY(calibrate(console, job));
-  } else {
-    NODAL_TRY_ASSIGN(job.rig, read_rig_pictures(args.nominal, args.inputs, args.places));
-    const bool imported = job.rig.origin != RigPictures::Origin::kCalibration;
-    if (args.bits == 16 && imported) take_for_srgb(job.rig);
-  }
-  if (args.distance > 0) {
-    job.rig.calibration.distance = args.distance;
-    if (const Status good = check_calibration(job.rig.calibration); !good) return fail(good.error().in("--distance"));
-  }
-  NODAL_TRY(check_names(args.out, job.rig.files()));
-  const Result<double> resolution = offline::resolution_of(job.rig.calibration);
-  if (!resolution) return fail(resolution.error().in(args.inputs.front()));
-  const double natural = layout->width_for_resolution(*resolution);
-  job.size = layout->size_for_width(args.width > 0 ? args.width : natural);
-  return job;
-}
-
 /// `of`: one of the pictures, for place and time.
-Result<std::vector<std::uint8_t>> encode(const Job& job, const DecodedImage& raymap, const DecodedImage& of) {
+Result<std::vector<std::uint8_t>> encode(const StitchJob& job, const DecodedImage& raymap, const DecodedImage& of) {
   media::RaymapFile file;
   file.format = job.format;
   file.quality = jpeg_quality(job.args);
@@ -205,7 +73,7 @@ Result<std::vector<std::uint8_t>> encode(const Job& job, const DecodedImage& ray
 /// Makes the raymaps of a run, one after the other, in the way that the arguments ask for.
 class Stitcher {
  public:
-  explicit Stitcher(const Job& job) : job_(job) {}
+  explicit Stitcher(const StitchJob& job) : job_(job) {}
 
   /// `progress`: as for OfflineBlend::make.
   Result<DecodedImage> stitch(std::span<const ImageView> pictures, const std::function<void(double)>& progress) {
@@ -232,7 +100,7 @@ class Stitcher {
     return {};
   }
 
-  const Job& job_;
+  const StitchJob& job_;
   std::optional<PixelFormat> format_;
   std::optional<offline::OfflineBlend> board_;
   std::optional<offline::BestBlend> best_;
@@ -250,7 +118,7 @@ void tell_alpha(Console& console, const std::vector<HeadPicture>& set, const std
 Status run_stitch(Context& context, const StitchArgs& args) {
   Console& console = context.console();
   const auto begin = std::chrono::steady_clock::now();
-  NODAL_TRY_ASSIGN(Job job, interruptible(console, [&] { return make_job(console, args); }));
+  NODAL_TRY_ASSIGN(StitchJob job, interruptible(console, [&] { return make_stitch_job(console, args); }));
   for (const std::string& note : job.rig.notes) console.note("note: " + note);
   const std::size_t count = job.rig.sets.size();
   Stitcher stitcher(job);
@@ -375,6 +243,7 @@ void add_stitch(CLI::App& app, CommandLine& line) {
                    "Metres to where the pictures meet; needs a calibration in which heads have positions")
       ->type_name("M")
       ->check(number_between(0.01, kLongestDistance));
+  add_up_option(*command, args->up);
   add_picture_places(*command, args->places);
   add_nominal_options(*command, args->nominal);
   command->parse_complete_callback([=] {

@@ -49,29 +49,19 @@ std::vector<std::string> head_names(const std::vector<std::string>& paths) {
   return good ? names : numbered;
 }
 
-/// The direction that is up for people who look at a picture with this Exif orientation, in the file's pixels.
-Eigen::Vector2d up_of(int orientation) {
-  switch (orientation) {
-    case 3:
-    case 4: return {0, 1};
-    case 5:
-    case 6: return {-1, 0};
-    case 7:
-    case 8: return {1, 0};
-    default: return {0, -1};
-  }
-}
-
-/// What decided which way is up, if it is not what the pictures show.
+/// What decided which way is up, if it is not what the pictures show, and the option that corrects it.
 std::string up_note(autocalibration::UpBasis basis) {
-  const std::string seen = "vertical edges or a horizon are not seen all around";
+  std::string note;
   switch (basis) {
     case autocalibration::UpBasis::kEdges: return "";
-    case autocalibration::UpBasis::kRing: return "up is the axis of the ring that the heads form: " + seen;
-    case autocalibration::UpBasis::kHeld: return "up is how the pictures are held: " + seen;
-    case autocalibration::UpBasis::kLight: return "which way is up is a guess, by where the light comes from: " + seen;
+    case autocalibration::UpBasis::kRing: note = "up is the axis of the ring that the heads form"; break;
+    case autocalibration::UpBasis::kHeld: note = "up is how the pictures are held"; break;
+    case autocalibration::UpBasis::kMost: note = "up is how most of the pictures are held"; break;
+    case autocalibration::UpBasis::kLight: note = "which way is up is a guess, by where the light comes from"; break;
   }
-  return "";
+  return note +
+         ": vertical edges or a horizon are not seen all around. If the result is not upright, look in it for what is "
+         "up, YAW degrees to the right of its middle and PITCH above it, and run the command again with --up YAW,PITCH";
 }
 
 /// `head`: the first placed one.
@@ -192,7 +182,8 @@ Result<RigPictures> own_pictures(const std::vector<std::string>& arguments) {
   return own;
 }
 
-Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const OwnProgress& progress) {
+Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const UpChoice& up,
+                                                       const OwnProgress& progress) {
   PointMatch match;
   match.set = rig.sets.size() / 2;
   std::vector<HeadPicture>& pictures = rig.sets[match.set];
@@ -212,7 +203,8 @@ Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const O
       focal_px = *picture.focal_35mm() / media::kFilmDiagonalMm * std::hypot(image.width, image.height);
     }
     options.focal_px.push_back(focal_px);
-    options.up.push_back(up_of(picture.orientation()));
+    const auto [x, y] = media::up_of(picture.orientation());
+    options.up.emplace_back(x, y);
     if (picture.orientation() != 1) turned.push_back(picture.file());
   }
   options.progress = [&](double done) { progress(0.3 + 0.7 * done, "matching the pictures"); };
@@ -243,13 +235,15 @@ Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const O
     rig.notes.push_back(match.lens.note);
     rig.calibration.comment = "Lens and rotations from the pictures alone: " + match.lens.note + ".";
   }
-  if (const std::string note = up_note(found.up); !note.empty()) rig.notes.push_back(note);
   match.confidence = fmt::format(
       "{} of {} pictures placed by {} points that two of them show; the points, which are {}, agree within {:.1f} px "
       "(median)",
       placed.size(), files.size(), found.matches, text_of(match.lens.seen), found.error_px);
   rig.match = std::move(match);
   keep_heads(rig, found.placed);
+  const std::string note = up_note(found.up);
+  if (up.kind == UpChoice::Kind::kAuto && !note.empty()) rig.notes.push_back(note);
+  NODAL_TRY(turn_up(rig, up));
   return std::move(found.placed);
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "host_tool/input/rig_pictures.h"
+#include "host_tool/input/up_choice.h"
 #include "protocol/base/result.h"
 #include "stitch/registration/registration.h"
 
@@ -29,8 +30,9 @@ using OwnProgress = std::function<void(double done, const std::string& what)>;
 /// Finds the lens and the rotations of the heads by matched points of the middle set, whose pictures stay decoded, and
 /// sets the calibration, `match` and notes. Heads that are not placed are left out of all sets.
 /// Returns the places that the other heads had in each set.
-/// Errors: those of reading pictures and of autocalibrate(), with what to do.
-Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const OwnProgress& progress);
+/// Errors: those of reading pictures, of autocalibrate(), with what to do, and of turn_up().
+Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const UpChoice& up,
+                                                       const OwnProgress& progress);
 
 /// Registers the pictures of the matched set as far as they determine it: the whole lens, else the focal lengths, else
 /// rotations, else gains and fall-off only; of a lens that points do not determine over most of its radius, rotations

@@ -11,6 +11,7 @@
 #include "host_tool/input/pictures.h"
 #include "host_tool/output/layout_name.h"
 #include "host_tool/output/raymap_sink.h"
+#include "host_tool/output/turned_pose.h"
 #include "protocol/base/try.h"
 #include "stitch/media/gpano.h"
 #include "stitch/media/raymap/raymap_file.h"
@@ -67,17 +68,29 @@ void warn_of_shape(Console& console, const std::string& file, const geometry::La
       file, size.width, size.height, layout.text(), whole.width, whole.height, std::max(stretch, 1 / stretch)));
 }
 
+/// What all pictures of one size become.
+struct FrameJob {
+  geometry::RaymapSize made;
+  std::optional<geometry::LayoutName> layout;                             ///< layout of the results; nothing for a view
+  std::function<DecodedImage(const DecodedImage&, std::size_t k)> paint;  ///< picture k
+  double plan_seconds = 0;
+  std::optional<Eigen::Matrix3d> R_new_old = std::nullopt;  ///< the sphere is turned
+};
+
 /// `of`: the picture that `made` was made of. A view is another look at the sphere: what was said of the whole is not
 /// true of it.
 Result<std::vector<std::uint8_t>> encode(DecodedImage&& made, const DecodedImage& of, media::RaymapFormat format,
-                                         const std::optional<geometry::LayoutName>& layout, int quality) {
+                                         const FrameJob& job, int quality) {
+  const std::optional<geometry::LayoutName>& layout = job.layout;
   made.meaning = of.meaning;
   media::RaymapFile file;
   file.format = format;
   file.quality = quality;
   file.comment = layout ? "nodal convert layout=" + layout->text() : "nodal view";
   if (layout) file.layout = layout->text();
-  file.kept = media::kept_metadata(of.metadata, layout ? media::Keep::kAll : media::Keep::kPlaceAndTime);
+  const media::Keep same = job.R_new_old ? media::Keep::kTurned : media::Keep::kAll;
+  file.kept = media::kept_metadata(of.metadata, layout ? same : media::Keep::kPlaceAndTime);
+  if (job.R_new_old) turn_pose(file.kept.properties, *job.R_new_old);
   return media::encode(made, file);
 }
 
@@ -102,14 +115,6 @@ Status check_names(const FrameOptions& options) {
   }
   return check_output(options.out, {options.inputs}, count);
 }
-
-/// What all pictures of one size become.
-struct FrameJob {
-  geometry::RaymapSize made;
-  std::optional<geometry::LayoutName> layout;                             ///< layout of the results; nothing for a view
-  std::function<DecodedImage(const DecodedImage&, std::size_t k)> paint;  ///< picture k
-  double plan_seconds = 0;
-};
 
 /// Reads every input, paints and writes it. `begin` is called with the first.
 Status run_frame_job(Console& console, const FrameOptions& options,
@@ -153,7 +158,7 @@ Status run_frame_job(Console& console, const FrameOptions& options,
                          const Stopwatch watch;
                          DecodedImage result = job->paint(picture, k);
                          resampling_seconds += watch.seconds();
-                         return encode(std::move(result), picture, *format, job->layout, options.quality);
+                         return encode(std::move(result), picture, *format, *job, options.quality);
                        }));
       if (piped) {
         console.bytes({reinterpret_cast<const char*>(file.data()), file.size()});
@@ -207,7 +212,8 @@ Status run_frames(Console& console, const FrameOptions& options,
                       if (target_of && k > 0) plan = resampler->plan(target_of(k), workers);
                       return resampler->resample(raymap.view(), plan, workers);
                     },
-                    watch.seconds()};
+                    watch.seconds(),
+                    made.R_new_old};
   });
 }
 

@@ -1,6 +1,7 @@
 // Raymaps from files, resampled picture by picture: common to `convert` and `view`.
 #pragma once
 
+#include <Eigen/Core>
 #include <functional>
 #include <optional>
 #include <string>
@@ -31,6 +32,8 @@ struct Outcome {
   std::optional<geometry::LayoutName> layout;  ///< layout of the result; nothing for a view
   /// The target of picture k; empty: `target`, always.
   std::function<view::Target(std::size_t k)> target_of = nullptr;
+  /// The sphere is turned: `target` looks along old rays, and the metadata follow.
+  std::optional<Eigen::Matrix3d> R_new_old = std::nullopt;
 };
 
 /// Reads every input, resamples it, and writes it: to files or, with --out -, as JPEGs to standard output. All inputs

@@ -17,6 +17,7 @@
 #include "stitch/autocalibration/upright.h"
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/rotation.h"
+#include "stitch/geometry/turned_rig.h"
 #include "stitch/parallel/workers.h"
 
 namespace nodal::autocalibration {
@@ -132,10 +133,7 @@ Status turn_upright(const std::vector<Picture>& small, const std::vector<Eigen::
   const Upright upright = find_upright(heads, pictures, held);
   found.up = upright.basis;
   const Eigen::Matrix3d R_new_rig = upright_rotation(upright.up, heads.front().axis().direction());
-  for (HeadCalibration& head : found.calibration.heads) {
-    const Eigen::Matrix3d turned = geometry::matrix_of(head.R_head_rig) * R_new_rig.transpose();
-    head.R_head_rig = geometry::rows_of(turned);
-  }
+  found.calibration = geometry::turned_rig(std::move(found.calibration), R_new_rig);
   return {};
 }
 

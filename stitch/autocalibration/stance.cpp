@@ -4,6 +4,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <utility>
 
 #include "protocol/base/angles.h"
 
@@ -22,6 +24,8 @@ constexpr double kOnTheirSide = 0.3;  // mean upward component below which pictu
 constexpr double kRollSigma = 5;      // degrees, of how heads are held
 constexpr double kPitchSigma = 25;    // degrees; people look up and down
 constexpr double kHeldAlike = 0.5;    // least mean upward component of heads that are held upright
+// The largest roll and pitch of a picture that agrees with a group's up.
+constexpr double kMaxRoll = 15 * kRadiansPerDegree, kMaxPitch = 60 * kRadiansPerDegree;
 
 /// The heads on the cone about `axis` with this cosine.
 std::vector<std::size_t> on_cone(const std::vector<HeldHead>& heads, const Vector3d& axis, double cosine) {
@@ -112,6 +116,30 @@ std::optional<Vector3d> held_up(const std::vector<HeldHead>& heads) {
   const bool upright = std::ranges::all_of(heads, [&](const HeldHead& head) { return head.up.dot(up) > 0; });
   if (!upright || mean.dot(up) < kHeldAlike) return std::nullopt;
   return up;
+}
+
+std::optional<Vector3d> mostly_held_up(const std::vector<HeldHead>& heads) {
+  std::vector<HeldHead> largest;
+  const auto consider = [&](const Vector3d& up) {
+    std::vector<HeldHead> group;
+    std::ranges::copy_if(heads, std::back_inserter(group), [&](const HeldHead& head) {
+      return std::abs(head.forward.cross(head.up).dot(up)) < std::sin(kMaxRoll) &&
+             head.up.dot(up) > std::cos(kMaxPitch);
+    });
+    if (group.size() > largest.size()) largest = std::move(group);
+  };
+  for (std::size_t i = 0; i < heads.size(); ++i) {
+    consider(heads[i].up);
+    // Heads that look up or down all have rows at right angles to the same direction.
+    for (std::size_t j = i + 1; j < heads.size(); ++j) {
+      const Vector3d normal = heads[i].forward.cross(heads[i].up).cross(heads[j].forward.cross(heads[j].up));
+      if (normal.norm() < std::sin(kMaxRoll)) continue;
+      const Vector3d up = normal.normalized();
+      consider(up.dot(heads[i].up) < 0 ? Vector3d(-up) : up);
+    }
+  }
+  if (2 * largest.size() <= heads.size()) return std::nullopt;
+  return held_up(largest);
 }
 
 }  // namespace nodal::autocalibration

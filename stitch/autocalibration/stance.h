@@ -12,6 +12,7 @@ enum class UpBasis : std::uint8_t {
   kEdges,  ///< vertical edges or the horizon, all around
   kRing,   ///< the axis of the ring that the heads form
   kHeld,   ///< how the pictures are held
+  kMost,   ///< how most pictures are held
   kLight,  ///< where the light comes from, and edges that agree with it: a guess
 };
 
@@ -30,5 +31,8 @@ std::optional<Eigen::Vector3d> ring_up(const std::vector<HeldHead>& heads, const
 /// about perpendicular to their axes. Nothing if the pictures contradict each other, such as those of a rig with heads
 /// in every direction.
 std::optional<Eigen::Vector3d> held_up(const std::vector<HeldHead>& heads);
+
+/// The same for the largest group of pictures that do not contradict each other, if it is more than half of them.
+std::optional<Eigen::Vector3d> mostly_held_up(const std::vector<HeldHead>& heads);
 
 }  // namespace nodal::autocalibration

@@ -296,6 +296,8 @@ Upright find_upright(const std::vector<geometry::Head>& heads, const std::vector
     found = {*ring, UpBasis::kRing};
   } else if (upright) {
     found = {*upright, UpBasis::kHeld};
+  } else if (const std::optional<Vector3d> most = mostly_held_up(stance)) {
+    found = {*most, UpBasis::kMost};
   }
   return found;
 }

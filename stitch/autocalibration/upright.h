@@ -19,8 +19,8 @@ struct Upright {
 /// picture, x right and y down, that is up for people who look at it; empty: (0, -1). The light of the scene comes
 /// mostly from above, so vertical edges and the horizon are searched near its direction, or near the axis of a ring of
 /// heads. Edges that are not seen all around are often chance; then the ring's axis decides, or else how the pictures
-/// are held. The same is done if the edges say that the pictures lie on their side, as lines on a floor or on walls do,
-/// unless the edges are beyond doubt.
+/// are held, all or more than half of them. The same is done if the edges say that the pictures lie on their side, as
+/// lines on a floor or on walls do, unless the edges are beyond doubt.
 Upright find_upright(const std::vector<geometry::Head>& heads, const std::vector<Picture>& pictures,
                      const std::vector<Eigen::Vector2d>& held = {});
 

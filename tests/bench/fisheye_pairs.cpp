@@ -149,7 +149,7 @@ PairVerdict judged_alone(const FisheyePair& pair, const Calibration& truth, cons
   const host::OwnProgress silent = [](double, const std::string&) {};
   PairVerdict verdict;
   Result<host::RigPictures> rig = host::own_pictures(files);
-  const auto placed = rig ? host::calibrate_by_pictures(*rig, silent) : fail(rig.error());
+  const auto placed = rig ? host::calibrate_by_pictures(*rig, {}, silent) : fail(rig.error());
   if (!placed) {
     verdict.refused = placed.error().message;
     return verdict;

@@ -114,7 +114,7 @@ void hands(Range range, const fs::path& folder, bool beside_hugin) {
     const std::clock_t begun = std::clock();
     const host::OwnProgress silent = [](double, const std::string&) {};
     Result<host::RigPictures> rig = host::own_pictures(files);
-    const auto heads = rig ? host::calibrate_by_pictures(*rig, silent) : fail(rig.error());
+    const auto heads = rig ? host::calibrate_by_pictures(*rig, {}, silent) : fail(rig.error());
     if (!heads) {
       std::printf(" | %s\n", heads.error().text().c_str());
       continue;

@@ -46,7 +46,7 @@ double degrees_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
 Result<RigPictures> calibrated(const std::vector<std::string>& files) {
   Result<RigPictures> own = own_pictures(files);
   if (!own) return own;
-  if (const auto placed = calibrate_by_pictures(*own, kSilent); !placed) return fail(placed.error());
+  if (const auto placed = calibrate_by_pictures(*own, {}, kSilent); !placed) return fail(placed.error());
   return own;
 }
 

@@ -57,6 +57,18 @@ bool is_r03(ExifData* data) {
 
 }  // namespace
 
+std::array<double, 2> up_of(int orientation) {
+  switch (orientation) {
+    case 3:
+    case 4: return {0, 1};
+    case 5:
+    case 6: return {-1, 0};
+    case 7:
+    case 8: return {1, 0};
+    default: return {0, -1};
+  }
+}
+
 SampleMeaning adobe_rgb() {
   SampleMeaning meaning;
   meaning.curve = SampleMeaning::Curve::kGamma;

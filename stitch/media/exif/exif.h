@@ -1,6 +1,7 @@
 // What a camera says about its lens and its attitude in a picture file (Exif 2.32).
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -23,6 +24,10 @@ struct Exif {
   /// or ColorSpace 2.
   bool adobe_rgb = false;
 };
+
+/// The direction in a file's pixels, x right and y down, that is up for people who look at a picture with this Exif
+/// orientation.
+std::array<double, 2> up_of(int orientation);
 
 /// The meaning of numbers in Adobe RGB (1998).
 SampleMeaning adobe_rgb();

@@ -11,7 +11,8 @@ namespace nodal::media {
 KeptMetadata kept_metadata(const FileMetadata& metadata, Keep keep) {
   KeptMetadata kept;
   for (XmpProperty& property : parse_xmp(metadata.xmp).kept) {
-    if (keep == Keep::kAll || !property.name.starts_with("GPano:")) kept.properties.push_back(std::move(property));
+    if (keep != Keep::kPlaceAndTime || !property.name.starts_with("GPano:"))
+      kept.properties.push_back(std::move(property));
   }
   PlaceAndTime known = place_and_time(metadata, keep == Keep::kAll);
   kept.exif = std::move(known.exif);

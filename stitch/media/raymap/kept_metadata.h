@@ -17,6 +17,7 @@ struct KeptMetadata {
 /// How much of a picture's metadata is true of the result.
 enum class Keep : std::uint8_t {
   kAll,           ///< the same sphere: pose, compass direction, first view, date, place
+  kTurned,        ///< the same sphere, turned: all but the compass direction in Exif
   kPlaceAndTime,  ///< another look at it, or one of several pictures of it: date and place
 };
 

@@ -89,5 +89,28 @@ TEST(HeldUp, HeadsInEveryDirection_Nothing) {
   EXPECT_FALSE(held_up({looking(0, 0, 0), looking(90, 0, 90), looking(180, 0, 180), looking(270, 0, -90)}));
 }
 
+TEST(MostlyHeldUp, FourOfSixHeadsAreLevel_UpIsThatOfTheFour) {
+  const std::vector<HeldHead> six{looking(0, 0, 1),   looking(90, 20, -1), looking(180, -20, 1),
+                                  looking(270, 0, 0), looking(0, 90, 0),   looking(0, -90, 70)};
+  EXPECT_FALSE(held_up(turned(six, kTilt)));
+  const auto up = mostly_held_up(turned(six, kTilt));
+  ASSERT_TRUE(up);
+  EXPECT_LT(off_deg(*up, kTilt * kUp), 1.5);
+}
+
+TEST(MostlyHeldUp, AllLookUp_UpIsAtRightAnglesToAllRows) {
+  std::vector<HeldHead> heads;
+  for (int k = 0; k < 5; ++k) heads.push_back(looking(72.0 * k, 40, 0));
+  heads.push_back(looking(10, 0, 180));
+  const auto up = mostly_held_up(turned(heads, kTilt));
+  ASSERT_TRUE(up);
+  EXPECT_LT(off_deg(*up, kTilt * kUp), 0.1);
+}
+
+TEST(MostlyHeldUp, HalfOfThemOrNone_Nothing) {
+  EXPECT_FALSE(mostly_held_up({looking(0, 0, 0), looking(90, 0, 0), looking(0, 0, 90), looking(0, 0, -90)}));
+  EXPECT_FALSE(mostly_held_up({}));
+}
+
 }  // namespace
 }  // namespace nodal::autocalibration

@@ -1,0 +1,124 @@
+#include "host_tool/commands/stitch_job.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+
+#include "host_tool/console/files.h"
+#include "host_tool/console/overwriting.h"
+#include "host_tool/input/own_pictures.h"
+#include "host_tool/output/layout_name.h"
+#include "host_tool/report/registration_report.h"
+#include "protocol/base/try.h"
+#include "stitch/offline/offline_blend.h"
+
+namespace nodal::host {
+namespace {
+
+Status check_names(const std::string& out, const std::vector<std::vector<std::string>>& sets) {
+  NODAL_TRY(check_output(out, sets, sets.size()));
+  if (sets.size() == 1 || has_number(out)) return {};
+  return fail(Errc::kBadValue, fmt::format("--out {}: there are {} sets of pictures, and every raymap needs a name of "
+                                           "its own; put %04d into it",
+                                           out, sets.size()));
+}
+
+/// Pictures without a calibration: finds one, and writes it and its report beside the raymap.
+Status calibrate(Console& console, StitchJob& job) {
+  NODAL_TRY_ASSIGN(job.rig, own_pictures(job.args.inputs));
+  RigPictures& rig = job.rig;
+  const std::vector<std::vector<std::string>> files = rig.files();
+  NODAL_TRY(check_names(job.args.out, files));
+  Progress bar(console, "calibrating", 1000);
+  // Matching takes about as long as the registration.
+  const auto show = [&](double from, double done, const std::string& what) {
+    bar.update(static_cast<std::uint64_t>(1000 * (from + done / 2)), what);
+  };
+  const auto matched = calibrate_by_pictures(rig, parse_up(job.args.up).value(),
+                                             [&](double done, const std::string& what) { show(0, done, what); });
+  if (!matched) {
+    for (const std::string& note : rig.notes) console.note("note: " + note);
+    return fail(matched.error());
+  }
+  const PointMatch& match = *rig.match;
+  if (files.size() > 1) {
+    rig.notes.push_back(fmt::format("the calibration is from set {} of {}, with {}", match.set + 1, files.size(),
+                                    files[match.set].front()));
+  }
+  Result<registration::Report> report =
+      refined(rig, [&](double done, const std::string& what) { show(0.5, done, what); });
+  if (report) {
+    if (!match.lens.note.empty()) report->warnings.push_back(match.lens.note);
+    job.reported = true;
+    NODAL_TRY_ASSIGN(const std::string page, registration_report(rig.calibration, rig.frames(match.set), *report));
+    NODAL_TRY(write_file(beside(job.args.out, ".report.html"), page));
+    rig.calibration = std::move(report->calibration);
+  } else {
+    rig.notes.push_back("the pictures' light is not matched: " + report.error().message);
+  }
+  // They are stitched next, or else would be kept in memory while other sets are stitched.
+  if (match.set > 0) {
+    for (HeadPicture& picture : rig.sets[match.set]) picture.release();
+  }
+  return write_file(beside(job.args.out, ".rig.json"), to_json(rig.calibration));
+}
+
+/// Linear numbers need a response. A data sheet and most projects have none, and their pictures are files for people to
+/// look at: sRGB.
+void take_for_srgb(RigPictures& rig) {
+  bool taken = false;
+  for (HeadCalibration& head : rig.calibration.heads) {
+    if (head.response.curve != Response::Curve::kLinear) continue;
+    head.response.curve = Response::Curve::kSrgb;
+    taken = true;
+  }
+  if (taken) rig.notes.push_back("the calibration does not say how numbers follow from light; sRGB is taken");
+}
+
+}  // namespace
+
+std::string beside(const std::string& out, const std::string& ending) {
+  const std::filesystem::path path(out);
+  std::string name = path.stem().string();
+  if (has_number(out)) {
+    const std::size_t from = name.find('%');
+    name.erase(from, name.find('d', from) + 1 - from);
+    name.erase(name.find_last_not_of("-_.") + 1);
+    if (name.empty()) name = "sphere";
+  }
+  return (path.parent_path() / (name + ending)).string();
+}
+
+Result<StitchJob> make_stitch_job(Console& console, const StitchArgs& args) {
+  StitchJob job;
+  job.args = args;
+  const Result<geometry::LayoutName> layout = layout_named(args.layout);
+  if (!layout) return fail(layout.error().in("--layout"));
+  job.args.layout = layout->text();
+  const Result<media::RaymapFormat> format = media::raymap_format_of_name(args.out);
+  if (!format) return fail(format.error().in("--out"));
+  job.format = *format;
+  if (args.bits == 16 && job.format == media::RaymapFormat::kJpg) {
+    return fail(Errc::kBadValue, "--bits 16: a JPEG has 8 bits; let --out end in .png, .tif or .raw");
+  }
+  if (args.nominal.rig.empty() && is_picture(args.inputs.front())) {
+    NODAL_TRY(calibrate(console, job));
+  } else {
+    NODAL_TRY_ASSIGN(job.rig, read_rig_pictures(args.nominal, args.inputs, args.places));
+    NODAL_TRY(turn_up(job.rig, parse_up(args.up).value()));
+    const bool imported = job.rig.origin != RigPictures::Origin::kCalibration;
+    if (args.bits == 16 && imported) take_for_srgb(job.rig);
+  }
+  if (args.distance > 0) {
+    job.rig.calibration.distance = args.distance;
+    if (const Status good = check_calibration(job.rig.calibration); !good) return fail(good.error().in("--distance"));
+  }
+  NODAL_TRY(check_names(args.out, job.rig.files()));
+  const Result<double> resolution = offline::resolution_of(job.rig.calibration);
+  if (!resolution) return fail(resolution.error().in(args.inputs.front()));
+  const double natural = layout->width_for_resolution(*resolution);
+  job.size = layout->size_for_width(args.width > 0 ? args.width : natural);
+  return job;
+}
+
+}  // namespace nodal::host
