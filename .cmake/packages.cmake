@@ -19,6 +19,9 @@ nodal_pkgconfig_package(eigen eigen3)
 nodal_pkgconfig_package(turbojpeg libturbojpeg)
 nodal_pkgconfig_package(png libpng)
 nodal_pkgconfig_package(tiff libtiff-4)
+# LGPL-3: linked dynamically. Debian's pkg-config names the shared library.
+nodal_pkgconfig_package(heif libheif)
+nodal_pkgconfig_package(webp libwebp)
 nodal_pkgconfig_package(lcms lcms2)
 nodal_pkgconfig_package(pugixml pugixml)
 # LGPL-2.1: linked dynamically. Debian's pkg-config names the shared library.

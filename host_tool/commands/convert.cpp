@@ -54,8 +54,8 @@ Status run_convert(Context& context, const ConvertArgs& args) {
     R_new_old = geometry::to_R_head_rig({place.yaw, place.pitch, place.roll});
     NODAL_TRY_ASSIGN(companion, companion_of(args.frames, *R_new_old));
   }
-  const auto outcome = [&](const geometry::LayoutName& from, geometry::RaymapSize size) -> Result<Outcome> {
-    const double natural = to->width_for_resolution(size.width / from.width_for_resolution(1));
+  const auto outcome = [&](double pixels_per_radian) -> Result<Outcome> {
+    const double natural = to->width_for_resolution(pixels_per_radian);
     const geometry::RaymapSize made = to->size_for_width(args.width > 0 ? args.width : natural);
     auto target = geometry::make_layout(*to, made.width, made.height);
     if (!target) return fail(target.error().in("--layout"));
@@ -84,6 +84,7 @@ void add_convert(CLI::App& app, CommandLine& line) {
                                   "  nodal convert sphere.jpg -o cube.jpg --layout cube\n"
                                   "  nodal convert cube.png --from cube:pad=2 -o sphere.jpg\n"
                                   "  nodal convert sphere.jpg -o level.jpg --rotate 0,-3,1.5\n"
+                                  "  nodal convert theta.jpg -o sphere.jpg --from dual_fisheye:fov=190\n"
                                   "  nodal convert r-*.jpg -o h-%04d.png --layout healpix --width 2048\n"
                                   "Where pixels become larger, each is a mean of what it covers.\n");
   auto args = std::make_shared<ConvertArgs>();

@@ -33,7 +33,7 @@ Result<RigPictures> read_input(Context& context, const DriftArgs& args) {
     NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
     return pull_frame_sets(*rig, "nodal drift", args.sets, context.console());
   }
-  return interruptible(context.console(), [&] { return read_all_pictures({}, args.inputs, args.places); });
+  return interruptible(context.console(), [&] { return read_all_pictures({}, args.inputs, {args.places}); });
 }
 
 /// The word of the JSON document.

@@ -4,12 +4,13 @@
 #include "host_tool/commands/command.h"
 #include "host_tool/commands/layout_option.h"
 #include "host_tool/output/raymap_frames.h"
+#include "stitch/geometry/raymap/fisheye_picture.h"
 
 namespace nodal::host {
 
 /// Adds INPUT, --out, --from, --filter, --quality and --threads.
 inline void add_frame_options(CLI::App& command, FrameOptions& options) {
-  command.add_option("RAYMAP", options.inputs, "Raymaps of one size: JPEG, PNG or TIFF, 8 or 16 bits")
+  command.add_option("RAYMAP", options.inputs, "Raymaps of one size: JPEG, PNG, TIFF (8 or 16 bits), HEIF or WebP")
       ->required()
       ->type_name("");
   command
@@ -18,9 +19,17 @@ inline void add_frame_options(CLI::App& command, FrameOptions& options) {
                   "-: JPEGs on standard output, for | ffmpeg -f mjpeg -i - film.mp4")
       ->required()
       ->type_name("FILE");
-  command.add_option("--from", options.from, "The raymaps' layout; as their metadata says when not given")
+  command
+      .add_option("--from", options.from,
+                  "The raymaps' layout; as their metadata says when not given. Or pictures of an equidistant lens\n"
+                  "with a circle of so many degrees: fisheye:fov=DEGREES; two side by side, front and back:\n"
+                  "dual_fisheye:fov=DEGREES")
       ->type_name(layout_type())
-      ->check(layout_check());
+      ->check(checked_by([](const std::string& text) -> Status {
+        const auto lens = geometry::FisheyePicture::parse(text);
+        if (!lens) return check_layout(text);
+        return *lens ? Status{} : fail(lens->error());
+      }));
   command.add_option("--filter", options.filter, "Between pixels (bicubic when not given)")
       ->type_name("nearest|bilinear|bicubic|lanczos")
       ->check(checked_by(view::parse_filter));

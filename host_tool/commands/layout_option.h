@@ -18,13 +18,12 @@ inline std::string layout_type() {
 }
 
 /// Checks an option's value, but not the file of "rays:FILE", which the command reads.
-inline CLI::Validator layout_check() {
-  return checked_by([](const std::string& text) -> Status {
-    if (text.starts_with("rays:")) return {};
-    const Result<geometry::LayoutName> name = geometry::LayoutName::parse(text);
-    return name ? Status{} : fail(name.error());
-  });
+inline Status check_layout(const std::string& text) {
+  if (text.starts_with("rays:")) return {};
+  const Result<geometry::LayoutName> name = geometry::LayoutName::parse(text);
+  return name ? Status{} : fail(name.error());
 }
+inline CLI::Validator layout_check() { return checked_by(check_layout); }
 
 /// Adds --layout NAME; its help lists every layout.
 inline CLI::Option* add_layout_option(CLI::App& command, std::string& layout, const std::string& what) {

@@ -13,8 +13,8 @@
 #include "host_tool/commands/nominal_options.h"
 #include "host_tool/commands/picture_places_option.h"
 #include "host_tool/commands/replay_toml.h"
+#include "host_tool/commands/sphere_options.h"
 #include "host_tool/commands/trial.h"
-#include "host_tool/commands/up_option.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
@@ -42,7 +42,7 @@ struct RegisterArgs {
   bool trial = false;
   PicturePlaces places = PicturePlaces::kBesideProject;
   std::string limit = "60s";
-  std::string up = "auto";
+  std::string up = "auto", split = "auto";
   Options options;
 };
 
@@ -79,7 +79,7 @@ void tell_notes(Console& console, RigPictures& rig) {
 
 /// Pictures without a calibration: one set of them, calibrated.
 Result<RigPictures> pictures_alone(Console& console, const RegisterArgs& args) {
-  NODAL_TRY_ASSIGN(RigPictures rig, own_pictures(args.inputs));
+  NODAL_TRY_ASSIGN(RigPictures rig, own_pictures(args.inputs, parse_split(args.split).value()));
   tell_notes(console, rig);
   Progress bar(console, "matching", 1000);
   NODAL_TRY(interruptible(console, [&] {
@@ -104,7 +104,9 @@ Result<RigPictures> read_input(Context& context, const RegisterArgs& args) {
     return pull_frame_sets(*rig, "registering a running rig", args.sets, console);
   }
   if (args.nominal.rig.empty() && is_picture(args.inputs.front())) return pictures_alone(console, args);
-  return interruptible(console, [&] { return read_all_pictures(args.nominal, args.inputs, args.places); });
+  return interruptible(console, [&] {
+    return read_all_pictures(args.nominal, args.inputs, {args.places, parse_split(args.split).value()});
+  });
 }
 
 // JSON has no infinity; null means "unknown".
@@ -334,6 +336,7 @@ void add_register(CLI::App& app, CommandLine& line) {
       ->type_name("DURATION")
       ->needs(trial)
       ->check(checked_by(parse_duration));
+  add_split_option(*command, args->split);
   add_up_option(*command, args->up);
   add_picture_places(*command, args->places);
   add_nominal_options(*command, args->nominal);

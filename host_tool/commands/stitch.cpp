@@ -11,8 +11,8 @@
 #include "host_tool/commands/layout_option.h"
 #include "host_tool/commands/nominal_options.h"
 #include "host_tool/commands/picture_places_option.h"
+#include "host_tool/commands/sphere_options.h"
 #include "host_tool/commands/stitch_job.h"
-#include "host_tool/commands/up_option.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
 #include "protocol/base/try.h"
@@ -179,6 +179,7 @@ void add_stitch(CLI::App& app, CommandLine& line) {
   CLI::App* command = add_command(
       app, "stitch", "Make a picture of the whole sphere from pictures of a rig's heads; needs no rig",
       "  nodal stitch a.jpg b.jpg c.jpg -o sphere.jpg             finds lens and directions in the pictures\n"
+      "  nodal stitch theta.jpg -o sphere.jpg                     one file with the two circles of a 360-degree camera\n"
       "  nodal stitch rig.json cam0.jpg cam1.jpg cam2.jpg         with a calibration\n"
       "  nodal stitch project.pts                                 with the pictures that the project names\n"
       "  nodal stitch rig.json take/0001 take/0002 -o s-%04d.jpg  folders with pictures named after the heads\n"
@@ -243,6 +244,7 @@ void add_stitch(CLI::App& app, CommandLine& line) {
                    "Metres to where the pictures meet; needs a calibration in which heads have positions")
       ->type_name("M")
       ->check(number_between(0.01, kLongestDistance));
+  add_split_option(*command, args->split);
   add_up_option(*command, args->up);
   add_picture_places(*command, args->places);
   add_nominal_options(*command, args->nominal);

@@ -25,7 +25,7 @@ Status check_names(const std::string& out, const std::vector<std::vector<std::st
 
 /// Pictures without a calibration: finds one, and writes it and its report beside the raymap.
 Status calibrate(Console& console, StitchJob& job) {
-  NODAL_TRY_ASSIGN(job.rig, own_pictures(job.args.inputs));
+  NODAL_TRY_ASSIGN(job.rig, own_pictures(job.args.inputs, parse_split(job.args.split).value()));
   RigPictures& rig = job.rig;
   const std::vector<std::vector<std::string>> files = rig.files();
   NODAL_TRY(check_names(job.args.out, files));
@@ -104,7 +104,8 @@ Result<StitchJob> make_stitch_job(Console& console, const StitchArgs& args) {
   if (args.nominal.rig.empty() && is_picture(args.inputs.front())) {
     NODAL_TRY(calibrate(console, job));
   } else {
-    NODAL_TRY_ASSIGN(job.rig, read_rig_pictures(args.nominal, args.inputs, args.places));
+    NODAL_TRY_ASSIGN(job.rig,
+                     read_rig_pictures(args.nominal, args.inputs, {args.places, parse_split(args.split).value()}));
     NODAL_TRY(turn_up(job.rig, parse_up(args.up).value()));
     const bool imported = job.rig.origin != RigPictures::Origin::kCalibration;
     if (args.bits == 16 && imported) take_for_srgb(job.rig);

@@ -28,7 +28,7 @@ struct StitchArgs {
   double feather = table::TableOptions().feather;
   int threads = 0;
   double distance = 0;  ///< 0: the calibration's
-  std::string up = "auto";
+  std::string up = "auto", split = "auto";
   PicturePlaces places = PicturePlaces::kBesideProject;
 };
 

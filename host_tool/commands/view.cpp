@@ -9,6 +9,7 @@
 #include "host_tool/console/files.h"
 #include "protocol/base/try.h"
 #include "stitch/geometry/envelope/envelope.h"
+#include "stitch/geometry/raymap/fisheye_picture.h"
 #include "stitch/mesh/mesh_file.h"
 #include "stitch/mesh/rasteriser.h"
 #include "stitch/view/camera.h"
@@ -67,7 +68,7 @@ Status run_mesh_view(Context& context, const ViewArgs& args, const view::CameraS
   if (!seen) return fail(seen.error().in("--camera"));
   // The mesh says where everything is; of the layout, only whether pixels beside each other belong together matters.
   bool scattered = false;
-  if (!args.frames.from.empty()) {
+  if (!args.frames.from.empty() && !geometry::FisheyePicture::parse(args.frames.from)) {
     const Result<geometry::LayoutName> from = layout_named(args.frames.from);
     if (!from) return fail(from.error().in("--from"));
     const geometry::RaymapSize any = from->size_for_width(64);
@@ -133,18 +134,17 @@ Status run_view(Context& context, const ViewArgs& args) {
   }
   FrameOptions frames = args.frames;
   if (path && frames.inputs.size() == 1) frames.pictures = static_cast<std::size_t>(path->keys().back().picture) + 1;
-  return run_frames(context.console(), frames,
-                    [&](const geometry::LayoutName&, geometry::RaymapSize) -> Result<Outcome> {
-                      Outcome outcome{target, std::nullopt};
-                      if (path) {
-                        outcome.target_of = [&](std::size_t k) {
-                          // Cannot fail: a field of view is between those of two keys.
-                          camera = view::Camera::make(along(spec, *path, k));
-                          return target;
-                        };
-                      }
-                      return outcome;
-                    });
+  return run_frames(context.console(), frames, [&](double) -> Result<Outcome> {
+    Outcome outcome{target, std::nullopt};
+    if (path) {
+      outcome.target_of = [&](std::size_t k) {
+        // Cannot fail: a field of view is between those of two keys.
+        camera = view::Camera::make(along(spec, *path, k));
+        return target;
+      };
+    }
+    return outcome;
+  });
 }
 
 }  // namespace

@@ -145,7 +145,21 @@ bool is_picture(const std::string& path) {
   return file && read_picture_header(*file);
 }
 
-Result<RigPictures> own_pictures(const std::vector<std::string>& arguments) {
+Result<RigPictures> own_pictures(const std::vector<std::string>& arguments, const SplitChoice& choice) {
+  NODAL_TRY_ASSIGN(const PictureSplit split, split_of(arguments, choice));
+  if (split.count() > 1) {
+    RigPictures own;
+    own.origin = RigPictures::Origin::kPictures;
+    own.heads = part_names(split);
+    NODAL_TRY_ASSIGN(own.sets, split_pictures(arguments, split, split.count()));
+    if (choice.find) {
+      own.notes.push_back(
+          fmt::format("{} shows two circles: its halves, {} and {}, are taken for two pictures (--split "
+                      "{}x{})",
+                      arguments.front(), own.heads[0], own.heads[1], split.columns, split.rows));
+    }
+    return own;
+  }
   const bool sequences = arguments.size() > 1 && std::ranges::all_of(arguments, is_folder);
   RigPictures own;
   own.origin = RigPictures::Origin::kPictures;
@@ -174,6 +188,7 @@ Result<RigPictures> own_pictures(const std::vector<std::string>& arguments) {
     for (std::size_t n = 0; n < inside.size(); ++n) own.sets[n].emplace_back(inside[n]);
   }
   if (!sequences) {
+    if (files.size() == 1) return fail(single_picture(files.front()));
     NODAL_TRY(leave_out_copies(files, own.notes));
     own.sets.resize(1);
     for (const std::string& file : files) own.sets.front().emplace_back(file, opened.take(file));
@@ -188,7 +203,12 @@ Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const U
   match.set = rig.sets.size() / 2;
   std::vector<HeadPicture>& pictures = rig.sets[match.set];
   autocalibration::Options options;
-  for (const HeadPicture& picture : pictures) options.files.push_back(picture.file());
+  // Several pictures of one file are told apart by their heads.
+  for (std::size_t n = 0; n < pictures.size(); ++n) {
+    const bool part = n > 0 && pictures[n].file() == pictures[n - 1].file();
+    const bool before = n + 1 < pictures.size() && pictures[n].file() == pictures[n + 1].file();
+    options.files.push_back(pictures[n].file() + (part || before ? ", " + rig.heads[n] : ""));
+  }
   const std::vector<std::string>& files = options.files;
   NODAL_TRY(decode_all(pictures, {}, [&](std::size_t n) {
     progress(0.3 * static_cast<double>(n) / static_cast<double>(files.size()), "reading " + files[n]);

@@ -6,6 +6,7 @@
 #include "protocol/base/try.h"
 #include "stitch/media/colour/colour.h"
 #include "stitch/media/exif/exif.h"
+#include "stitch/media/heif_webp/reader.h"
 #include "stitch/media/image_file.h"
 #include "stitch/media/picture_bytes.h"
 #include "stitch/media/tiff/tiff_reader.h"
@@ -18,8 +19,9 @@ namespace {
 /// A file's picture with its own numbers; with 16 bits a sample if it has them.
 Result<DecodedImage> decode_as_stored(media::PictureBytes& file) {
   NODAL_TRY_ASSIGN(const ImageHeader header, read_picture_header(file));
-  NODAL_TRY_ASSIGN(DecodedImage picture, media::is_tiff(file) ? media::decode_tiff(file, header.deep)
-                                                              : media::decode_image(file, header.deep));
+  NODAL_TRY_ASSIGN(DecodedImage picture, media::is_tiff(file)           ? media::decode_tiff(file, header.deep)
+                                         : media::is_heif_or_webp(file) ? media::decode_heif_or_webp(file)
+                                                                        : media::decode_image(file, header.deep));
   const SampleMeaning& said = picture.meaning;
   if (said.icc.empty() && said.curve == SampleMeaning::Curve::kUnsaid && media::exif_of(picture.metadata).adobe_rgb) {
     picture.meaning = media::adobe_rgb();
@@ -69,7 +71,8 @@ Result<DecodedImage> read_picture(const std::string& file, std::optional<PixelFo
 }
 
 Result<ImageHeader> read_picture_header(media::PictureBytes& file) {
-  return media::is_tiff(file) ? media::tiff_header(file) : media::image_header(file);
+  if (media::is_tiff(file)) return media::tiff_header(file);
+  return media::is_heif_or_webp(file) ? media::heif_or_webp_header(file) : media::image_header(file);
 }
 
 std::vector<bool> linear_heads(const Calibration& calibration) {
@@ -83,6 +86,9 @@ std::vector<bool> linear_heads(const Calibration& calibration) {
 HeadPicture::HeadPicture(std::string file, std::shared_ptr<media::PictureBytes> opened)
     : file_(std::move(file)), opened_(std::move(opened)) {}
 
+HeadPicture::HeadPicture(std::string file, PictureSplit split, std::size_t part)
+    : file_(std::move(file)), split_(split), part_(part) {}
+
 HeadPicture::HeadPicture(DecodedImage pixels) : pixels_(std::move(pixels)) {}
 
 Status HeadPicture::decode(bool of_linear_head) {
@@ -94,14 +100,21 @@ Status HeadPicture::decode(bool of_linear_head) {
     NODAL_TRY_ASSIGN(media::PictureBytes opened, media::PictureBytes::open(file_));
     bytes = std::make_shared<media::PictureBytes>(std::move(opened));
   }
-  if (!media::is_tiff(*bytes)) {
+  const bool coded = media::is_heif_or_webp(*bytes);
+  if (!coded && !media::is_tiff(*bytes)) {
     NODAL_TRY_ASSIGN(const auto start, bytes->first(media::kExifBytes));
     const media::Exif exif = media::parse_exif(start);
     focal_35mm_ = exif.focal_35mm;
     orientation_ = exif.orientation;
   }
   NODAL_TRY_ASSIGN(DecodedImage stored, decode_as_stored(*bytes));
+  if (coded) {
+    const media::Exif exif = media::exif_of(stored.metadata);
+    focal_35mm_ = exif.focal_35mm;
+    orientation_ = media::is_turned(*bytes) ? 1 : exif.orientation;
+  }
   bytes.reset();
+  if (split_.count() > 1) stored = part_of(stored, split_, part_);
   says_linear_ = stored.meaning.is_linear();
   of_linear_head_ = of_linear_head;
   NODAL_TRY_ASSIGN(DecodedImage picture, shown(std::move(stored), of_linear_head, file_));

@@ -1,4 +1,4 @@
-// Pictures as files of any format that nodal reads: JPEG, PNG, TIFF.
+// Pictures as files of any format that nodal reads: JPEG, PNG, TIFF, HEIF, WebP.
 #pragma once
 
 #include <functional>
@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "host_tool/input/picture_split.h"
 #include "protocol/base/decoded_image.h"
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
@@ -43,6 +44,8 @@ class HeadPicture {
  public:
   /// `opened`: the file, if something of it was read already.
   explicit HeadPicture(std::string file, std::shared_ptr<media::PictureBytes> opened = nullptr);
+  /// One of several pictures in a file.
+  HeadPicture(std::string file, PictureSplit split, std::size_t part);
   explicit HeadPicture(DecodedImage pixels);
 
   /// Empty if it is from a running rig.
@@ -63,6 +66,8 @@ class HeadPicture {
 
  private:
   std::string file_;
+  PictureSplit split_;
+  std::size_t part_ = 0;
   std::shared_ptr<media::PictureBytes> opened_;
   std::optional<DecodedImage> pixels_;
   std::optional<double> focal_35mm_;

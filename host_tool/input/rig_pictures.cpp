@@ -96,15 +96,26 @@ std::vector<std::vector<HeadPicture>> pictures_of(const std::vector<std::vector<
   return sets;
 }
 
+/// The pictures that arguments name, for heads that are known.
+Result<std::vector<std::vector<HeadPicture>>> sets_of(const std::vector<std::string>& arguments,
+                                                      const SplitChoice& choice, const std::vector<std::string>& heads,
+                                                      std::vector<std::string>& notes) {
+  NODAL_TRY_ASSIGN(const PictureSplit split, split_of(arguments, choice));
+  if (split.count() > 1) return split_pictures(arguments, split, heads.size());
+  NODAL_TRY_ASSIGN(const auto files, picture_files(arguments, heads));
+  if (!files.empty()) tell_copies(files.front(), notes);
+  return pictures_of(files);
+}
+
 /// `arguments`: pictures of a rig by its data sheet.
-Result<RigPictures> read_nominal_pictures(const NominalWords& words, const std::vector<std::string>& arguments) {
+Result<RigPictures> read_nominal_pictures(const NominalWords& words, const std::vector<std::string>& arguments,
+                                          const SplitChoice& choice) {
   NODAL_TRY_ASSIGN(const Nominal nominal, nominal_of(words));
   RigPictures rig;
   rig.origin = RigPictures::Origin::kDataSheet;
   for (int h = 0; h < nominal.heads; ++h) rig.heads.push_back("cam" + std::to_string(h));
-  NODAL_TRY_ASSIGN(const auto files, picture_files(arguments, rig.heads));
-  if (files.empty()) return fail(Errc::kMissingField, "no pictures; give one a head");
-  rig.sets = pictures_of(files);
+  if (arguments.empty()) return fail(Errc::kMissingField, "no pictures; give one a head");
+  NODAL_TRY_ASSIGN(rig.sets, sets_of(arguments, choice, rig.heads, rig.notes));
   NODAL_TRY(decode_all(rig.sets.front()));
   NODAL_TRY_ASSIGN(rig.calibration, nominal_rig(nominal, rig.frames(0)));
   return rig;
@@ -174,9 +185,38 @@ Result<std::vector<std::vector<std::string>>> picture_files(const std::vector<st
   return files;
 }
 
+Result<PictureSplit> split_of(const std::vector<std::string>& arguments, const SplitChoice& choice) {
+  std::error_code error;
+  if (!choice.find || arguments.size() != 1 || fs::is_directory(arguments.front(), error)) return choice.split;
+  return find_circles(arguments.front());
+}
+
+Result<std::vector<std::vector<HeadPicture>>> split_pictures(const std::vector<std::string>& arguments,
+                                                             const PictureSplit& split, std::size_t heads) {
+  if (split.count() != heads) {
+    return fail(Errc::kBadValue, fmt::format("{} pictures in a file ({}x{}) for {} heads; --split says how they are "
+                                             "arranged",
+                                             split.count(), split.columns, split.rows, heads));
+  }
+  std::vector<std::vector<HeadPicture>> sets;
+  for (const std::string& argument : arguments) {
+    std::vector<std::string> files{argument};
+    std::error_code error;
+    if (fs::is_directory(argument, error)) {
+      NODAL_TRY_ASSIGN(PictureFolder inside, sequence_in(argument));
+      files = std::move(inside.files);
+    }
+    for (const std::string& file : files) {
+      sets.emplace_back();
+      for (std::size_t n = 0; n < heads; ++n) sets.back().emplace_back(file, split, n);
+    }
+  }
+  return sets;
+}
+
 Result<RigPictures> read_rig_pictures(const NominalWords& nominal, const std::vector<std::string>& arguments,
-                                      PicturePlaces places) {
-  if (!nominal.rig.empty()) return read_nominal_pictures(nominal, arguments);
+                                      const FileOptions& options) {
+  if (!nominal.rig.empty()) return read_nominal_pictures(nominal, arguments, options.split);
   const std::string& file = arguments.front();
   NODAL_TRY_ASSIGN(CalibrationFile read, read_calibration_file(file));
   RigPictures rig;
@@ -188,7 +228,7 @@ Result<RigPictures> read_rig_pictures(const NominalWords& nominal, const std::ve
   const std::vector<std::string>& named = read.content.images;
   // Pictures that the command line names replace those of the project, which are then not looked for.
   if (pictures.empty() && std::ranges::none_of(named, &std::string::empty)) {
-    NODAL_TRY_ASSIGN(FoundPictures found, project_pictures(file, named, places));
+    NODAL_TRY_ASSIGN(FoundPictures found, project_pictures(file, named, options.places));
     pictures = std::move(found.files);
     std::ranges::move(found.notes, std::back_inserter(rig.notes));
   }
@@ -196,15 +236,14 @@ Result<RigPictures> read_rig_pictures(const NominalWords& nominal, const std::ve
     return fail(Errc::kMissingField,
                 fmt::format("no pictures; give one for each of the {} heads of {}", rig.heads.size(), file));
   }
-  NODAL_TRY_ASSIGN(const auto files, picture_files(pictures, rig.heads));
-  tell_copies(files.front(), rig.notes);
-  rig.sets = pictures_of(files);
+  NODAL_TRY_ASSIGN(
+      rig.sets, sets_of(pictures, rig.heads.size() > 1 ? options.split : SplitChoice{false, {}}, rig.heads, rig.notes));
   return rig;
 }
 
 Result<RigPictures> read_all_pictures(const NominalWords& nominal, const std::vector<std::string>& arguments,
-                                      PicturePlaces places) {
-  NODAL_TRY_ASSIGN(RigPictures rig, read_rig_pictures(nominal, arguments, places));
+                                      const FileOptions& options) {
+  NODAL_TRY_ASSIGN(RigPictures rig, read_rig_pictures(nominal, arguments, options));
   const bool known = rig.origin != RigPictures::Origin::kDataSheet;
   for (std::vector<HeadPicture>& set : rig.sets) {
     NODAL_TRY(decode_all(set, known ? linear_heads(rig.calibration) : std::vector<bool>()));

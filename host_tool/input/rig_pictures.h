@@ -78,19 +78,34 @@ struct RigPictures {
 Result<std::vector<std::vector<std::string>>> picture_files(const std::vector<std::string>& arguments,
                                                             const std::vector<std::string>& names);
 
+/// What the user says of the files besides their names.
+struct FileOptions {
+  PicturePlaces places = PicturePlaces::kBesideProject;
+  SplitChoice split{};
+};
+
+/// How many pictures each of the files has that a command names: as the user says, or two circles in a single file.
+/// `arguments`: pictures or folders. Errors: those of reading the file.
+Result<PictureSplit> split_of(const std::vector<std::string>& arguments, const SplitChoice& choice);
+
+/// The sets of files that have the pictures of all heads; of a folder, its pictures.
+/// Errors: kBadValue if the heads are not as many as the pictures in a file; those of pictures_in().
+Result<std::vector<std::vector<HeadPicture>>> split_pictures(const std::vector<std::string>& arguments,
+                                                             const PictureSplit& split, std::size_t heads);
+
 /// `arguments`: with `nominal`, pictures of that rig, of which the first set is decoded (folders hold cam0.png,
 /// cam1.png and so on); else a calibration in any format, then pictures as for picture_files(). A project that names
-/// its pictures needs no further ones: their paths are relative to the project's folder, and `places` says where they
+/// its pictures needs no further ones: their paths are relative to the project's folder, and `options` say where they
 /// may be.
 /// Errors: those of read_calibration_file(), of nominal_rig(), of project_pictures() and of picture_files(), with the
 ///   file or the option; those of reading pictures; kMissingField without pictures.
 Result<RigPictures> read_rig_pictures(const NominalWords& nominal, const std::vector<std::string>& arguments,
-                                      PicturePlaces places = PicturePlaces::kBesideProject);
+                                      const FileOptions& options = {});
 
 /// The same with every set decoded, for computations that need all pictures at once. Heads with a linear response keep
 /// linear numbers if the calibration's response is known: that of a data sheet is not.
 Result<RigPictures> read_all_pictures(const NominalWords& nominal, const std::vector<std::string>& arguments,
-                                      PicturePlaces places = PicturePlaces::kBesideProject);
+                                      const FileOptions& options = {});
 
 /// Decodes a set and moves its pictures out, all in one pixel format: I420 if every file is 4:2:0, GREY if every one is
 /// grey, else RGB24. With `rgb`: always RGB24. Linear numbers stay so for heads with a linear response.

@@ -13,6 +13,7 @@
 #include "host_tool/output/raymap_sink.h"
 #include "host_tool/output/turned_pose.h"
 #include "protocol/base/try.h"
+#include "stitch/geometry/raymap/fisheye_picture.h"
 #include "stitch/media/gpano.h"
 #include "stitch/media/raymap/raymap_file.h"
 #include "stitch/media/xmp/xmp.h"
@@ -43,7 +44,14 @@ Result<FrameInput> read_frame(const std::string& file, bool from_metadata) {
   return FrameInput{std::move(*whole), true};
 }
 
-Result<geometry::LayoutName> layout_of(const FrameOptions& options, const FrameInput& input) {
+/// What the inputs show.
+struct Source {
+  std::unique_ptr<geometry::RaymapLayout> layout;
+  double pixels_per_radian = 0;
+  std::optional<geometry::LayoutName> name;  ///< nothing for pictures of fisheyes
+};
+
+Result<geometry::LayoutName> name_of(const FrameOptions& options, const FrameInput& input) {
   if (!options.from.empty()) {
     const Result<geometry::LayoutName> name = layout_named(options.from);
     if (!name) return fail(name.error().in("--from"));
@@ -53,6 +61,18 @@ Result<geometry::LayoutName> layout_of(const FrameOptions& options, const FrameI
   return fail(Errc::kMissingField, options.inputs.front() +
                                        ": the file does not say which layout its raymap has; give --from, one of: " +
                                        geometry::layout_list());
+}
+
+Result<Source> source_of(const FrameOptions& options, const FrameInput& input) {
+  const geometry::RaymapSize size{input.picture.width, input.picture.height};
+  if (const auto lens = geometry::FisheyePicture::parse(options.from)) {
+    if (!*lens) return fail(lens->error().in("--from"));
+    return Source{(*lens)->layout(size), (*lens)->pixels_per_radian(size), std::nullopt};
+  }
+  NODAL_TRY_ASSIGN(const geometry::LayoutName name, name_of(options, input));
+  auto layout = geometry::make_layout(name, size.width, size.height);
+  if (!layout) return fail(layout.error().in(options.inputs.front()));
+  return Source{std::move(*layout), size.width / name.width_for_resolution(1), name};
 }
 
 /// A photograph, or a part of a sphere, would be stretched over the whole sphere.
@@ -187,20 +207,19 @@ Status run_frame_job(Console& console, const FrameOptions& options,
 }  // namespace
 
 Status run_frames(Console& console, const FrameOptions& options,
-                  const std::function<Result<Outcome>(const geometry::LayoutName&, geometry::RaymapSize)>& outcome) {
+                  const std::function<Result<Outcome>(double pixels_per_radian)>& outcome) {
   const parallel::Workers workers(options.threads);
   const view::Filter filter = view::parse_filter(options.filter).value();
   std::unique_ptr<geometry::RaymapLayout> source;
   std::optional<view::Resampler> resampler;
   view::Resampler::Plan plan;
   return run_frame_job(console, options, [&](const FrameInput& first) -> Result<FrameJob> {
-    NODAL_TRY_ASSIGN(const geometry::LayoutName from, layout_of(options, first));
-    const geometry::RaymapSize size{first.picture.width, first.picture.height};
-    auto layout = geometry::make_layout(from, size.width, size.height);
-    if (!layout) return fail(layout.error().in(options.inputs.front()));
-    source = std::move(*layout);
-    if (!source->scattered()) warn_of_shape(console, options.inputs.front(), from, size);
-    NODAL_TRY_ASSIGN(const Outcome made, outcome(from, size));
+    NODAL_TRY_ASSIGN(Source from, source_of(options, first));
+    source = std::move(from.layout);
+    if (from.name && !source->scattered()) {
+      warn_of_shape(console, options.inputs.front(), *from.name, {first.picture.width, first.picture.height});
+    }
+    NODAL_TRY_ASSIGN(const Outcome made, outcome(from.pixels_per_radian));
     const Stopwatch watch;
     interruptible(console, [&] {
       resampler.emplace(*source, filter, workers);

@@ -19,7 +19,7 @@ namespace nodal::host {
 struct FrameOptions {
   std::vector<std::string> inputs;
   std::string out;
-  std::string from;  ///< layout of the inputs; empty: as their metadata says
+  std::string from;  ///< layout of the inputs, or a geometry::FisheyePicture; empty: as their metadata says
   std::string filter = "bicubic";
   int quality = 92;
   int threads = 0;
@@ -37,10 +37,10 @@ struct Outcome {
 };
 
 /// Reads every input, resamples it, and writes it: to files or, with --out -, as JPEGs to standard output. All inputs
-/// must have the size of the first. `outcome` is called once.
-Status run_frames(
-    Console& console, const FrameOptions& options,
-    const std::function<Result<Outcome>(const geometry::LayoutName& from, geometry::RaymapSize size)>& outcome);
+/// must have the size of the first. `outcome` is called once, with the resolution of the raymaps where their pixels are
+/// largest.
+Status run_frames(Console& console, const FrameOptions& options,
+                  const std::function<Result<Outcome>(double pixels_per_radian)>& outcome);
 
 /// The same with pictures of `size` that `paint` makes of the inputs, whatever their layout is.
 Status run_frames_as(Console& console, const FrameOptions& options, geometry::RaymapSize size,

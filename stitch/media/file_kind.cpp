@@ -17,13 +17,13 @@ constexpr FileKind kEmpty{"an empty file", "empty files", "copy it from the came
 constexpr FileKind kRaw{"a camera's raw file", "cameras' raw files",
                         "develop it to TIFF or JPEG (darktable-cli FILE FILE.tif)", true};
 constexpr FileKind kHeif{"an HEIF file", "HEIF files", "convert it to JPEG or PNG (heif-convert FILE.heic FILE.jpg)",
-                         true};
+                         true, true};
 constexpr FileKind kAvif{"an AVIF file", "AVIF files", "convert it to JPEG or PNG (avifdec FILE.avif FILE.png)", true};
 constexpr FileKind kJpegXl{"a JPEG XL file", "JPEG XL files", "convert it to JPEG or PNG (djxl FILE.jxl FILE.png)",
                            true};
 constexpr FileKind kJpeg2000{"a JPEG 2000 file", "JPEG 2000 files",
                              "convert it to PNG (opj_decompress -i FILE.jp2 -o FILE.png)", true};
-constexpr FileKind kWebP{"a WebP file", "WebP files", "convert it to PNG (dwebp FILE.webp -o FILE.png)", true};
+constexpr FileKind kWebP{"a WebP file", "WebP files", "convert it to PNG (dwebp FILE.webp -o FILE.png)", true, true};
 constexpr FileKind kGif{"a GIF file", "GIF files", "convert it to PNG (convert FILE.gif FILE.png)", true};
 constexpr FileKind kBmp{"a BMP file", "BMP files", "convert it to PNG (convert FILE.bmp FILE.png)", true};
 constexpr FileKind kNetpbm{"a PNM file", "PNM files", "convert it to PNG (convert FILE FILE.png)", true};
@@ -36,9 +36,9 @@ constexpr FileKind kPdf{"a PDF", "PDFs", "give the pictures themselves"};
 constexpr FileKind kArchive{"an archive", "archives", "unpack it first"};
 constexpr FileKind kFilm{"a film", "films", "take its pictures out first (ffmpeg -i FILM picture-%04d.png)", true};
 constexpr FileKind kSound{"a sound file", "sound files", ""};
-constexpr FileKind kText{"text, and no picture (JPEG, PNG and TIFF are read)", "text files", ""};
-constexpr FileKind kUnknown{"of no format that is read (JPEG, PNG; nodal reads TIFF, too)", "files of unknown formats",
-                            ""};
+constexpr FileKind kText{"text, and no picture (JPEG, PNG, TIFF, HEIF and WebP are read)", "text files", ""};
+constexpr FileKind kUnknown{"of no format that is read (JPEG, PNG; nodal reads TIFF, HEIF and WebP, too)",
+                            "files of unknown formats", ""};
 
 struct Magic {
   std::size_t at;

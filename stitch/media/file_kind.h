@@ -17,6 +17,8 @@ struct FileKind {
   std::string_view many;    ///< "HEIF files"
   std::string_view advice;  ///< what to do, as an imperative; may be empty
   bool pictures = false;    ///< it holds pictures or a film, which people give in place of a picture
+  /// Hosts read it (heif_webp/); nodald, which does not link those libraries, refuses it.
+  bool read_by_hosts = false;
 };
 
 /// `head`: the file's first bytes, all of them or kFileKindBytes; `name`: its name or path. Null for a JPEG, a PNG, and

@@ -88,8 +88,10 @@ Result<PictureFolder> pictures_in(const fs::path& folder, const HeaderReader& he
     } else if (header(file)) {
       pictures.files.push_back(file);
     } else {
-      if (named_like_a_picture(file)) pictures.broken.push_back(file);
-      const Looked looked = look_at(file);
+      Looked looked = look_at(file);
+      const bool by_hosts = looked.kind != nullptr && looked.kind->read_by_hosts;
+      if (named_like_a_picture(file) && (tiff || !by_hosts)) pictures.broken.push_back(file);
+      if (tiff && by_hosts) looked.kind = nullptr;  // a broken one
       if (looked.kind != nullptr) {
         left_out.add(looked.kind->one, looked.kind->many, looked.kind->advice, file);
       } else if (looked.tiff && !tiff) {
@@ -102,11 +104,12 @@ Result<PictureFolder> pictures_in(const fs::path& folder, const HeaderReader& he
   if (error) return fail(Errc::kIo, folder.string() + ": the folder cannot be read: " + error.message());
   if (pictures.files.empty()) {
     const std::string others = left_out.text();
-    return fail(Errc::kNotFound,
-                folder.string() + ": there is no picture in this folder" +
-                    (others.empty() ? ""
-                                    : " that is read (" + std::string(tiff ? "JPEG, PNG, TIFF" : "JPEG, PNG") +
-                                          "); it holds " + others));
+    return fail(
+        Errc::kNotFound,
+        folder.string() + ": there is no picture in this folder" +
+            (others.empty() ? ""
+                            : " that is read (" + std::string(tiff ? "JPEG, PNG, TIFF, HEIF, WebP" : "JPEG, PNG") +
+                                  "); it holds " + others));
   }
   std::ranges::sort(pictures.files);
   std::ranges::sort(pictures.broken);
@@ -122,7 +125,8 @@ Result<PictureFolder> jpegs_and_pngs_in(const fs::path& folder) {
 }
 
 bool named_like_a_picture(std::string_view file) {
-  constexpr std::array<std::string_view, 5> kEndings{".jpg", ".jpeg", ".png", ".tif", ".tiff"};
+  constexpr std::array<std::string_view, 9> kEndings{".jpg",  ".jpeg", ".png", ".tif", ".tiff",
+                                                     ".heic", ".heif", ".hif", ".webp"};
   return std::ranges::any_of(kEndings, [&](std::string_view ending) { return has_ending(file, ending); });
 }
 

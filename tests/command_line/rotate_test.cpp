@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "rig_process.h"
+#include "smooth_scene.h"
 #include "stitch/media/image_file.h"
 #include "tests/support/layouts.h"
 #include "tests/support/pictures.h"
@@ -25,14 +26,6 @@ class RotateCommand : public RigTest {
                       media::read_image(path(b), PixelFormat::kRgb24).value().bytes);
   }
 };
-
-/// A smooth scene: red, green and blue rise to the right, down and forward, with waves.
-std::array<std::uint8_t, 3> scene_at(const std::array<double, 3>& ray) {
-  std::array<std::uint8_t, 3> colour{};
-  for (std::size_t c = 0; c < 3; ++c)
-    colour[c] = static_cast<std::uint8_t>(128 + 70 * ray[c] + 40 * std::sin(5 * ray[(c + 1) % 3] + 1));
-  return colour;
-}
 
 /// The scene as an equirectangular raymap whose camera is turned right by yaw, then up by pitch, then clockwise by roll.
 std::vector<std::uint8_t> scene_from(int width, double yaw, double pitch, double roll) {

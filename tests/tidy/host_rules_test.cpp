@@ -59,6 +59,7 @@ TEST(HostRules, PicturesAreReadAndWritten_WhereTheirColoursAreKept) {
   expect_rule({"host_tool/"}, {"media::read_tiff(", none, read});
   expect_rule({"host_tool/"}, {"media::decode_image(", readers, read});
   expect_rule({"host_tool/"}, {"media::decode_tiff(", readers, read});
+  expect_rule({"host_tool/"}, {"media::decode_heif_or_webp(", readers, read});
   const std::string written = "media::encode() writes what numbers stand for, and the metadata that is kept";
   expect_rule({"host_tool/"}, {"media::tiff_file(", none, written});
   expect_rule({"host_tool/"}, {"media::png_file(", {"host_tool/commands/pattern.cpp", "host_tool/report/"}, written});

@@ -19,7 +19,8 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::string_literals;
 
-const std::string kHeic = "\0\0\0\x18"s + "ftypheic\0\0\0\0mif1heic"s;
+const std::string kAvif = "\0\0\0\x18"s + "ftypavif\0\0\0\0mif1avif"s;
+const std::string kBrokenHeic = "\0\0\0\x18"s + "ftypheic\0\0\0\0mif1heic"s;
 
 class FolderOfPictures : public testing::Test {
  protected:
@@ -40,8 +41,9 @@ TEST_F(FolderOfPictures, WhatIsNoPicture_IsNamedByItsKindAndCounted) {
   write_picture("a.jpg", 1);
   write_picture("B.JPEG", 2);
   write("c.jpg", "");
-  write("d.HEIC", kHeic);
-  write("e.HEIC", kHeic);
+  write("d.AVIF", kAvif);
+  write("e.AVIF", kAvif);
+  write("g.HEIC", kBrokenHeic);
   write("notes.txt", "Tuesday\n");
   write("film.MP4", "\0\0\0\x18"s + "ftypisom\0\0\2\0"s);
   write("f.png", "\x89PNG\r\n\x1a\n"s + "broken");
@@ -52,8 +54,8 @@ TEST_F(FolderOfPictures, WhatIsNoPicture_IsNamedByItsKindAndCounted) {
   EXPECT_EQ(pictures->files, (std::vector<std::string>{photos() + "/B.JPEG", photos() + "/a.jpg"}));
   const std::string& text = pictures->left_out;
   for (const char* words :
-       {"2 pictures are read", "an empty file (c.jpg)", "2 HEIF files (d.HEIC, e.HEIC): convert it to JPEG or PNG",
-        "a film (film.MP4): take its pictures out first", "a broken picture (f.png)", "a folder (raw)"}) {
+       {"2 pictures are read", "an empty file (c.jpg)", "2 AVIF files (d.AVIF, e.AVIF): convert it to JPEG or PNG",
+        "a film (film.MP4): take its pictures out first", "2 broken pictures (f.png, g.HEIC)", "a folder (raw)"}) {
     EXPECT_TRUE(says(text, words)) << words << " is not in: " << text;
   }
   EXPECT_TRUE(says(text, "(notes.txt)")) << text;
@@ -61,20 +63,22 @@ TEST_F(FolderOfPictures, WhatIsNoPicture_IsNamedByItsKindAndCounted) {
 }
 
 TEST_F(FolderOfPictures, WithoutPictures_SaysWhatIsThere) {
-  write("IMG_1.HEIC", kHeic);
-  write("IMG_2.HEIC", kHeic);
+  write("IMG_1.avif", kAvif);
+  write("IMG_2.avif", kAvif);
   const auto pictures = pictures_in(photos());
   ASSERT_FALSE(pictures);
   EXPECT_TRUE(says(pictures.error().message, "there is no picture in this folder that is read"));
-  EXPECT_TRUE(says(pictures.error().message, "2 HEIF files (IMG_1.HEIC, IMG_2.HEIC): convert it to JPEG or PNG"))
+  EXPECT_TRUE(says(pictures.error().message, "2 AVIF files (IMG_1.avif, IMG_2.avif): convert it to JPEG or PNG"))
       << pictures.error().message;
 }
 
 TEST_F(FolderOfPictures, Stitch_SaysOfForeignPicturesByNameWhatToDo) {
-  write("a.heic", kHeic);
+  write("a.avif", kAvif);
+  write("c.heic", kBrokenHeic);
   write("b.mp4", "\0\0\0\x18"s + "ftypisom\0\0\2\0"s);
   for (const auto& [name, words] :
-       std::vector<std::pair<std::string, std::string>>{{"a.heic", "is an HEIF file: convert it to JPEG or PNG"},
+       std::vector<std::pair<std::string, std::string>>{{"a.avif", "is an AVIF file: convert it to JPEG or PNG"},
+                                                        {"c.heic", "the HEIF file"},
                                                         {"b.mp4", "is a film: take its pictures out first"}}) {
     const std::string file = photos() + "/" + name;
     EXPECT_TRUE(is_picture(file));

@@ -1,0 +1,32 @@
+// Pictures from HEIF and WebP files.
+#pragma once
+
+#include "protocol/base/decoded_image.h"
+#include "protocol/base/result.h"
+
+namespace nodal::media {
+
+class PictureBytes;
+
+/// Both formats code a picture of one colour in some bytes, so the length of a file says nothing of its picture.
+inline constexpr std::uint64_t kMaxCodedPixels = std::uint64_t{1} << 28;
+/// Of Exif, XMP or a colour profile; longer ones are left out, a profile refused.
+inline constexpr std::size_t kMaxCodedMetadata = std::size_t{1} << 20;
+
+/// By the first bytes; files of other kinds, AVIF among them, are neither.
+bool is_heif_or_webp(PictureBytes& file);
+
+/// Whether decoding turns the picture upright, whatever its Exif says: in HEIF, but not in WebP.
+bool is_turned(PictureBytes& file);
+
+/// RGB24; alpha is left out. Of an HEIF file the primary picture, turned, mirrored and cut as the file says: the
+/// orientation in its Exif is no longer true. An animated WebP is refused.
+///
+/// Threading: thread-safe.
+/// Errors: each names the picture: kIo, kBadFormat when it is broken, kTruncated, kTooLarge, kUnsupported.
+Result<DecodedImage> decode_heif_or_webp(PictureBytes& file);
+
+/// Its size and metadata, without decoding it. Errors: the same, except those of its pixels.
+Result<ImageHeader> heif_or_webp_header(PictureBytes& file);
+
+}  // namespace nodal::media
