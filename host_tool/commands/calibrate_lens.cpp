@@ -201,7 +201,9 @@ void add_calibrate(CLI::App& app, CommandLine& line) {
                   "as they will be used, the pattern filling the picture and its corners, turned by 20 to 40 degrees\n"
                   "to different sides, lit evenly. Every pixel of them is aligned, so no points need be marked.\n");
   auto args = std::make_shared<CalibrateLensArgs>();
-  lens->add_option("PHOTOS", args->photos, "Photographs of the pattern: JPEG, PNG, TIFF, HEIF or WebP")->required()->type_name("");
+  lens->add_option("PHOTOS", args->photos, "Photographs of the pattern: JPEG, PNG, TIFF, HEIF or WebP")
+      ->required()
+      ->type_name("");
   lens->add_option("--model", args->model, "tsai, equidistant or kannala_brandt (tsai when not given)")
       ->type_name("tsai|equidistant|kannala_brandt")
       ->check(checked_by([](std::string_view name) { return cal::lens_kind_named(name); }));

@@ -67,7 +67,10 @@ Result<std::vector<std::uint8_t>> encode(const StitchJob& job, const DecodedImag
                              to_hex(calibration_id(job.rig.calibration)));
   file.layout = job.args.layout;
   file.kept = media::kept_metadata(of.metadata, media::Keep::kPlaceAndTime);
-  return media::encode(raymap, file);
+  if (!job.part) return media::encode(raymap, file);
+  const RaymapPart& part = *job.part;
+  file.area = {job.size.width, job.size.height, part.left, part.top, part.width, part.height};
+  return media::encode(cropped(raymap, part), file);
 }
 
 /// Makes the raymaps of a run, one after the other, in the way that the arguments ask for.
@@ -145,10 +148,15 @@ Status run_stitch(Context& context, const StitchArgs& args) {
       bar.update(1000 * (i + 2), name);
     }
   }
+  const RaymapPart made = job.part.value_or(RaymapPart{0, 0, job.size.width, job.size.height});
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  Json document{{"raymaps", count},          {"out", last},
-                {"layout", job.args.layout}, {"width", job.size.width},
-                {"height", job.size.height}, {"calibration", to_hex(calibration_id(job.rig.calibration))},
+  Json document{{"raymaps", count},
+                {"out", last},
+                {"layout", job.args.layout},
+                {"width", made.width},
+                {"height", made.height},
+                {"share", job.share},
+                {"calibration", to_hex(calibration_id(job.rig.calibration))},
                 {"seconds", seconds}};
   if (job.rig.match) {
     document["confidence"] = job.rig.match->confidence;
@@ -162,14 +170,18 @@ Status run_stitch(Context& context, const StitchArgs& args) {
     document["calibration_file"] = beside(args.out, ".rig.json");
     document["notes"] = job.rig.notes;
   }
+  if (job.part) {
+    document["crop"] = {
+        {"left", made.left}, {"top", made.top}, {"full_width", job.size.width}, {"full_height", job.size.height}};
+  }
   console.document(document);
   if (job.rig.match) {
     console.line(job.rig.match->confidence);
     const std::string report = job.reported ? ", how well it fits: " + beside(args.out, ".report.html") : "";
     console.line(fmt::format("calibration: {}{}", beside(args.out, ".rig.json"), report));
   }
-  console.line(fmt::format("{}: {}x{}, {}, from {} heads ({:.1f} s)", count == 1 ? last : args.out, job.size.width,
-                           job.size.height, job.args.layout, job.rig.calibration.heads.size(), seconds));
+  console.line(fmt::format("{}: {}x{}, {}, from {} heads ({:.1f} s)", count == 1 ? last : args.out, made.width,
+                           made.height, job.args.layout, job.rig.calibration.heads.size(), seconds));
   return {};
 }
 
@@ -179,7 +191,8 @@ void add_stitch(CLI::App& app, CommandLine& line) {
   CLI::App* command = add_command(
       app, "stitch", "Make a picture of the whole sphere from pictures of a rig's heads; needs no rig",
       "  nodal stitch a.jpg b.jpg c.jpg -o sphere.jpg             finds lens and directions in the pictures\n"
-      "  nodal stitch theta.jpg -o sphere.jpg                     one file with the two circles of a 360-degree camera\n"
+      "  nodal stitch theta.jpg -o sphere.jpg                     one file with the two circles of a 360-degree "
+      "camera\n"
       "  nodal stitch rig.json cam0.jpg cam1.jpg cam2.jpg         with a calibration\n"
       "  nodal stitch project.pts                                 with the pictures that the project names\n"
       "  nodal stitch rig.json take/0001 take/0002 -o s-%04d.jpg  folders with pictures named after the heads\n"
@@ -204,7 +217,10 @@ void add_stitch(CLI::App& app, CommandLine& line) {
                    "The picture, .jpg, .png, .tif or .raw (sphere.jpg when not given); %04d numbers it")
       ->type_name("FILE");
   add_layout_option(*command, args->layout, "equirectangular when not given");
-  command->add_option("--width", args->width, "Its width; as fine as the pictures when not given")
+  command
+      ->add_option("--width", args->width,
+                   "Its width, or that of the sphere it is cropped from; as fine as the pictures when not given, but\n"
+                   "no side longer than 16000")
       ->type_name("PX")
       ->check(CLI::Range(16, geometry::kMaxRaymapSide));
   command->add_option("--bits", args->bits, "8 (when not given), or 16: numbers proportional to light")
@@ -244,6 +260,12 @@ void add_stitch(CLI::App& app, CommandLine& line) {
                    "Metres to where the pictures meet; needs a calibration in which heads have positions")
       ->type_name("M")
       ->check(number_between(0.01, kLongestDistance));
+  command
+      ->add_option("--crop", args->crop,
+                   "auto (when not given): to what the pictures show, if that is less than 60 % of the sphere; none;\n"
+                   "or a part of the whole equirectangular picture, px")
+      ->type_name("auto|none|X,Y,W,H")
+      ->check(checked_by(parse_crop));
   add_split_option(*command, args->split);
   add_up_option(*command, args->up);
   add_picture_places(*command, args->places);

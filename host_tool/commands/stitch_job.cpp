@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
 
 #include "host_tool/console/files.h"
@@ -10,10 +12,15 @@
 #include "host_tool/output/layout_name.h"
 #include "host_tool/report/registration_report.h"
 #include "protocol/base/try.h"
+#include "stitch/offline/best_blend.h"
 #include "stitch/offline/offline_blend.h"
 
 namespace nodal::host {
 namespace {
+
+/// The longest side of a result whose width nobody gave: ImageMagick's policy in Debian, browsers and graphics cards
+/// open no longer ones, and FFmpeg no sphere of twice this width.
+constexpr int kMaxUsualSide = 16000;
 
 Status check_names(const std::string& out, const std::vector<std::vector<std::string>>& sets) {
   NODAL_TRY(check_output(out, sets, sets.size()));
@@ -75,6 +82,57 @@ void take_for_srgb(RigPictures& rig) {
   if (taken) rig.notes.push_back("the calibration does not say how numbers follow from light; sRGB is taken");
 }
 
+/// The widest sphere of which the part has no side over kMaxUsualSide.
+double widest_usual(const StitchArgs& args, double share_of_width, double share_of_height) {
+  const double widest = std::min(kMaxUsualSide / share_of_width, 2 * kMaxUsualSide / share_of_height);
+  const double best_limit = best(args) ? std::sqrt(2.0 * offline::BestBlend::kMaxPixels) : geometry::kMaxRaymapSide;
+  return std::floor(std::min({widest, best_limit, double{geometry::kMaxRaymapSide}}) / 4) * 4;
+}
+
+/// Size, share and part of an equirectangular raymap.
+Status plan_sphere(StitchJob& job, const geometry::LayoutName& layout, double natural) {
+  const StitchArgs& args = job.args;
+  const CropChoice crop = parse_crop(args.crop).value();
+  const geometry::RaymapSize rough = layout.size_for_width(720);
+  const Result<SeenPart> seen = seen_part(job.rig.calibration, rough);
+  if (!seen) return fail(seen.error().in(args.inputs.front()));
+  job.share = seen->share;
+  const bool automatic = crop.kind == CropChoice::Kind::kAuto && seen->share < kMinSphereShare;
+  // A part that is cut by the edge of the picture stays whole: viewers do not all know how it goes on.
+  const bool wraps = seen->part.left + seen->part.width > rough.width;
+  const auto share_of = [&](int part, int whole) { return automatic ? static_cast<double>(part) / whole : 1.0; };
+  const double widest = widest_usual(args, wraps ? 1 : share_of(seen->part.width, rough.width),
+                                     share_of(seen->part.height, rough.height));
+  if (args.width == 0 && natural > widest) {
+    job.rig.notes.push_back(fmt::format(
+        "the result is as wide as other programs open it{}; as fine as the pictures it would be of a sphere of "
+        "{:.0f} px: --width",
+        best(args) ? " and --blend best makes it" : "", std::ceil(natural)));
+  }
+  job.size = layout.size_for_width(args.width > 0 ? args.width : std::min(natural, widest));
+  if (args.width > 0 && job.size.width != args.width) {
+    job.rig.notes.push_back(fmt::format("--width {}: the next width of this layout is {}", args.width, job.size.width));
+  }
+  if (crop.kind == CropChoice::Kind::kPart) {
+    const RaymapPart& part = crop.part;
+    if (part.left + part.width > job.size.width || part.top + part.height > job.size.height) {
+      return fail(Errc::kBadValue, fmt::format("--crop {}: the part is not within the sphere, which has {}x{} pixels; "
+                                               "give --width, too",
+                                               args.crop, job.size.width, job.size.height));
+    }
+    job.part = part;
+  } else if (automatic) {
+    NODAL_TRY_ASSIGN(SeenPart fine, seen_part(job.rig.calibration, job.size));
+    if (fine.part.left + fine.part.width > job.size.width) fine.part.left = 0, fine.part.width = job.size.width;
+    job.part = fine.part;
+    job.rig.notes.push_back(
+        fmt::format("the pictures show {:.0f} % of the sphere, so the result is cropped to what they "
+                    "show; --crop none gives the whole one",
+                    std::ceil(100 * job.share)));
+  }
+  return {};
+}
+
 }  // namespace
 
 std::string beside(const std::string& out, const std::string& ending) {
@@ -118,7 +176,14 @@ Result<StitchJob> make_stitch_job(Console& console, const StitchArgs& args) {
   const Result<double> resolution = offline::resolution_of(job.rig.calibration);
   if (!resolution) return fail(resolution.error().in(args.inputs.front()));
   const double natural = layout->width_for_resolution(*resolution);
-  job.size = layout->size_for_width(args.width > 0 ? args.width : natural);
+  if (!layout->is_equirectangular()) {
+    if (parse_crop(args.crop)->kind == CropChoice::Kind::kPart) {
+      return fail(Errc::kBadValue, "--crop: only equirectangular pictures can be cropped; leave out --layout");
+    }
+    job.size = layout->size_for_width(args.width > 0 ? args.width : std::min<double>(natural, kMaxUsualSide));
+    return job;
+  }
+  NODAL_TRY(plan_sphere(job, *layout, natural));
   return job;
 }
 

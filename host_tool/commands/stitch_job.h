@@ -1,12 +1,14 @@
 // What `nodal stitch` makes of its arguments before it blends: pictures, a calibration, and the size of the result.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "host_tool/console/console.h"
 #include "host_tool/input/rig_pictures.h"
 #include "host_tool/input/up_choice.h"
+#include "host_tool/output/sphere_crop.h"
 #include "protocol/base/result.h"
 #include "stitch/geometry/raymap/layout.h"
 #include "stitch/media/raymap/raymap_file.h"
@@ -28,7 +30,7 @@ struct StitchArgs {
   double feather = table::TableOptions().feather;
   int threads = 0;
   double distance = 0;  ///< 0: the calibration's
-  std::string up = "auto", split = "auto";
+  std::string up = "auto", split = "auto", crop = "auto";
   PicturePlaces places = PicturePlaces::kBesideProject;
 };
 
@@ -38,7 +40,9 @@ inline bool best(const StitchArgs& args) { return args.blend == "best"; }
 struct StitchJob {
   StitchArgs args;
   media::RaymapFormat format = media::RaymapFormat::kJpg;
-  geometry::RaymapSize size;
+  geometry::RaymapSize size;       ///< size of the whole raymap
+  double share = 1;                ///< share of the sphere that the heads see
+  std::optional<RaymapPart> part;  ///< what of the raymap is written, if not all
   RigPictures rig;
   bool reported = false;  ///< there is a page that says how well a calibration from the pictures fits
 };

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "host_tool/input/picture_folders.h"
+#include "host_tool/input/seen_part.h"
 #include "protocol/base/angles.h"
 #include "protocol/base/try.h"
 #include "stitch/autocalibration/autocalibration.h"
@@ -263,6 +264,7 @@ Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const U
   keep_heads(rig, found.placed);
   const std::string note = up_note(found.up);
   if (up.kind == UpChoice::Kind::kAuto && !note.empty()) rig.notes.push_back(note);
+  NODAL_TRY(turn_to_middle(rig.calibration));
   NODAL_TRY(turn_up(rig, up));
   return std::move(found.placed);
 }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 
 #include "host_tool/input/pictures.h"
 #include "protocol/base/try.h"
@@ -15,8 +16,9 @@
 namespace nodal::host {
 namespace {
 
-constexpr double kMaxStretch = 1.15;  // of the halves' sides; sensors of 16 to 9 and wider are no square halves
-constexpr int kLookedSide = 600;      // px of a half, about: enough for a circle
+constexpr double kMaxStretch = 1.15;    // of the halves' sides; sensors of 16 to 9 and wider are no square halves
+constexpr double kMaxOffMiddle = 0.15;  // of a circle's middle, share of the half's side
+constexpr int kLookedSide = 600;        // px of a half, about: enough for a circle
 
 void copy_rows(const PlaneView& from, int left, int top, const MutablePlaneView& to, std::size_t pixel_bytes) {
   for (int y = 0; y < to.height; ++y) {
@@ -81,7 +83,13 @@ Result<PictureSplit> find_circles(const std::string& file) {
   NODAL_TRY_ASSIGN(const DecodedImage whole, read_picture(file, PixelFormat::kGrey8));
   const PictureSplit two = beside ? PictureSplit{2, 1} : PictureSplit{1, 2};
   for (std::size_t n = 0; n < 2; ++n) {
-    if (!autocalibration::find_image_circle(autocalibration::reduced(part_of(whole, two, n), kLookedSide))) return none;
+    const autocalibration::Picture half = autocalibration::reduced(part_of(whole, two, n), kLookedSide);
+    const auto circle = autocalibration::find_image_circle(half);
+    // A single circle in the middle of a wide picture is no pair: its halves have their middle at an edge.
+    if (!circle || std::abs(circle->x / half.width - 0.5) > kMaxOffMiddle ||
+        std::abs(circle->y / half.height - 0.5) > kMaxOffMiddle) {
+      return none;
+    }
   }
   return two;
 }

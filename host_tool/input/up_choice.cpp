@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "host_tool/input/nominal_rig.h"
+#include "host_tool/input/seen_part.h"
 #include "protocol/base/angles.h"
 #include "protocol/base/try.h"
 #include "stitch/autocalibration/stance.h"
@@ -63,7 +64,7 @@ Status turn_up(RigPictures& rig, const UpChoice& choice) {
       alone ? Eigen::Vector3d(geometry::matrix_of(rig.calibration.heads.front().R_head_rig).row(2).transpose())
             : Eigen::Vector3d::UnitZ();
   rig.calibration = geometry::turned_rig(std::move(rig.calibration), autocalibration::upright_rotation(up, forward));
-  return {};
+  return alone ? turn_to_middle(rig.calibration) : Status{};
 }
 
 }  // namespace nodal::host

@@ -23,7 +23,7 @@ struct UpChoice {
 Result<UpChoice> parse_up(const std::string& text);
 
 /// Turns the calibration so that this direction is up. What was forward stays at yaw 0: the rig's own axis, or the first
-/// picture's if the calibration is from pictures alone. kPictures decodes the first set, or the matched one.
+/// picture's if the calibration is from pictures alone, or the middle of them (turn_to_middle()). kPictures decodes the first set, or the matched one.
 /// Errors: those of reading pictures; kBadValue if the pictures are held in different ways.
 Status turn_up(RigPictures& rig, const UpChoice& choice);
 

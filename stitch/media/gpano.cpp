@@ -112,13 +112,20 @@ std::string xmp_packet(const XmpProperties& properties) {
 }
 
 std::string gpano_packet(int width, int height, const XmpProperties& also) {
-  const std::string w = std::to_string(width);
-  const std::string h = std::to_string(height);
-  XmpProperties properties{{"GPano:ProjectionType", "equirectangular"}, {"GPano:UsePanoramaViewer", "True"},
-                           {"GPano:StitchingSoftware", "Nodal"},        {"GPano:CroppedAreaImageWidthPixels", w},
-                           {"GPano:CroppedAreaImageHeightPixels", h},   {"GPano:FullPanoWidthPixels", w},
-                           {"GPano:FullPanoHeightPixels", h},           {"GPano:CroppedAreaLeftPixels", "0"},
-                           {"GPano:CroppedAreaTopPixels", "0"}};
+  return gpano_packet({width, height, 0, 0, width, height}, also);
+}
+
+std::string gpano_packet(const SphereArea& area, const XmpProperties& also) {
+  const auto text = [](std::int64_t number) { return std::to_string(number); };
+  XmpProperties properties{{"GPano:ProjectionType", "equirectangular"},
+                           {"GPano:UsePanoramaViewer", "True"},
+                           {"GPano:StitchingSoftware", "Nodal"},
+                           {"GPano:CroppedAreaImageWidthPixels", text(area.width)},
+                           {"GPano:CroppedAreaImageHeightPixels", text(area.height)},
+                           {"GPano:FullPanoWidthPixels", text(area.full_width)},
+                           {"GPano:FullPanoHeightPixels", text(area.full_height)},
+                           {"GPano:CroppedAreaLeftPixels", text(area.left)},
+                           {"GPano:CroppedAreaTopPixels", text(area.top)}};
   properties.insert(properties.end(), also.begin(), also.end());
   return xmp_packet(properties);
 }

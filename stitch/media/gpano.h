@@ -27,9 +27,19 @@ struct XmpProperty {
 };
 using XmpProperties = std::vector<XmpProperty>;
 
+/// The part of the sphere that a picture shows, px of the size that it had when this was written. All 0: not said.
+struct SphereArea {
+  std::int64_t full_width = 0, full_height = 0;  ///< size of the whole sphere
+  std::int64_t left = 0, top = 0;
+  std::int64_t width = 0, height = 0;  ///< size of the part
+};
+
 /// The XMP packet of Google's Photo Sphere metadata (ns.google.com/photos/1.0/panorama) for a whole sphere,
 /// 360 x 180 degrees, and `also` in it. Which way its middle column looks is said by `also` alone.
 std::string gpano_packet(int width, int height, const XmpProperties& also = {});
+
+/// The same for a part of the sphere: `area` with the size of the picture.
+std::string gpano_packet(const SphereArea& area, const XmpProperties& also = {});
 
 /// Whether a raymap of this layout is a sphere as viewers and players know it. They are told so by GPano metadata, or
 /// by Matroska's projection.
@@ -40,13 +50,6 @@ std::string raymap_packet(std::string_view layout, int width, int height, const 
 
 /// A packet of these properties, for other pictures; empty without any.
 std::string xmp_packet(const XmpProperties& properties);
-
-/// The part of the sphere that a picture shows, px of the size that it had when this was written. All 0: not said.
-struct SphereArea {
-  std::int64_t full_width = 0, full_height = 0;  ///< size of the whole sphere
-  std::int64_t left = 0, top = 0;
-  std::int64_t width = 0, height = 0;  ///< size of the part
-};
 
 /// The whole sphere, black where `part` does not show it; `part` itself if it is whole, or if its area is not said. An
 /// area that reaches over the right edge goes on at the left one. One that is too high or too low by no more than

@@ -13,9 +13,9 @@
 namespace nodal::command_line {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-constexpr int kCircle = 400;  // px
-constexpr int kWide = 512;    // of the sphere, px
+constexpr double kTurnHalf = 3.14159265358979323846;
+constexpr int kCircle = 400;       // px
+constexpr int kSphereWidth = 512;  // of the sphere, px
 
 /// A circle of an equidistant lens that looks forward or back, in a picture of this size; black around it.
 void add_circle(std::vector<std::uint8_t>& rgb, int width, int left, int top, double fov, bool back) {
@@ -23,7 +23,7 @@ void add_circle(std::vector<std::uint8_t>& rgb, int width, int left, int top, do
     for (int x = 0; x < kCircle; ++x) {
       const double dx = x + 0.5 - kCircle / 2.0, dy = y + 0.5 - kCircle / 2.0, r = std::hypot(dx, dy);
       if (r > kCircle / 2.0) continue;
-      const double angle = r / (kCircle / 2.0) * fov / 2 * kPi / 180, sign = back ? -1 : 1;
+      const double angle = r / (kCircle / 2.0) * fov / 2 * kTurnHalf / 180, sign = back ? -1 : 1;
       const auto colour = scene_at({sign * dx / r * std::sin(angle), dy / r * std::sin(angle), sign * std::cos(angle)});
       std::copy(colour.begin(), colour.end(), rgb.begin() + 3 * (std::ptrdiff_t{top + y} * width + left + x));
     }
@@ -33,11 +33,12 @@ void add_circle(std::vector<std::uint8_t>& rgb, int width, int left, int top, do
 /// The sphere that shows the scene up to this angle from the forward axis, and how often each byte counts.
 std::vector<std::uint8_t> sphere_up_to(double degrees) {
   std::vector<std::uint8_t> rgb;
-  for (int y = 0; y < kWide / 2; ++y) {
-    for (int x = 0; x < kWide; ++x) {
-      const double theta = 2 * kPi * ((x + 0.5) / kWide - 0.5), phi = 2 * kPi * ((y + 0.5) / kWide - 0.25);
+  for (int y = 0; y < kSphereWidth / 2; ++y) {
+    for (int x = 0; x < kSphereWidth; ++x) {
+      const double theta = 2 * kTurnHalf * ((x + 0.5) / kSphereWidth - 0.5),
+                   phi = 2 * kTurnHalf * ((y + 0.5) / kSphereWidth - 0.25);
       const std::array<double, 3> ray{std::sin(theta) * std::cos(phi), std::sin(phi), std::cos(theta) * std::cos(phi)};
-      const bool seen = std::acos(ray[2]) <= degrees * kPi / 180;
+      const bool seen = std::acos(ray[2]) <= degrees * kTurnHalf / 180;
       const auto colour = seen ? scene_at(ray) : std::array<std::uint8_t, 3>{};
       rgb.insert(rgb.end(), colour.begin(), colour.end());
     }
@@ -56,8 +57,8 @@ double share_of_differences(const std::vector<std::uint8_t>& a, const std::vecto
 class FisheyePictures : public RigTest {
  protected:
   std::vector<std::uint8_t> converted(const std::string& from) const {
-    const Finished run =
-        nodal({"convert", path("lens.png"), "--from", from, "--width", std::to_string(kWide), "-o", path("out.png")});
+    const Finished run = nodal(
+        {"convert", path("lens.png"), "--from", from, "--width", std::to_string(kSphereWidth), "-o", path("out.png")});
     EXPECT_EQ(run.code, 0) << run.err;
     return run.code == 0 ? media::read_image(path("out.png"), PixelFormat::kRgb24).value().bytes
                          : std::vector<std::uint8_t>();
@@ -82,8 +83,8 @@ TEST_F(FisheyePictures, TwoCircles_AreTheWholeSphere) {
 TEST_F(FisheyePictures, TwoCircles_AreTheWholeSphereForFfmpegsV360Too) {
   if (Process({"sh", "-c", "command -v ffmpeg"}).wait().code != 0) GTEST_SKIP() << "ffmpeg is not installed";
   write_dual(195, false);
-  const std::string filter =
-      "v360=dfisheye:e:ih_fov=195:iv_fov=195:yaw=180:w=" + std::to_string(kWide) + ":h=" + std::to_string(kWide / 2);
+  const std::string filter = "v360=dfisheye:e:ih_fov=195:iv_fov=195:yaw=180:w=" + std::to_string(kSphereWidth) +
+                             ":h=" + std::to_string(kSphereWidth / 2);
   const Finished theirs = Process({"ffmpeg", "-v", "error", "-y", "-i", path("lens.png"), "-vf", filter, "-frames:v",
                                    "1", "-pix_fmt", "rgb24", path("theirs.png")})
                               .wait();

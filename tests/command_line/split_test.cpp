@@ -137,6 +137,13 @@ TEST_F(OneFile, OtherArrangements_AreRefusedOrAsTheUserSays) {
   expect_refused({path("rig.json"), path("grid.png"), "-o", path("no.png")}, "1 pictures for 6 heads");
   for (const char* nonsense : {"", "2", "0x2", "1x1", "9x1", "2x1x1", "-2x1", "2x", "axb", "99999999999x2"})
     expect_refused({path("grid.png"), "--split", nonsense, "-o", path("no.png")}, "--split");
+  // One circle in the middle of a wide picture is no pair.
+  const Picture fisheye = pair_of(300).bytes[0];
+  Picture wide(static_cast<std::size_t>(3 * 1160 * kPair), 3);
+  for (int y = 0; y < kPair; ++y)
+    std::copy_n(fisheye.begin() + 3 * kPair * y, 3 * kPair, wide.begin() + 3 * (1160 * y + 260));
+  test::write_bytes(path("wide.png"), test::png_of(wide, 1160, kPair, 3));
+  expect_refused({path("wide.png"), "-o", path("no.png")}, "is one picture");
   ASSERT_EQ(nodal({"convert", path("sphere.png"), "-o", path("gpano.jpg")}).code, 0);
   expect_refused({path("gpano.jpg"), "-o", path("no.png")}, "is a sphere already");
 }

@@ -324,7 +324,7 @@ TEST_F(StitchCommand, PicturesAlone_GiveTheSphereAndTheCalibration) {
 TEST_F(StitchCommand, PicturesAloneThatDoNotFit_AreRefused) {
   write_pictures("pictures");
   std::filesystem::create_directories(path("empty"));
-  expect_refused({path("pictures/" + name_of(0) + ".png"), "-o", path("x.jpg")}, "one picture is no rig");
+  expect_refused({path("pictures/" + name_of(0) + ".png"), "-o", path("x.jpg")}, "is one picture, and no two circles");
   expect_refused({path("pictures"), path("empty"), "-o", path("x.jpg")}, "there is no picture in this folder");
   expect_refused({path("pictures"), path("nothing.jpg"), "-o", path("x.jpg")}, "nothing.jpg");
   expect_refused({path("pictures"), "-o", path("pictures/" + name_of(0) + ".png")}, "is one of the pictures");
@@ -343,7 +343,7 @@ TEST_F(StitchCommand, WhatCannotBeDone_IsSaidInOneSentence) {
   expect_refused({rig}, "give one for each of the 6 heads");
   expect_refused({rig, pictures + "/cam0.png"}, "1 pictures for 6 heads");
   expect_refused({path("gone.json"), pictures}, "gone.json");
-  expect_refused({rig, path("gone.png")}, "1 pictures for 6 heads");
+  expect_refused({rig, path("gone.png")}, "gone.png");
   expect_refused({rig, pictures, "-o", path("out.tga")}, "end it in .jpg, .png, .tif or .raw");
   expect_refused({rig, pictures, "--bits", "16", "-o", path("out.jpg")}, "a JPEG has 8 bits");
   expect_refused({rig, pictures, "--layout", "gnomonic"}, "equirectangular, cube");

@@ -60,7 +60,8 @@ std::string_view ending_of(RaymapFormat format) {
 
 Result<std::vector<std::uint8_t>> encode(const DecodedImage& picture, const RaymapFile& file) {
   if (file.format == RaymapFormat::kRaw) return picture.bytes;
-  const std::string xmp = raymap_packet(file.layout, picture.width, picture.height, file.kept.properties);
+  const std::string xmp = file.area ? gpano_packet(*file.area, file.kept.properties)
+                                    : raymap_packet(file.layout, picture.width, picture.height, file.kept.properties);
   if (file.format == RaymapFormat::kJpg) return encode_jpeg(picture, file, xmp);
   DecodedImage rgb;
   const DecodedImage* written = &picture;

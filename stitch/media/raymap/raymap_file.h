@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -29,6 +30,7 @@ struct RaymapFile {
   std::string comment{};  ///< comment of a JPEG
   std::string layout{};   ///< viewers are told of a whole sphere (gpano.h); empty: a view, which has none
   KeptMetadata kept{};
+  std::optional<SphereArea> area{};  ///< the part of an equirectangular raymap that the picture is
 };
 
 /// Numbers that are proportional to light are in sRGB in a JPEG, which has 8 bits; a PNG says that they are linear by
