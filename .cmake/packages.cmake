@@ -41,7 +41,7 @@ nodal_pkgconfig_package(dc1394 libdc1394-2)
 nodal_pkgconfig_package(usb libusb-1.0)
 # Debian's yaml-cpp development files can be installed for one architecture only: their headers serve all architectures,
 # and a cross build links the library file directly.
-find_library(NODAL_YAML_LIBRARY NAMES yaml-cpp libyaml-cpp.so.0.7 REQUIRED)
+find_library(NODAL_YAML_LIBRARY NAMES yaml-cpp libyaml-cpp.so.0.7 libyaml-cpp.so.0.8 REQUIRED)
 nodal_package(yaml ${NODAL_YAML_LIBRARY})
 nodal_package(json)      # nlohmann-json: headers in /usr/include
 nodal_package(toml)      # toml++: headers in /usr/include
