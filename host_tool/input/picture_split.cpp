@@ -16,9 +16,9 @@
 namespace nodal::host {
 namespace {
 
-constexpr double kMaxStretch = 1.15;    // of the halves' sides; sensors of 16 to 9 and wider are no square halves
-constexpr double kMaxOffMiddle = 0.15;  // of a circle's middle, share of the half's side
-constexpr int kLookedSide = 600;        // px of a half, about: enough for a circle
+constexpr double kMaxStretch = 1.15;    // ratio of the halves' sides; sensors of 16 to 9 and wider are no square halves
+constexpr double kMaxOffMiddle = 0.15;  // offset of a circle's middle, share of the half's side
+constexpr int kLookedSide = 600;        // side of the reduced half, px: enough for a circle
 
 void copy_rows(const PlaneView& from, int left, int top, const MutablePlaneView& to, std::size_t pixel_bytes) {
   for (int y = 0; y < to.height; ++y) {

@@ -13,7 +13,7 @@
 namespace nodal::host {
 namespace {
 
-constexpr int kSightColumns = 720;  ///< of the grid on which heads are looked for
+constexpr int kSightColumns = 720;  ///< columns of the grid on which heads are looked for
 
 /// The longest run of columns around the circle that are false.
 RaymapPart longest_gap(const std::vector<bool>& seen) {

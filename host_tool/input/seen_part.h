@@ -16,7 +16,7 @@ struct RaymapPart {
 };
 
 struct SeenPart {
-  double share = 0;  ///< of the solid angle of the sphere
+  double share = 0;  ///< share of the solid angle of the sphere
   /// The smallest part that holds all pixels that a head sees; `left + width` may be over the right edge.
   RaymapPart part;
 };

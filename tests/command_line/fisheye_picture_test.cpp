@@ -15,7 +15,7 @@ namespace {
 
 constexpr double kTurnHalf = 3.14159265358979323846;
 constexpr int kCircle = 400;       // px
-constexpr int kSphereWidth = 512;  // of the sphere, px
+constexpr int kSphereWidth = 512;  // width of the sphere, px
 
 /// A circle of an equidistant lens that looks forward or back, in a picture of this size; black around it.
 void add_circle(std::vector<std::uint8_t>& rgb, int width, int left, int top, double fov, bool back) {

@@ -101,7 +101,7 @@ TEST_F(OneFile, TwoCircles_AreFoundAndPlaced) {
 }
 
 TEST_F(OneFile, CirclesThatAreTurnedOrCut_ArePlacedToo) {
-  // In a file of a Theta, the halves lie on their sides, one turned against the other.
+  // The halves of a Theta's file lie on their sides, one turned against the other.
   const test::RenderedRig pair = pair_of(310);
   const Eigen::Matrix3d back = Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitY()).toRotationMatrix();
   const Eigen::Matrix3d quarter = geometry::to_R_head_rig({0, 0, 90});

@@ -21,9 +21,9 @@ struct FisheyePicture {
   /// outside of 10 .. 360 degrees.
   static std::optional<Result<FisheyePicture>> parse(std::string_view text);
 
-  /// In the middle of a circle.
+  /// The resolution along a radius of a circle.
   double pixels_per_radian(RaymapSize size) const;
-  /// Of two lenses, the one whose axis is closer has a ray. RaymapLayout::solid_angle() is that of the pixel's middle.
+  /// With two lenses, the one whose axis is closer shows a ray. RaymapLayout::solid_angle() is that of the pixel's middle.
   std::unique_ptr<RaymapLayout> layout(RaymapSize size) const;
 };
 

@@ -10,7 +10,7 @@ class PictureBytes;
 
 /// Both formats code a picture of one colour in some bytes, so the length of a file says nothing of its picture.
 inline constexpr std::uint64_t kMaxCodedPixels = std::uint64_t{1} << 28;
-/// Of Exif, XMP or a colour profile; longer ones are left out, a profile refused.
+/// Length of an Exif block, an XMP packet or a colour profile, bytes; longer ones are left out, a profile is refused.
 inline constexpr std::size_t kMaxCodedMetadata = std::size_t{1} << 20;
 
 /// By the first bytes; files of other kinds, AVIF among them, are neither.
