@@ -123,12 +123,11 @@ std::string lens_misfit(bool focals, double promised, double size_px) {
          (focals ? "estimate the focal lengths, too" : "estimate the whole lenses, too, or calibrate them");
 }
 
-std::string near_things(double nearness, double size_px, const Calibration& prior) {
+std::string near_things(double nearness, double size_px, const Calibration& prior, bool thin) {
   if (nearness <= 0) {
-    return displaced(size_px) +
-           "; heads may see near things from different positions, or things may have moved between the pictures: film "
-           "a "
-           "still scene that is farther away, or " +
+    return displaced(size_px) + "; heads may see near things from different positions, " +
+           (thin ? "their lenses may not be quite the calibration's, which so thin overlaps do not tell, " : "") +
+           "or things may have moved between the pictures: film a still scene that is farther away, or " +
            (farthest_position(prior) > 0 ? "run again with --free distance"
                                          : "add `position` to the heads (CALIBRATION.md) and run again with --free "
                                            "distance");

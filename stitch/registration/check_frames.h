@@ -30,7 +30,8 @@ Status check_agreement(const Calibration& prior, const std::vector<std::size_t>&
 std::string lens_misfit(bool focals, double promised, double size_px);
 std::string wrong_lenses(bool focals);
 /// `nearness`: 1 / the distance at which the pictures agree best, 1/m; 0: unknown. `size_px`: Certainty::parts_px.
-std::string near_things(double nearness, double size_px, const Calibration& prior);
+/// `thin`: heads overlap so little that wrong lenses look the same.
+std::string near_things(double nearness, double size_px, const Calibration& prior, bool thin);
 /// Why fewer parameters of lenses are estimated than was asked for. `error`: that of what was asked for; empty if it
 /// has a result, but near things affect it, by `size_px` (Certainty::parts_px).
 std::string fewer_lens_parameters(Free asked, Free estimated, const std::string& error, double size_px);

@@ -2,8 +2,10 @@
 #include <cmath>
 #include <iterator>
 
+#include "protocol/base/try.h"
 #include "stitch/registration/check_frames.h"
 #include "stitch/registration/run.h"
+#include "stitch/registration/seen_radii.h"
 
 namespace nodal::registration {
 namespace {
@@ -92,7 +94,9 @@ Result<Run::Explanation> Run::check_cause(const Certainty& certainty) {
   displaced_px_ = certainty.parts_px;
   if (cause_ == Cause::kNone) return found;
   if (cause_ == Cause::kNearThings) {
-    report_.warnings.push_back(near_things(found.nearness, certainty.parts_px, prior_));
+    NODAL_TRY_ASSIGN(const SeenRadii seen, seen_radii(prior_));
+    const bool thin = seen.span > 0 && !seen.determine_lenses();
+    report_.warnings.push_back(near_things(found.nearness, certainty.parts_px, prior_, thin));
     for (std::size_t h = 0; h < heads_.size(); ++h) {
       if (loose_[h])
         why_not_[h] =

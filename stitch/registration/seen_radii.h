@@ -7,7 +7,9 @@
 namespace nodal::registration {
 
 struct SeenRadii {
-  double span = 0;                  ///< share of the radius, from the axis to the edge of what is used
+  /// Share of the radius, from the axis to the edge of what is used; of lenses beyond 90 degrees, of the angle if that
+  /// is less. 0: no overlaps.
+  double span = 0;
   double from_deg = 0, to_deg = 0;  ///< angles of the seen rays from the lenses' axes
 
   /// Whether overlaps that show so little determine whole lenses. Fisheyes of 220 degrees back to back show 0.36 of it,

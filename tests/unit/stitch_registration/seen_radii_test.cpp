@@ -40,6 +40,20 @@ TEST(SeenRadii, FisheyesBackToBack_ShowTheirRims) {
   EXPECT_FALSE(seen->determine_lenses());
 }
 
+// 70 to 110 degrees: half of the radius, because 2 tan(a / 2) grows towards the rim. Whole lenses came out 124 % wrong.
+TEST(SeenRadii, StereographicLensesBackToBack_ShowNoMoreOfTheirLensesThanOthers) {
+  Calibration rig = fisheye_pair(400, 220, 0);
+  const double edge = 110 * kRadiansPerDegree, focal = 0.48 * 400 / (2 * std::tan(edge / 2));
+  const auto of = [focal](double factor) { return focal * factor; };
+  for (HeadCalibration& head : rig.heads) {
+    head.lens = EquidistantLens{{of(1), 0, of(1.0 / 12), 0, of(1.0 / 120), 0, of(17.0 / 20160), 0, of(31.0 / 362880)}};
+  }
+  const auto seen = seen_radii(rig);
+  ASSERT_TRUE(seen) << seen.error().text();
+  EXPECT_NEAR(seen->span, 40.0 / 110, 0.05);
+  EXPECT_FALSE(seen->determine_lenses());
+}
+
 TEST(SeenRadii, RingsThatShareAQuarter_ShowEnough) {
   Calibration ring = test::ring(6, 640, 480);
   for (HeadCalibration& head : ring.heads) head.lens = RectilinearLens{{320 / std::tan(40 * kRadiansPerDegree)}};
