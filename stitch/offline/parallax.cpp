@@ -60,8 +60,8 @@ Parallax::Parallax(const std::vector<HeadView>& heads, std::span<const ImageView
   for (std::size_t a = 0; a < heads.size(); ++a) {
     for (std::size_t b = a + 1; b < heads.size(); ++b) {
       if (!known[a] || !known[b]) continue;
-      const Eigen::Vector3d& from = heads[a].head().axis().direction();
-      const Eigen::Vector3d& to = heads[b].head().axis().direction();
+      const Eigen::Vector3d from = heads[a].head().axis().direction();
+      const Eigen::Vector3d to = heads[b].head().axis().direction();
       overlaps_.push_back({a, b, OverlapChart(from, to, columns), 0, 0, {}});
     }
   }
