@@ -38,7 +38,7 @@ Rig::Takes::Takes(Rig& rig, const RigConfig& config, const RigPorts& ports, cons
     : recorder(config, rig.capture_.add_outlet(Recorder::kSets, false), rig.encoder_),
       flight_log(rig.flight_ ? std::make_unique<FlightLog>(*rig.flight_, software, kSetsHeld) : nullptr),
       keeper(config, *ports.takes, recorder, software, ports.utc, flight_log.get(),
-             rig.places_seams_ ? &rig.blender_ : nullptr, ports.recovery),
+             rig.places_seams_ ? &rig.blender_.seams().log() : nullptr, ports.recovery),
       reader(*ports.takes_read, recorder, keeper.in_use()) {}
 
 Stages Rig::stages(const RigPorts& ports) {

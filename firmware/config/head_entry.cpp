@@ -160,9 +160,9 @@ HeadConfig read_head(TomlReader& reader, FrameRate rate) {
   if (head.port.kind == PortKind::kIidc) check_iidc(reader, head);
   head.trigger = read_line(reader, "trigger", {});
   read_device(reader, head.port.kind, rate, head.device);
-  head.fields = reader.choice<Fields>("fields", {{"progressive", Fields::kProgressive},
-                                                 {"top-first", Fields::kTopFirst},
-                                                 {"bottom-first", Fields::kBottomFirst}});
+  head.fields = reader.choice<Fields>("fields", {{fields_name(Fields::kProgressive), Fields::kProgressive},
+                                                 {fields_name(Fields::kTopFirst), Fields::kTopFirst},
+                                                 {fields_name(Fields::kBottomFirst), Fields::kBottomFirst}});
   if (head.device.separate_fields && head.fields == Fields::kProgressive) {
     reader.refuse("separate_fields", "needs interlaced frames; set fields = \"top-first\" or \"bottom-first\"");
   }

@@ -97,7 +97,6 @@ bool Blender::begin() {
   idle_.store(false, std::memory_order_release);
   const bool first = swap_.report(set->number, blend_);
   seams_.begin(set->number, first, blend_, swap_.tables_out());
-  sets_begun_.store(set->number + 1, std::memory_order_release);
   bool ready = false;
   if (!blend_.plan()) {
     count(counts_.without_calibration);

@@ -55,7 +55,7 @@ class Blender {
   SpscRing<blend::SphereLight>& light_out() { return light_out_; }
   /// Every set with a lower number was begun, skipped or missed; swap() has named its calibration, and seams() its
   /// seams.
-  std::uint64_t sets_begun() const { return sets_begun_.load(std::memory_order_acquire); }
+  std::uint64_t sets_begun() const { return seams_.log().sets_begun(); }
 
   /// Only each `every`-th set is blended. Any thread.
   void set_every(std::uint32_t every) { every_.store(every, std::memory_order_relaxed); }
@@ -109,7 +109,6 @@ class Blender {
   Outlet<SetLoan>& sets_in_;
   SpscRing<Raymap> raymaps_out_;
   SpscRing<blend::SphereLight> light_out_;
-  std::atomic<std::uint64_t> sets_begun_{0};
 
   // Written between two rounds of bands, only by the thread that holds coordinating_.
   std::atomic_flag coordinating_;

@@ -7,9 +7,10 @@
 namespace nodal::firmware {
 
 void MovingSeams::begin(std::uint64_t set, bool first, sets::SetBlend& blend, SpscRing<sets::BlendSetup>& replaced) {
-  if (first) log(set, *blend.plan());
+  if (first) note(set, *blend.plan());
   move(set, blend, replaced);
-  if (change_ && changes_.push(std::move(*change_))) change_.reset();
+  if (change_ && log_.changes().push(std::move(*change_))) change_.reset();
+  log_.begin(set);
 }
 
 /// Puts the placed seams in force if they are due. Outdated ones are given back.
@@ -18,14 +19,14 @@ void MovingSeams::move(std::uint64_t set, sets::SetBlend& blend, SpscRing<sets::
   const sets::PlacedSeams* due = schedule_.due(set);
   if (!due || (due->plan && replaced.full())) return;
   const bool outdated = schedule_.outdated();
-  if (!outdated && (changes_.full() || change_)) return;
+  if (!outdated && (log_.changes().full() || change_)) return;
   sets::PlacedSeams placed = schedule_.take();
   if (placed.plan && outdated) {
     replaced.push({std::move(placed.plan), nullptr});
   } else if (placed.plan) {
     replaced.push({blend.move_seams(std::move(placed.plan)), nullptr});
     counts_.moved.fetch_add(1, std::memory_order_relaxed);
-    log(set, *blend.plan());
+    note(set, *blend.plan());
   } else if (!placed.refused.empty()) {
     refused_.publish(placed.refused);
     counts_.refused.fetch_add(1, std::memory_order_release);  // after the reason, for its reader
@@ -35,8 +36,8 @@ void MovingSeams::move(std::uint64_t set, sets::SetBlend& blend, SpscRing<sets::
 /// The seams in force from this set on. While the ring is full, no seams are placed, so a change that waits for room is
 /// that of a new calibration to its own seams; further calibrations have their own seams, too, and need no further
 /// record.
-void MovingSeams::log(std::uint64_t set, const sets::BlendPlan& plan) {
-  if (logs_changes_ && plan.seams && !change_) change_ = SeamChange{set, plan.seam_labels};
+void MovingSeams::note(std::uint64_t set, const sets::BlendPlan& plan) {
+  if (log_.is_open() && plan.seams && !change_) change_ = SeamChange{set, plan.seam_labels};
 }
 
 bool MovingSeams::wants_views(std::uint64_t set, const sets::BlendPlan& plan) {

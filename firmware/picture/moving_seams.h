@@ -7,6 +7,7 @@
 #include <string>
 
 #include "firmware/frame/snapshot.h"
+#include "firmware/picture/seam_log.h"
 #include "firmware/picture/seam_stage.h"
 #include "protocol/base/spsc_ring.h"
 #include "stitch/sets/blend_plan.h"
@@ -26,11 +27,9 @@ class MovingSeams {
   /// The seam stage's work, and what it made of it. One request is under way at most.
   SpscRing<SeamRequest>& requests() { return requests_; }
   SpscRing<SeamAnswer>& answers() { return answers_; }
-  /// Which seams sets are blended with, for takes; nothing before log_changes(). Seams stay where they are while it is
-  /// full.
-  SpscRing<SeamChange>& changes() { return changes_; }
-  /// Call before the first set.
-  void log_changes() { logs_changes_ = true; }
+  /// Which seams sets are blended with, for takes.
+  SeamLog& log() { return log_; }
+  const SeamLog& log() const { return log_; }
   /// The reason of the newest refusal.
   Snapshot<std::string>& refused() { return refused_; }
 
@@ -51,17 +50,14 @@ class MovingSeams {
   /// Has seams placed by the views of the set, if it has any.
   void place(std::uint64_t set, const sets::SetBlend& blend);
 
-  static constexpr std::size_t kChangesWaiting = 64;
-
  private:
   void move(std::uint64_t set, sets::SetBlend& blend, SpscRing<sets::BlendSetup>& replaced);
-  void log(std::uint64_t set, const sets::BlendPlan& plan);
+  void note(std::uint64_t set, const sets::BlendPlan& plan);
 
   SpscRing<SeamRequest> requests_{1};
   SpscRing<SeamAnswer> answers_{1};
-  SpscRing<SeamChange> changes_{kChangesWaiting};
-  bool logs_changes_ = false;
-  std::optional<SeamChange> change_;  ///< waits for room in changes_
+  SeamLog log_;
+  std::optional<SeamChange> change_;  ///< waits for room in the log
   sets::SeamSchedule schedule_;
   Snapshot<std::string> refused_;
   Counts counts_;

@@ -17,12 +17,6 @@ struct SeamRequest {
 };
 using SeamAnswer = sets::PlacedSeams;
 
-/// For takes: from a set on, sets are blended with other seams.
-struct SeamChange {
-  std::uint64_t first_set = 0;
-  sets::SeamLabels labels;  ///< null: the calibration's own
-};
-
 /// Places the seams of one set a step; may take longer than a set. A rig with fixed seams gives it no requests.
 ///
 /// Threading: step() thread-bound; the rings' other ends are the blend's; idle() any thread.

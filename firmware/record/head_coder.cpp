@@ -24,7 +24,7 @@ std::vector<FieldParity> parities_of(Fields fields) {
   return {};
 }
 
-bool becomes_jpeg(const HeadStream& delivered) {
+bool becomes_jpeg(const take::Stream& delivered) {
   if (!media::JpegWriter::writes(delivered.format)) return false;
   if (delivered.fields == Fields::kProgressive) return true;
   // Both fields must have the same rows, of chroma, too.
@@ -48,8 +48,8 @@ std::string mode_names(std::span<const HeadConfig> heads) {
   return names;
 }
 
-HeadStream stored_stream(HeadStream delivered, TakeMode mode, PixelFormat raymap) {
-  HeadStream stored = delivered;
+take::Stream stored_stream(take::Stream delivered, TakeMode mode, PixelFormat raymap) {
+  take::Stream stored = delivered;
   switch (mode) {
     case TakeMode::kDriver: break;
     case TakeMode::kRaw:
@@ -67,7 +67,8 @@ HeadStream stored_stream(HeadStream delivered, TakeMode mode, PixelFormat raymap
   return stored;
 }
 
-HeadCoder::HeadCoder(const HeadStream& delivered, const HeadStream& stored) : parities_(parities_of(delivered.fields)) {
+HeadCoder::HeadCoder(const take::Stream& delivered, const take::Stream& stored)
+    : parities_(parities_of(delivered.fields)) {
   if (stored.lossless) {
     lossless_ = std::make_unique<media::UtVideoEncoder>();
     return;

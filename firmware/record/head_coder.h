@@ -28,7 +28,7 @@ namespace nodal::firmware {
 /// What the files of a head hold; equal to `delivered` where its pictures are stored as they are: MJPEG, but for kRaw,
 /// and a Bayer mosaic, because JPEG would blur its colours and Ut Video has no such format. kRaw: MJPEG becomes what
 /// the blend decodes it to for raymaps of format `raymap`.
-HeadStream stored_stream(HeadStream delivered, TakeMode mode, PixelFormat raymap);
+take::Stream stored_stream(take::Stream delivered, TakeMode mode, PixelFormat raymap);
 
 /// Codes one head's pictures of one format, or decodes them. A lossless picture is a frame of Ut Video. An interlaced
 /// frame as JPEG is two JPEGs one after the other, the field exposed first is first, each with an AVI1 segment; FFmpeg
@@ -40,7 +40,7 @@ HeadStream stored_stream(HeadStream delivered, TakeMode mode, PixelFormat raymap
 class HeadCoder {
  public:
   /// `stored`: stored_stream() of `delivered`, and another.
-  HeadCoder(const HeadStream& delivered, const HeadStream& stored);
+  HeadCoder(const take::Stream& delivered, const take::Stream& stored);
   HeadCoder(HeadCoder&& other) noexcept;
   ~HeadCoder();
 

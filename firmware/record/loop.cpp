@@ -15,27 +15,8 @@
 namespace nodal::firmware {
 namespace {
 
-constexpr std::string_view kEvidencePrefix = "evidence-", kCalibrationPrefix = "calibration-";
 /// More than the first record of any evidence.
 constexpr std::size_t kBeginBytes = 64 * 1024;
-
-/// The number in a name such as "cam0-0003.mkv". Nothing for names that are not of a segment.
-std::optional<std::uint32_t> segment_of(std::string_view name) {
-  if (!take::is_take_file(name) || name.starts_with(kCalibrationPrefix)) return std::nullopt;
-  const std::size_t dash = name.rfind('-');
-  if (dash == std::string_view::npos) return std::nullopt;
-  return static_cast<std::uint32_t>(std::stoul(std::string(name.substr(dash + 1))));
-}
-
-/// Numbers of the segments in the manifest, rising.
-std::vector<std::uint32_t> segments_of(const take::Manifest& manifest) {
-  std::vector<std::uint32_t> segments;
-  for (const take::Manifest::File& file : manifest.files) {
-    if (file.name.starts_with(kEvidencePrefix)) segments.push_back(*segment_of(file.name));
-  }
-  std::ranges::sort(segments);
-  return segments;
-}
 
 /// Index of a segment's first set.
 Result<std::uint64_t> first_set_of(hal::DiskPort& disk, const std::string& evidence) {
@@ -62,7 +43,7 @@ Status remove_unlisted(hal::DiskPort& disk, const std::string& folder, const tak
   for (const take::Manifest::File& file : manifest.files) listed.insert(file.name);
   NODAL_TRY_ASSIGN(const auto names, disk.list(folder));
   for (const std::string& name : names) {
-    if (!segment_of(name) || listed.contains(name)) continue;
+    if (!take::segment_file(name) || listed.contains(name)) continue;
     NODAL_TRY(disk.remove(folder + "/" + name));
   }
   return {};
@@ -83,7 +64,7 @@ Result<FinishedTake> read_take(hal::DiskPort& disk, const std::string& folder) {
 Result<std::vector<std::uint32_t>> deletable_segments(hal::DiskPort& disk, const std::string& folder,
                                                       const FinishedTake& take, std::size_t most = ~std::size_t{0}) {
   const take::Manifest& manifest = take.manifest;
-  std::vector<std::uint32_t> segments = segments_of(manifest);
+  std::vector<std::uint32_t> segments = manifest.segments();
   if (manifest.marks.empty()) {
     segments.resize(std::min(segments.size(), most));
     return segments;
@@ -117,10 +98,10 @@ Result<RoomInTake> room_in_take(hal::DiskPort& disk, const std::string& folder) 
   RoomInTake room;
   NODAL_TRY_ASSIGN(const auto chosen, deletable_segments(disk, folder, *take));
   for (const take::Manifest::File& file : take->manifest.files) {
-    const auto segment = segment_of(file.name);
-    if (segment && std::ranges::find(chosen, *segment) != chosen.end()) room.bytes += file.bytes;
+    const auto named = take::segment_file(file.name);
+    if (named && std::ranges::find(chosen, named->segment) != chosen.end()) room.bytes += file.bytes;
   }
-  room.all = chosen.size() == segments_of(take->manifest).size();
+  room.all = chosen.size() == take->manifest.segments().size();
   return room;
 }
 
@@ -147,7 +128,8 @@ Result<std::optional<Trimmed>> trim_take(hal::DiskPort& disk, const std::string&
   for (std::size_t head = 0; head < manifest->heads.size(); ++head)
     take::remove(manifest->heads[head], tally.heads()[head]);
   std::erase_if(manifest->files, [&](const take::Manifest::File& file) {
-    if (segment_of(file.name) != std::optional(chosen)) return false;
+    const auto named = take::segment_file(file.name);
+    if (!named || named->segment != chosen) return false;
     done.bytes += file.bytes;
     return true;
   });

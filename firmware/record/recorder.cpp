@@ -17,7 +17,7 @@ namespace {
 /// Matroska stores times in these steps.
 constexpr Duration kLongestRow = take::MatroskaWriter::kLongestCluster - take::MatroskaWriter::kTick;
 
-HeadStream delivered_stream(const hal::FrameView& frame) {
+take::Stream delivered_stream(const hal::FrameView& frame) {
   const ImageView& picture = frame.image;
   return {picture.format, picture.width, picture.height, picture.coding, frame.fields};
 }
@@ -143,7 +143,7 @@ bool Recorder::changes_streams(const FrameSet& set) {
   bool changed = false;
   for (std::size_t head = 0; head < heads_; ++head) {
     if (!set.has(head)) continue;
-    const HeadStream stream = stream_of(set.frames[head], head);
+    const take::Stream& stream = format_of(set.frames[head], head).stored;
     if (streams_[head] == stream) continue;
     if (streams_[head] && set.mid_exposure - stream_since_[head] < kFormatStays) continue;
     streams_[head] = stream;
@@ -164,7 +164,8 @@ void Recorder::record(const FrameSet& set) {
     bool full = changed || row_->sets.size() == TakeRow::kMaxSets || since >= kLongestRow;
     for (std::size_t head = 0; head < heads_; ++head) {
       if (!set.has(head)) continue;
-      full |= row_bytes_[head] + most_bytes(set.frames[head], head) > take::MatroskaWriter::kLargestCluster;
+      const std::size_t bytes = most_bytes(set.frames[head], format_of(set.frames[head], head).stored);
+      full |= row_bytes_[head] + bytes > take::MatroskaWriter::kLargestCluster;
     }
     if (full) close_row(false);
   }
@@ -197,14 +198,17 @@ void Recorder::record(const FrameSet& set) {
   if (!row_->sets.empty()) close_row(false);  // what is in it leaves the ring
 }
 
-/// What the files of a head with such frames hold.
-HeadStream Recorder::stream_of(const hal::FrameView& frame, std::size_t head) const {
-  return stored_stream(delivered_stream(frame), modes_[head], raymap_format_);
+/// Computed when the head's format changes.
+Recorder::HeadFormat& Recorder::format_of(const hal::FrameView& frame, std::size_t head) {
+  const take::Stream delivered = delivered_stream(frame);
+  std::optional<HeadFormat>& format = formats_[head];
+  if (!format || format->delivered != delivered)
+    format.emplace(HeadFormat{delivered, stored_stream(delivered, modes_[head], raymap_format_), std::nullopt});
+  return *format;
 }
 
-std::size_t Recorder::most_bytes(const hal::FrameView& frame, std::size_t head) const {
+std::size_t Recorder::most_bytes(const hal::FrameView& frame, const take::Stream& stored) {
   const ImageView& picture = frame.image;
-  const HeadStream stored = stream_of(frame, head);
   if (stored.lossless) return media::ut_video_most_bytes(stored.format, stored.width, stored.height);
   if (stored.format != PixelFormat::kMjpeg) return packed_size(stored.format, stored.width, stored.height);
   if (picture.format == PixelFormat::kMjpeg) return picture.bytes;
@@ -220,14 +224,13 @@ int Recorder::quality_now() const {
 bool Recorder::store(const hal::FrameView& view, std::size_t head, RecordedFrame& to) {
   const ImageView& picture = view.image;
   HeadCoder::Parts parts{};
-  std::size_t bytes = most_bytes(view, head);
-  const HeadStream delivered = delivered_stream(view), stored = stream_of(view, head);
-  const bool recoded = stored != delivered;
+  HeadFormat& format = format_of(view, head);
+  std::size_t bytes = most_bytes(view, format.stored);
+  const bool recoded = format.stored != format.delivered;
   if (recoded) {
-    std::optional<Coder>& coder = coders_[head];
-    if (!coder || coder->delivered != delivered) coder.emplace(Coder{delivered, HeadCoder(delivered, stored)});
-    if (stored.format == PixelFormat::kMjpeg) to.quality = quality_now();
-    const auto coded = coder->coder.code(picture, to.quality);
+    if (!format.coder) format.coder.emplace(format.delivered, format.stored);
+    if (format.stored.format == PixelFormat::kMjpeg) to.quality = quality_now();
+    const auto coded = format.coder->code(picture, to.quality);
     if (!coded) {
       to.placeholder = Placeholder::kEncoder;
       return true;
@@ -262,7 +265,8 @@ bool Recorder::copy(const FrameSet& set, RecordedSet& to) {
     frame.in_effect = view.in_effect;
     frame.sequence = view.sequence;
     frame.placeholder = Placeholder::kFormat;
-    const bool fits = streams_[head] == stream_of(view, head) && most_bytes(view, head) <= take::kMaxTakePictureBytes;
+    const take::Stream& stored = format_of(view, head).stored;
+    const bool fits = streams_[head] == stored && most_bytes(view, stored) <= take::kMaxTakePictureBytes;
     if (fits && !store(view, head, frame)) return false;
     if (frame.placeholder != Placeholder::kNone) ++placeholders;
   }

@@ -88,8 +88,9 @@ class Recorder {
   void close_row(bool last);
   bool changes_streams(const FrameSet& set);
   bool changes_rate(const FrameSet& set);
-  HeadStream stream_of(const hal::FrameView& frame, std::size_t head) const;
-  std::size_t most_bytes(const hal::FrameView& frame, std::size_t head) const;
+  struct HeadFormat;
+  HeadFormat& format_of(const hal::FrameView& frame, std::size_t head);
+  static std::size_t most_bytes(const hal::FrameView& frame, const take::Stream& stored);
   /// False if the ring has no room.
   bool store(const hal::FrameView& view, std::size_t head, RecordedFrame& to);
   bool not_for_still(const FrameSet& set);
@@ -121,15 +122,16 @@ class Recorder {
   std::optional<Still> still_taken_;
   /// Time of the first set offered for the still; once it is recorded, time of its set.
   std::optional<Instant> still_since_;
-  std::array<std::optional<HeadStream>, kMaxHeads> streams_;
+  std::array<std::optional<take::Stream>, kMaxHeads> streams_;
   std::array<Instant, kMaxHeads> stream_since_;
   FrameRate rate_;
-  /// A head's coder. It is made when the first picture of the delivered format comes.
-  struct Coder {
-    HeadStream delivered;
-    HeadCoder coder;
+  /// What a head's newest picture is, and how it is stored.
+  struct HeadFormat {
+    take::Stream delivered;
+    take::Stream stored;
+    std::optional<HeadCoder> coder;  ///< for stored pictures that differ; made when the first is stored
   };
-  std::array<std::optional<Coder>, kMaxHeads> coders_;
+  std::array<std::optional<HeadFormat>, kMaxHeads> formats_;
   std::vector<std::unique_ptr<TakeRow>> spare_;
   std::unique_ptr<TakeRow> row_;  ///< the row that sets are added to
   std::array<std::size_t, kMaxHeads> row_bytes_{};

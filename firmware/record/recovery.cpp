@@ -127,18 +127,6 @@ Duration length_of(const take::Segment& found, std::uint64_t sets) {
   return Duration::nanoseconds(sets == 0 ? 0 : found.sets[static_cast<std::size_t>(sets - 1)].since_start_ns());
 }
 
-HeadStream stream_of(const take::wire::File& file) {
-  HeadStream stream;
-  stream.format = pixel_format_named(file.format()).value_or(PixelFormat::kMjpeg);  // read_evidence() has checked it
-  stream.width = static_cast<int>(file.width());
-  stream.height = static_cast<int>(file.height());
-  stream.coding = {.video_range = file.video_range(), .bt709 = file.bt709()};
-  if (file.fields() == "top-first") stream.fields = Fields::kTopFirst;
-  if (file.fields() == "bottom-first") stream.fields = Fields::kBottomFirst;
-  stream.lossless = file.lossless();
-  return stream;
-}
-
 }  // namespace
 
 Status remove_segment(hal::DiskPort& disk, const std::string& folder, std::uint32_t segment) {
@@ -157,7 +145,7 @@ Status remove_segment(hal::DiskPort& disk, const std::string& folder, std::uint3
 }
 
 Status SegmentWriter::reopen(File& file, std::uint64_t length, std::vector<take::Xxh128> hashes) {
-  const std::string name = path(place_, file.name);
+  const std::string name = path(place_, file.about.name);
   const std::uint64_t hashed = hashes.size() * PieceHashes::kPiece;
   file.hashes_told = hashes.size();
   file.hashes = PieceHashes(std::move(hashes));
@@ -192,9 +180,7 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::reopen(const TakePlace& pl
   for (std::size_t k = 0; k < static_cast<std::size_t>(found.begin.files_size()); ++k) {
     const take::wire::File& stored = found.begin.files(static_cast<int>(k));
     File& file = made->files_.emplace_back();
-    file.name = stored.name();
-    if (stored.has_head()) file.head = stored.head();
-    file.stream = stream_of(stored);
+    file.about = take::stream_file(stored);
     std::vector<take::Xxh128> hashes = found.hashes[k];
     hashes.resize(static_cast<std::size_t>(last.file_ends[k] / PieceHashes::kPiece));
     NODAL_TRY(made->reopen(file, last.file_ends[k], std::move(hashes)));
@@ -219,7 +205,7 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::reopen(const TakePlace& pl
       raymaps = static_cast<std::size_t>(each.raymaps);
     }
   }
-  made->evidence_.name = take::evidence_file(found.begin.segment());
+  made->evidence_.about.name = take::evidence_file(found.begin.segment());
   NODAL_TRY(made->reopen(made->evidence_, last.evidence_end, {}));
   return made;
 }
@@ -318,14 +304,7 @@ TakePlace place_of(hal::DiskPort& disk, const std::string& folder, const take::T
 /// The segments that a take's folder has evidence of, rising.
 Result<std::vector<std::uint32_t>> segments_in(hal::DiskPort& disk, const std::string& folder) {
   NODAL_TRY_ASSIGN(const auto entries, disk.list(folder));
-  std::vector<std::uint32_t> segments;
-  constexpr std::string_view kEvidence = "evidence-";
-  for (const std::string& name : entries) {
-    if (!name.starts_with(kEvidence) || !take::is_take_file(name)) continue;
-    segments.push_back(static_cast<std::uint32_t>(std::stoul(name.substr(kEvidence.size()))));
-  }
-  std::ranges::sort(segments);
-  return segments;
+  return take::segments_among(entries);
 }
 
 }  // namespace

@@ -6,14 +6,14 @@
 
 namespace nodal::firmware {
 
-SeamFeed::SeamFeed(Blender* blender) : blender_(blender) {
-  if (blender_) blender_->seams().log_changes();
+SeamFeed::SeamFeed(SeamLog* log) : log_(log) {
+  if (log_) log_->open();
 }
 
 bool SeamFeed::step(TakeWriter* writer) {
-  if (!blender_) return false;
+  if (!log_) return false;
   bool busy = false;
-  auto& changes = blender_->seams().changes();
+  auto& changes = log_->changes();
   for (std::size_t taken = 0; taken < changes.capacity() && (!writer || writer->takes_seams()); ++taken) {
     auto change = changes.pop();
     if (!change) break;
@@ -29,8 +29,8 @@ void SeamFeed::begin(TakeWriter& writer) const {
 }
 
 bool SeamFeed::is_behind(const TakeRow& row, Instant now) {
-  if (!blender_ || row.sets.empty() || closing_) return false;
-  const std::uint64_t begun = blender_->sets_begun();
+  if (!log_ || row.sets.empty() || closing_) return false;
+  const std::uint64_t begun = log_->sets_begun();
   if (std::exchange(begun_, begun) != begun) begun_at_ = now;
   return begun <= row.sets.back().number && now - begun_at_ < kBlendWithin;
 }

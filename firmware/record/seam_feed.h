@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "firmware/picture/blender.h"
+#include "firmware/picture/seam_log.h"
 #include "firmware/record/take_row.h"
 #include "protocol/base/units.h"
 
@@ -16,12 +16,12 @@ class TakeWriter;
 /// written without waiting if the blend has begun no set for kBlendWithin.
 ///
 /// Threading: thread-bound to the takes' stage.
-/// Ownership: the blend stage outlives it.
+/// Ownership: the log outlives it.
 /// Errors: none.
 class SeamFeed {
  public:
-  /// `blender`: the blend stage, which logs its seams from now on; null if seams are fixed.
-  explicit SeamFeed(Blender* blender);
+  /// `log`: the blend's, which is opened; null if seams are fixed.
+  explicit SeamFeed(SeamLog* log);
 
   /// Takes what the blend has logged, and passes it to `writer`; null: no take is recorded, or its disk failed. True
   /// when there was something.
@@ -36,9 +36,9 @@ class SeamFeed {
   static constexpr Duration kBlendWithin = Duration::seconds(1);
 
  private:
-  Blender* const blender_;
+  SeamLog* const log_;
   std::optional<SeamChange> newest_;
-  std::uint64_t begun_ = 0;  ///< Blender::sets_begun() when it was last read
+  std::uint64_t begun_ = 0;  ///< SeamLog::sets_begun() when it was last read
   Instant begun_at_;
   bool closing_ = false;
 };

@@ -8,11 +8,12 @@
 #include "stitch/decode/jpeg_frame.h"
 #include "stitch/media/gpano.h"
 #include "stitch/media/jpeg_writer.h"
+#include "stitch/media/take/take_track.h"
 #include "stitch/media/ut_video.h"
 
 namespace nodal::firmware {
 
-bool fields_apart(const HeadStream& stream, const TakeRow& first, std::size_t head) {
+bool fields_apart(const take::Stream& stream, const TakeRow& first, std::size_t head) {
   if (stream.format != PixelFormat::kMjpeg || stream.fields == Fields::kProgressive) return false;
   for (const RecordedSet& set : first.sets) {
     if (!set.frames[head].bytes.empty())
@@ -21,7 +22,7 @@ bool fields_apart(const HeadStream& stream, const TakeRow& first, std::size_t he
   return true;
 }
 
-Result<std::vector<std::uint8_t>> grey_picture(const HeadStream& stream) {
+Result<std::vector<std::uint8_t>> grey_picture(const take::Stream& stream) {
   const PixelFormat format = stream.format == PixelFormat::kMjpeg ? PixelFormat::kI420 : stream.format;
   std::vector<std::uint8_t> grey(packed_size(format, stream.width, stream.height), 128);
   if (stream.lossless) {
@@ -39,28 +40,15 @@ Result<std::vector<std::uint8_t>> grey_picture(const HeadStream& stream) {
 }
 
 take::VideoTrack SegmentWriter::track_of(const File& file) const {
-  take::VideoTrack track;
-  const bool jpeg = file.stream.format == PixelFormat::kMjpeg;
-  track.codec = jpeg ? "V_MJPEG" : "V_UNCOMPRESSED";
-  track.fourcc = take::fourcc_of(file.stream.format);
-  if (file.stream.lossless) {
-    track.codec = media::kUtVideoCodec;
-    track.fourcc.clear();
-    track.codec_private = media::ut_video_private(file.stream.format, file.stream.width, file.stream.height,
-                                                  file.stream.coding, file.stream.fields);
-  }
-  track.width = file.stream.width;
-  track.height = file.stream.height;
+  take::VideoTrack track = media::track_of(file.about.stream);
   track.rate = tally_.rate();
-  if (!file.head) track.rate = raymap_rate(tally_.rate(), place_.raymaps_a_set);
-  track.fields = file.stream.fields;
-  track.fields_apart = file.fields_apart;
+  if (!file.about.head) track.rate = raymap_rate(tally_.rate(), place_.raymaps_a_set);
+  track.fields_apart = file.about.fields_apart;
   if (place_.utc_offset_ns && first_exposure_) {
     const std::int64_t utc = *place_.utc_offset_ns + first_exposure_->ns();
     if (utc >= 0) track.utc_ns = utc;
   }
-  track.coding = file.stream.coding;
-  track.equirectangular = !file.head && media::is_whole_sphere(place_.layout);
+  track.equirectangular = !file.about.head && media::is_whole_sphere(place_.layout);
   track.writer = place_.software;
   if (!place_.calibration_json.empty()) {
     track.attachments.push_back({take::kCalibrationFile, "application/json", place_.calibration_json});

@@ -13,12 +13,6 @@ namespace {
 using take::PieceHashes;
 using Bytes = std::vector<std::uint8_t>;
 
-/// The word for it in rig.toml and in the evidence.
-std::string_view fields_name(Fields fields) {
-  if (fields == Fields::kTopFirst) return "top-first";
-  return fields == Fields::kBottomFirst ? "bottom-first" : "progressive";
-}
-
 std::string bytes_of(std::span<const take::Xxh128> hashes) {
   std::string bytes;
   for (const take::Xxh128& hash : hashes) bytes.append(hash.begin(), hash.end());
@@ -48,32 +42,23 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::create(const TakePlace& pl
   begin.set_after_error(place.after_error);
   made->tally_ = take::SegmentTally(first.rate);
   if (!first.sets.empty()) made->first_exposure_ = first.sets.front().mid_exposure;
-  const auto add = [&](std::string name, std::optional<std::size_t> head, const HeadStream& stream) {
-    File& file = made->files_.emplace_back();
-    file.name = std::move(name);
-    file.head = head;
-    file.stream = stream;
-    file.fields_apart = head && fields_apart(stream, first, *head);
-    take::wire::File& stored = *begin.add_files();
-    stored.set_name(file.name);
-    if (head) stored.set_head(static_cast<std::uint32_t>(*head));
-    stored.set_format(std::string(pixel_format_name(stream.format)));
-    stored.set_width(static_cast<std::uint32_t>(stream.width));
-    stored.set_height(static_cast<std::uint32_t>(stream.height));
-    stored.set_video_range(stream.coding.video_range);
-    stored.set_bt709(stream.coding.bt709);
-    stored.set_fields(std::string(fields_name(stream.fields)));
-    stored.set_lossless(stream.lossless);
-    stored.set_fields_apart(file.fields_apart);
+  const auto add = [&](const take::StreamFile& about) {
+    made->files_.emplace_back().about = about;
+    take::write_stream_file(about, *begin.add_files());
   };
   for (std::size_t head = 0; head < kMaxHeads; ++head) {
-    if (first.streams[head])
-      add(take::head_file(static_cast<std::uint32_t>(head), segment), head, *first.streams[head]);
+    const std::optional<take::Stream>& stream = first.streams[head];
+    if (!stream) continue;
+    const auto number = static_cast<std::uint32_t>(head);
+    add({take::head_file(number, segment), number, *stream, fields_apart(*stream, first, head)});
   }
   if (!place.layout.empty()) {
-    add(take::raymap_file(segment), std::nullopt, {PixelFormat::kMjpeg, place.raymap_width, place.raymap_height, {}});
+    take::Stream raymaps;
+    raymaps.width = place.raymap_width;
+    raymaps.height = place.raymap_height;
+    add({take::raymap_file(segment), std::nullopt, raymaps});
   }
-  made->evidence_.name = take::evidence_file(segment);
+  made->evidence_.about.name = take::evidence_file(segment);
   made->next_set_ = first_set;
   NODAL_TRY(made->create_files());
   take::wire::Record record;
@@ -90,7 +75,7 @@ Result<std::unique_ptr<SegmentWriter>> SegmentWriter::create(const TakePlace& pl
 
 Status SegmentWriter::create_files() {
   const auto create = [&](File& file) -> Status {
-    NODAL_TRY_ASSIGN(const auto handle, place_.disk->create(place_.folder + "/" + file.name));
+    NODAL_TRY_ASSIGN(const auto handle, place_.disk->create(place_.folder + "/" + file.about.name));
     file.handle = handle;
     return {};
   };
@@ -140,8 +125,8 @@ bool SegmentWriter::fits(const TakeRow& row) const {
   if (!row.sets.empty() && !take::same_rate(tally_.rate(), row.rate)) return false;
   std::size_t found = 0;
   for (const File& file : files_) {
-    if (!file.head) continue;
-    if (row.streams[*file.head] != file.stream) return false;
+    if (!file.about.head) continue;
+    if (row.streams[*file.about.head] != file.about.stream) return false;
     ++found;
   }
   return found == static_cast<std::size_t>(
@@ -156,7 +141,7 @@ std::uint64_t SegmentWriter::largest_file() const {
 
 Result<std::span<const std::uint8_t>> SegmentWriter::placeholder_of(File& file) {
   if (file.placeholder.empty()) {
-    NODAL_TRY_ASSIGN(auto grey, grey_picture(file.stream));
+    NODAL_TRY_ASSIGN(auto grey, grey_picture(file.about.stream));
     file.placeholder = std::move(grey);
   }
   return std::span<const std::uint8_t>(file.placeholder);
@@ -204,7 +189,7 @@ Status SegmentWriter::write_clusters(const TakeRow& row, std::vector<take::wire:
   take::wire::Clusters& clusters = *last.mutable_clusters();
   for (std::size_t k = 0; k < files_.size(); ++k) {
     const auto index = static_cast<std::uint32_t>(k);
-    NODAL_TRY(files_[k].head ? write_head(row, index, records) : write_raymaps(row, index, clusters));
+    NODAL_TRY(files_[k].about.head ? write_head(row, index, records) : write_raymaps(row, index, clusters));
   }
   clusters.set_sets(next_set_ + row.sets.size());
   for (const File& file : files_) {
@@ -221,7 +206,7 @@ Status SegmentWriter::write_head(const TakeRow& row, std::uint32_t index, std::v
   std::vector<take::Block> blocks;
   blocks.reserve(row.sets.size());
   for (std::size_t k = 0; k < row.sets.size(); ++k) {
-    const RecordedFrame& frame = row.sets[k].frames[*file.head];
+    const RecordedFrame& frame = row.sets[k].frames[*file.about.head];
     take::Block& block = blocks.emplace_back();
     block.since_start = Duration::nanoseconds(records[k].set().since_start_ns());
     block.frame = frame.bytes;
@@ -235,7 +220,7 @@ Status SegmentWriter::write_head(const TakeRow& row, std::uint32_t index, std::v
   make_room(file, bytes);
   NODAL_TRY(append(file, cluster.pieces));
   for (std::size_t k = 0; k < row.sets.size(); ++k) {
-    const RecordedFrame& from = row.sets[k].frames[*file.head];
+    const RecordedFrame& from = row.sets[k].frames[*file.about.head];
     take::wire::Frame& frame = *records[k].mutable_set()->add_frames();
     frame.set_file(index);
     frame.set_at(cluster.frames_at[k]);
@@ -346,10 +331,10 @@ Result<std::vector<take::Manifest::File>> SegmentWriter::finish(const std::strin
     const std::size_t from = std::max<std::size_t>(1, file.hashes_told);
     stored.insert(stored.end(), hashes.begin() + static_cast<std::ptrdiff_t>(from), hashes.end());
     end.add_hashes(bytes_of(stored));
-    finished.push_back({file.name, file.hashes.bytes(), take::digest_of(hashes)});
+    finished.push_back({file.about.name, file.hashes.bytes(), take::digest_of(hashes)});
   }
   NODAL_TRY(append_record(record));
-  finished.push_back({evidence_.name, evidence_.hashes.bytes(), take::digest_of(evidence_.hashes.all())});
+  finished.push_back({evidence_.about.name, evidence_.hashes.bytes(), take::digest_of(evidence_.hashes.all())});
   return finished;
 }
 

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "firmware/picture/seam_stage.h"
+#include "firmware/picture/seam_log.h"
 #include "firmware/record/take_row.h"
 #include "hal/disk.h"
 #include "protocol/base/result.h"
@@ -17,6 +17,7 @@
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
 #include "protocol/take/matroska_writer.h"
+#include "protocol/take/stream.h"
 #include "protocol/take/tally.h"
 
 namespace nodal::firmware {
@@ -89,11 +90,8 @@ class SegmentWriter {
 
  private:
   struct File {
-    std::string name;
+    take::StreamFile about;
     hal::FileHandle handle = 0;
-    std::optional<std::size_t> head;  ///< empty: raymaps
-    HeadStream stream;
-    bool fields_apart = false;  ///< each field of a frame is a JPEG of its own, the one exposed first comes first
     std::optional<take::MatroskaWriter> video;
     take::PieceHashes hashes;
     std::size_t hashes_told = 0;            ///< those in the evidence

@@ -48,8 +48,9 @@ std::uint64_t set_bytes(const RigConfig& config, const HeadShapes& heads, std::o
   std::uint64_t sum = 0;
   for (std::size_t k = 0; k < heads.size(); ++k) {
     if (!heads[k]) continue;
-    const HeadStream delivered{heads[k]->format, heads[k]->width, heads[k]->height, {}, Fields::kProgressive, false};
-    const HeadStream stored = stored_stream(delivered, mode.value_or(config.heads[k].take_mode), config.raymap.format);
+    const take::Stream delivered{heads[k]->format, heads[k]->width, heads[k]->height, {}, Fields::kProgressive, false};
+    const take::Stream stored =
+        stored_stream(delivered, mode.value_or(config.heads[k].take_mode), config.raymap.format);
     // A camera's JPEG has about one bit per sample, one of quality 90 about two; the first sets tell more.
     const bool as_sent = delivered.format == PixelFormat::kMjpeg;
     if (stored.format != PixelFormat::kMjpeg) sum += packed_size(stored.format, stored.width, stored.height);

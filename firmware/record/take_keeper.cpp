@@ -31,7 +31,7 @@ Result<std::unique_ptr<TakeWriter>> new_take(TakeShelf& shelf, hal::DiskPort& di
 }  // namespace
 
 TakeKeeper::TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& recorder, std::string software,
-                       UtcClock utc, FlightLog* flight, Blender* places_seams, hal::ConfinedPort* confined)
+                       UtcClock utc, FlightLog* flight, SeamLog* seams, hal::ConfinedPort* confined)
     : config_(config),
       disk_(disk),
       recorder_(recorder),
@@ -40,7 +40,7 @@ TakeKeeper::TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& r
       flight_(flight),
       calibrations_(2),
       shelf_(disk, config.takes->loop, confined),
-      seams_(places_seams),
+      seams_(seams),
       test_(config_, disk, shelf_, mail_, recorder.ring().size()),
       rate_{config.rate} {
   report_.loop = config_.takes->loop;

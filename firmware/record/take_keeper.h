@@ -40,11 +40,11 @@ class TakeKeeper {
   /// The board's clock in nanoseconds since 1970; 0: unknown.
   using UtcClock = std::function<std::int64_t()>;
 
-  /// `flight`: the log that [takes] flight_recorder records; null without it. `places_seams`: the blend stage, if it
-  /// places seams and logs them; null if seams are fixed. `confined`: the process in which takes are recovered; null:
+  /// `flight`: the log that [takes] flight_recorder records; null without it. `seams`: the
+  /// blend's log of placed seams; null if seams are fixed. `confined`: the process in which takes are recovered; null:
   /// in step().
   TakeKeeper(const RigConfig& config, hal::DiskPort& disk, Recorder& recorder, std::string software, UtcClock utc,
-             FlightLog* flight = nullptr, Blender* places_seams = nullptr, hal::ConfinedPort* confined = nullptr);
+             FlightLog* flight = nullptr, SeamLog* seams = nullptr, hal::ConfinedPort* confined = nullptr);
 
   ~TakeKeeper();
 

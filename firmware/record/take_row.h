@@ -11,23 +11,11 @@
 
 #include "firmware/frame/frame_set.h"
 #include "hal/head.h"
-#include "protocol/base/field.h"
-#include "protocol/base/image.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/units.h"
+#include "protocol/take/stream.h"
 
 namespace nodal::firmware {
-
-/// The pictures of one head, as they are stored.
-struct HeadStream {
-  PixelFormat format = PixelFormat::kI420;
-  int width = 0;
-  int height = 0;
-  ColourCoding coding;
-  Fields fields = Fields::kProgressive;
-  bool lossless = false;  ///< stored as Ut Video, which decodes to `format`
-  friend bool operator==(const HeadStream&, const HeadStream&) = default;
-};
 
 /// Why a frame in a file is not a picture of its head.
 enum class Placeholder : std::uint8_t {
@@ -75,7 +63,7 @@ struct TakeRow {
 
   std::uint64_t take = 0;
   /// The same for all of the row's sets. A head without one has not delivered a picture in this take yet.
-  std::array<std::optional<HeadStream>, kMaxHeads> streams;
+  std::array<std::optional<take::Stream>, kMaxHeads> streams;
   std::vector<RecordedSet> sets;
   std::vector<RecordedRaymap> raymaps;
   FrameRate rate;              ///< rate of its sets

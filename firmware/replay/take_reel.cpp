@@ -66,9 +66,9 @@ class TakeReel final : public hal::replay::Reel {
     for (std::size_t k = 0; k < folder_.segments(); ++k) {
       NODAL_TRY_ASSIGN(const auto segment, folder_.segment(k, before));
       before = segment.after();
-      for (const media::TakeStream& stream : segment.streams()) {
-        if (stream.head != head_) continue;
-        stream_ = stream;
+      for (const take::StreamFile& file : segment.streams()) {
+        if (file.head != head_) continue;
+        stream_ = file.stream;
         return {};
       }
     }
@@ -127,7 +127,7 @@ class TakeReel final : public hal::replay::Reel {
 
   const media::TakeFolder folder_;
   const std::size_t head_;
-  media::TakeStream stream_;
+  take::Stream stream_;
   std::optional<media::TakeSets> sets_;
   media::TakeSet set_;
   std::size_t at_ = 0;                  ///< the set that set_ is

@@ -354,9 +354,7 @@ class Deck::State::Enumerator final : public HeadEnumerator {
     }
     const Fields has = reel.fields().value_or(fields);
     if (has != fields) {
-      const std::string name = has == Fields::kProgressive ? "progressive"
-                               : has == Fields::kTopFirst  ? "top-first"
-                                                           : "bottom-first";
+      const std::string name(fields_name(has));
       return fail(Errc::kBadValue, "the take's frames are " + name + "; write fields = \"" + name + "\"");
     }
     const FrameRate rate = reel.rate().value_or(deck_.options.rate);

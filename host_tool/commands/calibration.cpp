@@ -3,6 +3,7 @@
 #include <charconv>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "host_tool/commands/trial.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/quantities.h"

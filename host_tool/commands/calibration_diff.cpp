@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "host_tool/input/calibration_file.h"
 #include "protocol/base/try.h"
 #include "protocol/calibration.h"

@@ -41,7 +41,8 @@ std::string footer() {
       "\n"
       "The rig: --rig, else $NODAL_RIG, else " +
       std::string(kDefaultRig) +
-      ".\n"
+      ",\n"
+      "else that of a rig that you run yourself by nodald --scan's rig.toml.\n"
       "`nodal COMMAND --help` explains a command; `man nodal` has it all.\n"
       "\nExit codes:\n";
   for (const ExitCodeHelp& help : exit_code_help()) {
@@ -61,7 +62,7 @@ Result<std::unique_ptr<RigConnection>> Context::connect() {
 }
 
 Result<RigAddress> Context::address() const {
-  const std::string where = rig.empty() ? environment("NODAL_RIG", kDefaultRig) : rig;
+  const std::string where = rig.empty() ? environment("NODAL_RIG", rig_of_this_machine()) : rig;
   return parse_rig_address(where, environment("NODAL_SSH", "ssh"));
 }
 
@@ -116,7 +117,7 @@ class OrderedHelp final : public CLI::Formatter {
   }
 };
 
-CommandLine::CommandLine(Console& console)
+CommandLine::CommandLine(Console& console, Add add_commands)
     : console_(console),
       context_(console),
       app_("Talks to a Nodal rig: calibrates, watches, and pulls raymaps.", "nodal") {
@@ -136,31 +137,7 @@ CommandLine::CommandLine(Console& console)
   app_.add_flag_callback(
       "--overwrite", [] { set_overwriting(true); }, "Replace files that are there already; otherwise they are refused");
   app_.add_flag("--json", context_.json, "Print JSON for programs, one document per line");
-  add_status(app_, *this);
-  add_heads(app_, *this);
-  add_hosts(app_, *this);
-  add_take(app_, *this);
-  add_offload(app_, *this);
-  add_disk(app_, *this);
-  add_exposure(app_, *this);
-  add_genlock(app_, *this);
-  add_calibration(app_, *this);
-  add_audit(app_, *this);
-  add_sync(app_, *this);
-  add_raymap(app_, *this);
-  add_stitch(app_, *this);
-  add_render(app_, *this);
-  add_convert(app_, *this);
-  add_view(app_, *this);
-  add_mesh(app_, *this);
-  add_import(app_, *this);
-  add_pairs(app_, *this);
-  add_register(app_, *this);
-  add_drift(app_, *this);
-  add_export(app_, *this);
-  add_pattern(app_, *this);
-  add_calibrate(app_, *this);
-  add_completion(app_, *this);
+  add_commands(app_, *this);
 }
 
 ExitCode CommandLine::run(int argc, const char* const* argv) {

@@ -1,5 +1,4 @@
-// Common to nodal's commands: shared options, the connection to a rig, and the table of commands that main, completion
-// and the manual page's test read.
+// Common to nodal's commands: shared options, the connection to a rig, and the command line that runs them.
 #pragma once
 
 #include <CLI/App.hpp>
@@ -55,10 +54,12 @@ class Context {
 
 using Action = std::function<Status(Context&)>;
 
-/// All of `nodal`'s command line.
+/// The command line of `nodal`.
 class CommandLine {
  public:
-  explicit CommandLine(Console& console);
+  using Add = void (*)(CLI::App& app, CommandLine& line);
+  /// `add_commands` adds the commands: add_all_commands() of command_list.h.
+  CommandLine(Console& console, Add add_commands);
 
   /// Parses and runs. The exit code also reports a failed standard output. Catches all exceptions.
   ExitCode run(int argc, const char* const* argv);
@@ -84,43 +85,6 @@ class CommandLine {
   CLI::App app_;
   std::map<const CLI::App*, Action> actions_;
 };
-
-// One function per file; each adds its command below `app` and registers its action.
-void add_status(CLI::App& app, CommandLine& line);
-void add_heads(CLI::App& app, CommandLine& line);
-void add_hosts(CLI::App& app, CommandLine& line);
-void add_exposure(CLI::App& app, CommandLine& line);
-void add_genlock(CLI::App& app, CommandLine& line);
-void add_calibration(CLI::App& app, CommandLine& line);
-void add_take(CLI::App& app, CommandLine& line);
-void add_offload(CLI::App& app, CommandLine& line);
-void add_disk(CLI::App& app, CommandLine& line);
-void add_audit(CLI::App& app, CommandLine& line);
-void add_sync(CLI::App& app, CommandLine& line);
-void add_raymap(CLI::App& app, CommandLine& line);
-void add_import(CLI::App& app, CommandLine& line);
-void add_pairs(CLI::App& app, CommandLine& line);
-void add_drift(CLI::App& app, CommandLine& line);
-void add_register(CLI::App& app, CommandLine& line);
-void add_stitch(CLI::App& app, CommandLine& line);
-void add_render(CLI::App& app, CommandLine& line);
-void add_convert(CLI::App& app, CommandLine& line);
-void add_view(CLI::App& app, CommandLine& line);
-void add_mesh(CLI::App& app, CommandLine& line);
-void add_export(CLI::App& app, CommandLine& line);
-void add_pattern(CLI::App& app, CommandLine& line);
-void add_calibrate(CLI::App& app, CommandLine& line);
-/// `heads latency`, below `heads`.
-void add_latency(CLI::App& heads, CommandLine& line);
-/// `calibration diff`, below `calibration`.
-void add_calibration_diff(CLI::App& group, CommandLine& line);
-/// `calibrate light`, below `calibrate`.
-void add_calibrate_light(CLI::App& group, CommandLine& line);
-/// `take verify`, below `take`.
-void add_take_export(CLI::App& group, CommandLine& line);
-void add_take_show(CLI::App& group, CommandLine& line);
-void add_take_verify(CLI::App& group, CommandLine& line);
-void add_completion(CLI::App& app, CommandLine& line);
 
 /// The index of a head given by name or index. The name has priority, because a head's name may be "2".
 Result<std::uint32_t> find_head(const wire::Heads& heads, const std::string& name);

@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 
 namespace nodal::host {
 namespace {

@@ -1,5 +1,6 @@
 #include <filesystem>
 
+#include "host_tool/commands/command_list.h"
 #include "host_tool/commands/frame_options.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/overwriting.h"

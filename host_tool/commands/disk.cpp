@@ -5,6 +5,7 @@
 #include <string>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "host_tool/console/quantities.h"
 #include "protocol/base/try.h"
 

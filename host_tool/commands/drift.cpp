@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "host_tool/commands/picture_places_option.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"

@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "host_tool/console/files.h"
 #include "host_tool/input/calibration_file.h"
 #include "protocol/calibration.h"

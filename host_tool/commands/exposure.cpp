@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/rig/wire_json.h"
 #include "protocol/base/try.h"

@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/rig/rig_input.h"
 #include "host_tool/rig/wire_json.h"

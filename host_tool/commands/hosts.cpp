@@ -2,6 +2,7 @@
 #include <fmt/ranges.h>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/rig/not_recorded.h"
 #include "protocol/base/try.h"

@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "host_tool/commands/picture_places_option.h"
 #include "host_tool/commands/replay_toml.h"
 #include "host_tool/console/files.h"

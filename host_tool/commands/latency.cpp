@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/input/control_latency.h"
 #include "host_tool/input/live_frames.h"

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include "host_tool/commands/command_list.h"
 #include "host_tool/commands/envelope_option.h"
 #include "host_tool/commands/layout_option.h"
 #include "host_tool/console/console.h"

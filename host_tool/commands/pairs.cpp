@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/input/calibration_file.h"

@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "host_tool/console/files.h"
 #include "stitch/media/pdf_page.h"
 #include "stitch/media/png_writer.h"

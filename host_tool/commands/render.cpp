@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "host_tool/commands/layout_option.h"
 #include "host_tool/commands/render_cost.h"
 #include "host_tool/commands/take_argument.h"

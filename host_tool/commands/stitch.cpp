@@ -8,6 +8,7 @@
 #include <span>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "host_tool/commands/layout_option.h"
 #include "host_tool/commands/nominal_options.h"
 #include "host_tool/commands/picture_places_option.h"

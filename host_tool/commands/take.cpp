@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/points_in_time.h"
 #include "host_tool/console/quantities.h"

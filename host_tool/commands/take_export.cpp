@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/overwriting.h"
 #include "host_tool/console/quantities.h"
@@ -25,7 +26,7 @@
 #include "protocol/take/tally.h"
 #include "stitch/media/gpano.h"
 #include "stitch/media/take/take_folder.h"
-#include "stitch/media/ut_video.h"
+#include "stitch/media/take/take_track.h"
 
 namespace nodal::host {
 namespace {
@@ -101,23 +102,25 @@ class Films {
     raymaps_a_set_ = a_set == 0 ? about_.raymaps_a_set : a_set;
   }
 
-  Status add(const media::TakeStream& stream, std::uint64_t at_ns, std::span<const std::uint8_t> frame) {
-    Film& film = films_[stream.head ? static_cast<int>(*stream.head) : -1];
-    if (!film.file || !same(film.stream, stream) || !take::same_rate(film.rate, rate_)) {
+  Status add(const take::StreamFile& from, std::uint64_t at_ns, std::span<const std::uint8_t> frame) {
+    Film& film = films_[from.head ? static_cast<int>(*from.head) : -1];
+    const bool same = film.stream == from.stream && film.fields_apart == from.fields_apart;
+    if (!film.file || !same || !take::same_rate(film.rate, rate_)) {
       if (film.file) {
         NODAL_TRY(film.file->film().end());
       }
       ++film.part;
-      std::string name = stream.head ? fmt::format("cam{}", *stream.head) : "raymaps";
+      std::string name = from.head ? fmt::format("cam{}", *from.head) : "raymaps";
       if (film.part > 1) name += fmt::format("-part{}", film.part);
       names_.insert(name + ".mkv");
       NODAL_TRY_ASSIGN(auto made, FilmFile::create((to_ / (name + ".mkv")).string()));
       film.file = std::move(made);
       film.file->film().set_utc_offset(about_.utc_offset_ns());
-      film.stream = stream;
+      film.stream = from.stream;
+      film.fields_apart = from.fields_apart;
       film.rate = rate_;
     }
-    return film.file->film().add(track_of(stream), at_ns, frame);
+    return film.file->film().add(track_of(from), at_ns, frame);
   }
   Status end() {
     for (auto& [head, film] : films_) {
@@ -130,33 +133,16 @@ class Films {
  private:
   struct Film {
     std::unique_ptr<FilmFile> file;
-    media::TakeStream stream;
+    take::Stream stream;
+    bool fields_apart = false;
     FrameRate rate;
     int part = 0;
   };
-  static bool same(const media::TakeStream& a, const media::TakeStream& b) {
-    return a.format == b.format && a.width == b.width && a.height == b.height && a.coding == b.coding &&
-           a.fields == b.fields && a.fields_apart == b.fields_apart && a.lossless == b.lossless;
-  }
-  take::VideoTrack track_of(const media::TakeStream& stream) const {
-    take::VideoTrack track;
-    if (stream.format != PixelFormat::kMjpeg) {
-      track.codec = "V_UNCOMPRESSED";
-      track.fourcc = take::fourcc_of(stream.format);
-    }
-    if (stream.lossless) {
-      track.codec = media::kUtVideoCodec;
-      track.fourcc.clear();
-      track.codec_private =
-          media::ut_video_private(stream.format, stream.width, stream.height, stream.coding, stream.fields);
-    }
-    track.width = stream.width;
-    track.height = stream.height;
-    track.rate = stream.head ? rate_ : raymap_rate(rate_, raymaps_a_set_);
-    track.fields = stream.fields;
-    track.fields_apart = stream.fields_apart;
-    track.coding = stream.coding;
-    track.equirectangular = !stream.head && media::is_whole_sphere(about_.layout);
+  take::VideoTrack track_of(const take::StreamFile& from) const {
+    take::VideoTrack track = media::track_of(from.stream);
+    track.rate = from.head ? rate_ : raymap_rate(rate_, raymaps_a_set_);
+    track.fields_apart = from.fields_apart;
+    track.equirectangular = !from.head && media::is_whole_sphere(about_.layout);
     if (!calibration_.empty()) track.attachments.push_back({take::kCalibrationFile, "application/json", calibration_});
     return track;
   }
@@ -233,25 +219,25 @@ Status run_export(Context& context, const ExportArgs& args) {
     NODAL_TRY_ASSIGN(const bool more, all.next(set));
     if (!more) break;
     if (interrupted()) return fail(Errc::kCancelled, fmt::format("stopped; {} is not complete", args.to));
-    const take::wire::Set& told = set.evidence;
-    if (!first) first = told.mid_exposure_ns();
+    const take::wire::Set& stored = set.evidence;
+    if (!first) first = stored.mid_exposure_ns();
     if (segment != all.segment().evidence().begin.segment()) {
       segment = all.segment().evidence().begin.segment();
       films.begin_segment(all.segment().evidence().begin);
       NODAL_TRY(add_raymaps(all.segment(), films));
     }
-    sets.row(told.index(), told.number(), told.mid_exposure_ns(), told.mid_exposure_ns() - *first, told.genlock(),
-             told.has_pulse() ? std::to_string(told.pulse()) : std::string(), told.spread_ns(),
-             told.has_drift_ppb() ? std::to_string(told.drift_ppb()) : std::string(), told.missed());
-    for (const take::wire::Frame& frame : told.frames()) {
-      const media::TakeStream& stream = all.segment().streams()[frame.file()];
-      const std::uint32_t head = *stream.head;
-      frames.row(told.index(), head, folder.about().heads[head], frame.placeholder(), frame.offset_ns(),
+    sets.row(stored.index(), stored.number(), stored.mid_exposure_ns(), stored.mid_exposure_ns() - *first,
+             stored.genlock(), stored.has_pulse() ? std::to_string(stored.pulse()) : std::string(), stored.spread_ns(),
+             stored.has_drift_ppb() ? std::to_string(stored.drift_ppb()) : std::string(), stored.missed());
+    for (const take::wire::Frame& frame : stored.frames()) {
+      const take::StreamFile& file = all.segment().streams()[frame.file()];
+      const std::uint32_t head = *file.head;
+      frames.row(stored.index(), head, folder.about().heads[head], frame.placeholder(), frame.offset_ns(),
                  frame.exposure_ns(), frame.gain_mdb(), frame.red_q12(), frame.blue_q12(), frame.gamma(),
                  frame.sequence(), frame.quality());
       NODAL_TRY(all.segment().read(frame.file(), frame.at(), frame.bytes(), bytes));
-      const auto at = static_cast<std::uint64_t>(std::max<std::int64_t>(0, told.mid_exposure_ns()));
-      NODAL_TRY(films.add(stream, at, bytes));
+      const auto at = static_cast<std::uint64_t>(std::max<std::int64_t>(0, stored.mid_exposure_ns()));
+      NODAL_TRY(films.add(file, at, bytes));
     }
     bar.update(++done, args.to);
   }

@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "host_tool/commands/command_list.h"
 #include "host_tool/commands/take_argument.h"
 #include "host_tool/console/quantities.h"
 #include "protocol/base/try.h"
@@ -26,10 +27,9 @@ struct HeadSummary {
 /// What the evidence says about placed seams.
 class SeamSummary {
  public:
-  /// To be called with each set in turn, `at` after the first that is there, and the records of its segment.
-  void add(const std::vector<take::wire::Seams>& records, std::uint64_t number, Duration at) {
-    const auto next = std::ranges::upper_bound(records, number, {}, &take::wire::Seams::set);
-    const take::wire::Seams* const used = next == records.begin() ? nullptr : &*std::prev(next);
+  /// To be called with each set in turn, `at` after the first that is there, and its segment.
+  void add(const take::Segment& segment, std::uint64_t number, Duration at) {
+    const take::wire::Seams* const used = segment.seams_at(number);
     const std::optional<std::uint64_t> since = used ? std::optional(used->set()) : std::nullopt;
     if (sets_ > 0 && since && since != since_) {
       if (changes_ == 0) first_change_ = at;
@@ -138,11 +138,10 @@ std::string rates_text(const std::vector<take::RateChange>& rates) {
   return text;
 }
 
-std::string stored_as(const media::TakeStream& stream) {
+std::string stored_as(const take::Stream& stream) {
   std::string text = fmt::format("{}x{} {}", stream.width, stream.height, pixel_format_name(stream.format));
   if (stream.lossless) text += " as Ut Video";
-  if (stream.fields == Fields::kTopFirst) text += ", top-first";
-  if (stream.fields == Fields::kBottomFirst) text += ", bottom-first";
+  if (stream.fields != Fields::kProgressive) text += fmt::format(", {}", fields_name(stream.fields));
   return text;
 }
 
@@ -167,13 +166,13 @@ Status run_show(Context& context, const std::string& name) {
     const take::Segment& evidence = sets.segment().evidence();
     if (segment != evidence.begin.segment()) gaps.add(evidence);
     segment = evidence.begin.segment();
-    seams.add(evidence.seams, set.evidence.number(), Duration::nanoseconds(set.mid_exposure.ns() - first));
+    seams.add(evidence, set.evidence.number(), Duration::nanoseconds(set.mid_exposure.ns() - first));
     const auto marked = starts.find(set.evidence.index());
     if (marked != starts.end()) marked->second = set.mid_exposure.ns() - first;
     for (const take::wire::Frame& frame : set.evidence.frames()) {
-      const media::TakeStream& stream = sets.segment().streams()[frame.file()];
-      HeadSummary& head = heads[*stream.head];
-      head.stored = stored_as(stream);
+      const take::StreamFile& file = sets.segment().streams()[frame.file()];
+      HeadSummary& head = heads[*file.head];
+      head.stored = stored_as(file.stream);
       if (frame.placeholder().empty()) ++head.pictures;
       else ++head.placeholders[frame.placeholder()];
     }

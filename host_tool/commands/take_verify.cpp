@@ -7,6 +7,7 @@
 #include <span>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/offload/local_file.h"
@@ -29,7 +30,8 @@ std::map<std::string, std::vector<take::Xxh128>> hashes_in(const fs::path& folde
   std::map<std::string, std::vector<take::Xxh128>> all;
   const auto files = take_files(folder);
   for (const take::Manifest::File& file : manifest.files) {
-    if (!file.name.starts_with("evidence-")) continue;
+    const auto named = take::segment_file(file.name);
+    if (!named || named->kind != take::SegmentFile::Kind::kEvidence) continue;
     const auto bytes = media::read_take_file(*files, file.name, take::kMaxEvidenceBytes);
     if (!bytes) continue;
     PieceHashes hashes;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <optional>
 
+#include "host_tool/commands/command_list.h"
 #include "host_tool/commands/envelope_option.h"
 #include "host_tool/commands/frame_options.h"
 #include "host_tool/console/files.h"

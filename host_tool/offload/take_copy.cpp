@@ -26,9 +26,13 @@ using take::PieceHashes;
 
 const std::string kPart(media::kPartSuffix);
 
-bool is_evidence(const std::string& name) { return name.starts_with("evidence-"); }
-bool is_video(const std::string& name) { return has_ending(name, ".mkv"); }
-bool of_a_head(const std::string& name) { return name.starts_with("cam"); }
+bool is_of(take::SegmentFile::Kind kind, const std::string& name) {
+  const auto file = take::segment_file(name);
+  return file && file->kind == kind;
+}
+bool is_evidence(const std::string& name) { return is_of(take::SegmentFile::Kind::kEvidence, name); }
+bool is_video(const std::string& name) { return take::segment_file(name) && !is_evidence(name); }
+bool of_a_head(const std::string& name) { return is_of(take::SegmentFile::Kind::kHead, name); }
 
 std::uint64_t pieces_of(const take::Manifest::File& file) {
   return (file.bytes + PieceHashes::kPiece - 1) / PieceHashes::kPiece;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string_view>
 
 #include "protocol/base/image.h"
@@ -16,6 +17,25 @@ enum class Fields : std::uint8_t {
   kTopOnly = 3,      ///< rows 0, 2, 4… arrived, the others are missing
   kBottomOnly = 4,
 };
+
+/// The word for it in rig.toml, in takes and in messages.
+constexpr std::string_view fields_name(Fields fields) {
+  switch (fields) {
+    case Fields::kProgressive: break;
+    case Fields::kTopFirst: return "top-first";
+    case Fields::kBottomFirst: return "bottom-first";
+    case Fields::kTopOnly: return "top-only";
+    case Fields::kBottomOnly: return "bottom-only";
+  }
+  return "progressive";
+}
+/// The order that a whole frame can have. Empty for any other word.
+constexpr std::optional<Fields> fields_named(std::string_view name) {
+  for (const Fields fields : {Fields::kProgressive, Fields::kTopFirst, Fields::kBottomFirst}) {
+    if (name == fields_name(fields)) return fields;
+  }
+  return std::nullopt;
+}
 
 enum class FieldParity : std::uint8_t { kTop = 0, kBottom = 1 };
 

@@ -119,26 +119,4 @@ std::optional<std::int64_t> TakeDocument::utc_offset_ns() const {
   return started_utc_ns - started_ns;
 }
 
-bool is_take_file(std::string_view name) {
-  for (const std::string& each : {kTakeFile, kManifestFile, kProtectedFile, kCalibrationFile, kRigFile, kThumbFile,
-                                  kFlightFile, kDeletedFile, kRecoveringFile, kSetAsideFile}) {
-    if (name == each) return true;
-  }
-  const auto digits = [&](std::size_t least) {
-    std::size_t count = 0;
-    while (count < name.size() && name[count] >= '0' && name[count] <= '9') ++count;
-    name.remove_prefix(count);
-    return count >= least && count <= 8;
-  };
-  const auto word = [&](std::string_view expected) {
-    if (!name.starts_with(expected)) return false;
-    name.remove_prefix(expected.size());
-    return true;
-  };
-  if (word("cam")) return digits(1) && word("-") && digits(4) && name == ".mkv";
-  if (word("calibration-")) return digits(4) && name == ".json";
-  if (word("raymap-")) return digits(4) && name == ".mkv";
-  return word("evidence-") && digits(4) && name.empty();
-}
-
 }  // namespace nodal::take

@@ -13,6 +13,7 @@
 #include "protocol/base/result.h"
 #include "protocol/base/units.h"
 #include "protocol/take/digest.h"
+#include "protocol/take/file_names.h"
 #include "protocol/take/limits.h"
 
 namespace nodal::take {
@@ -28,12 +29,6 @@ inline constexpr std::size_t kMaxMarks = 10'000;
 inline constexpr std::size_t kMaxMarkBytes = 200;
 /// Calibrations of a take after its first one. Later ones are not stored, and the take says from which set on.
 inline constexpr std::size_t kMaxCalibrations = 1000;
-
-/// File names in the folder of a take.
-inline const std::string kTakeFile = "take.json", kManifestFile = "manifest", kProtectedFile = "protected",
-                         kCalibrationFile = "calibration.json", kRigFile = "rig.toml", kThumbFile = "thumb.jpg",
-                         kFlightFile = "flight", kDeletedFile = "deleted", kRecoveringFile = "recovering",
-                         kSetAsideFile = "set-aside";
 
 /// take.json.
 struct TakeDocument {
@@ -96,6 +91,8 @@ struct Manifest {
   std::vector<File> files;
 
   std::uint64_t bytes() const;
+  /// Numbers of its segments, rising.
+  std::vector<std::uint32_t> segments() const;
 };
 
 /// The same with what no reader accepts replaced: texts shortened and made printable, marks and rates above their
@@ -108,12 +105,7 @@ Result<Manifest> parse_manifest(std::string_view text, const std::string& file);
 using TextPieces = std::function<Result<std::string_view>()>;
 Result<Manifest> parse_manifest(const TextPieces& text, const std::string& file);
 
-/// "calibration-0001.json": the first after calibration.json.
-std::string calibration_file(std::size_t number);
 /// Whether a calibration may come after others. Errors: kBadValue.
 Status check_next(const Manifest::Calibration& calibration, std::span<const Manifest::Calibration> before);
-
-/// Whether a take may have a file of this name.
-bool is_take_file(std::string_view name);
 
 }  // namespace nodal::take

@@ -308,17 +308,15 @@ Result<Segment> EvidenceReader::finish() && {
   return std::move(state_->segment);
 }
 
+const wire::Seams* Segment::seams_at(std::uint64_t set) const {
+  const auto next = std::ranges::upper_bound(seams, set, {}, &wire::Seams::set);
+  return next == seams.begin() ? nullptr : &*std::prev(next);
+}
+
 Result<Segment> read_evidence(std::span<const std::uint8_t> bytes, const std::string& name) {
   EvidenceReader reader(name);
   NODAL_TRY(reader.add(bytes));
   return std::move(reader).finish();
 }
-
-std::string head_file(std::uint32_t head, std::uint32_t segment) {
-  return fmt::format("cam{}-{:04}.mkv", head, segment);
-}
-std::string raymap_file(std::uint32_t segment) { return fmt::format("raymap-{:04}.mkv", segment); }
-std::string evidence_file(std::uint32_t segment) { return fmt::format("evidence-{:04}", segment); }
-std::string take_folder(std::uint64_t take) { return fmt::format("{:06}", take); }
 
 }  // namespace nodal::take

@@ -65,6 +65,8 @@ struct Segment {
   /// The final hashes of a file's pieces; empty while there is no end.
   std::vector<Xxh128> hashes_of(std::size_t file) const;
   std::uint64_t next_set() const { return begin.first_set() + sets.size(); }
+  /// The record of the seams in force at a set, by the rig's number; null: none is recorded.
+  const wire::Seams* seams_at(std::uint64_t set) const;
 };
 
 /// Reads evidence that arrives in pieces of any size; what is not kept in the Segment is not kept at all.
@@ -93,12 +95,5 @@ class EvidenceReader {
 
 /// The same for evidence that is in memory, of the file `name`.
 Result<Segment> read_evidence(std::span<const std::uint8_t> bytes, const std::string& name);
-
-/// "cam0-0003.mkv", "raymap-0003.mkv", "evidence-0003".
-std::string head_file(std::uint32_t head, std::uint32_t segment);
-std::string raymap_file(std::uint32_t segment);
-std::string evidence_file(std::uint32_t segment);
-/// "000042".
-std::string take_folder(std::uint64_t take);
 
 }  // namespace nodal::take

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <ranges>
 #include <utility>
 #include <vector>
 
@@ -53,6 +54,10 @@ Status parse_tally(const Json& json, const std::string& file, Manifest& manifest
 }
 
 }  // namespace
+
+std::vector<std::uint32_t> Manifest::segments() const {
+  return segments_among(std::views::transform(files, &File::name));
+}
 
 std::uint64_t Manifest::bytes() const {
   std::uint64_t sum = 0;
@@ -244,8 +249,6 @@ Result<Manifest> parse_manifest(const TextPieces& text, const std::string& file)
 Result<Manifest> parse_manifest(std::string_view text, const std::string& file) {
   return parse_manifest(one_piece(text), file);
 }
-
-std::string calibration_file(std::size_t number) { return fmt::format("calibration-{:04}.json", number); }
 
 Status check_next(const Manifest::Calibration& calibration, std::span<const Manifest::Calibration> before) {
   const auto is_digit = [](char c) { return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f'); };

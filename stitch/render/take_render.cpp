@@ -134,26 +134,22 @@ bool TakeRender::has_seams() {
 
 /// Puts the recorded seams of a set in force.
 Status TakeRender::use_seams() {
-  const std::vector<take::wire::Seams>& recorded = sets_.segment().evidence().seams;
-  const auto next =
-      std::ranges::upper_bound(recorded, std::uint64_t{set_.evidence.number()}, {}, &take::wire::Seams::set);
-  std::optional<std::uint64_t> from;
-  if (next != recorded.begin()) from = std::prev(next)->set();
+  const take::wire::Seams* const seams = sets_.segment().evidence().seams_at(set_.evidence.number());
+  const std::optional<std::uint64_t> from = seams ? std::optional(seams->set()) : std::nullopt;
   if (!seams_.follow(from)) return {};
-  if (!from || std::prev(next)->columns() == 0) {
+  if (!seams || seams->columns() == 0) {
     blend_.move_seams(own_seams_);
     return {};
   }
-  const take::wire::Seams& seams = *std::prev(next);
   const auto in_take = [&](const Error& error) {
     return fail(error.in("the seams from set " + std::to_string(*from) + " on")
                     .in(folder_.shown(take::evidence_file(sets_.segment().evidence().begin.segment()))));
   };
-  if (seams.columns() != sets::kSeamMapWidth) {
-    return in_take({Errc::kUnsupported, "their map has " + std::to_string(seams.columns()) +
+  if (seams->columns() != sets::kSeamMapWidth) {
+    return in_take({Errc::kUnsupported, "their map has " + std::to_string(seams->columns()) +
                                             " columns; this program reads " + std::to_string(sets::kSeamMapWidth)});
   }
-  auto labels = take::labels_of(seams);
+  auto labels = take::labels_of(*seams);
   if (!labels) return in_take(labels.error());
   auto seamed = sets::with_seams(*blend_.plan(), std::move(*labels));
   if (!seamed) return in_take(seamed.error());
@@ -188,17 +184,17 @@ Status TakeRender::use_tables(const std::function<void(double)>& compiled) {
   std::vector<sets::RigHead> heads;
   for (const std::string& name : folder_.about().heads) heads.push_back({name, {}});
   // Of a head without a picture in the segment no format is known, and none matters.
-  const std::vector<media::TakeStream>& streams = sets_.segment().streams();
+  const std::vector<take::StreamFile>& files = sets_.segment().streams();
   std::vector<PixelFormat> formats(heads.size(), PixelFormat::kI420);
   std::optional<Fields> fields;
-  for (const media::TakeStream& stream : streams) {
-    if (!stream.head) continue;
-    if (!fields) formats.assign(heads.size(), stream.format), fields = stream.fields;
+  for (const take::StreamFile& file : files) {
+    if (!file.head) continue;
+    if (!fields) formats.assign(heads.size(), file.stream.format), fields = file.stream.fields;
   }
-  for (const media::TakeStream& stream : streams) {
-    if (!stream.head) continue;
-    formats[*stream.head] = stream.format;
-    heads[*stream.head].size = {stream.width, stream.height};
+  for (const take::StreamFile& file : files) {
+    if (!file.head) continue;
+    formats[*file.head] = file.stream.format;
+    heads[*file.head].size = {file.stream.width, file.stream.height};
   }
   if (compiled_ == used_ && formats == formats_ && fields == fields_) return {};
   NODAL_TRY_ASSIGN(const auto fitted, sets::calibration_of(used_->calibration, heads, "take.json"));

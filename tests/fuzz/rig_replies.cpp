@@ -10,6 +10,7 @@
 
 #include "hal/link.h"
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "memory_limit.h"
 #include "protocol/base/bytes.h"
 #include "protocol/framing.h"
@@ -141,7 +142,7 @@ class Runner {
   std::vector<std::string> words_;
   Memory out_, err_;
   host::Console console_{out_.file, err_.file};
-  host::CommandLine line_{console_};
+  host::CommandLine line_{console_, host::add_all_commands};
 };
 
 const std::vector<std::vector<std::string>>& commands() {

@@ -71,7 +71,7 @@ TEST(LimitsOfMemory, OfTakes_AreThoseOnThePage) {
       {"a map of placed seams", Means::kHeap, of_a_seam_map},
       {"placed seams on their way to a take", Means::kSizes,
        [] {
-         return (MovingSeams::kChangesWaiting + TakeWriter::kMaxSeamsAhead) * (sizeof(SeamChange) + 64 + kSeamPixels);
+         return (SeamLog::kChangesWaiting + TakeWriter::kMaxSeamsAhead) * (sizeof(SeamChange) + 64 + kSeamPixels);
        }},
       {"hosts of which the rig notes that they read a take", Means::kSizes,
        [] { return sizeof(TakesInUse) + sizeof(TakeSender); }},

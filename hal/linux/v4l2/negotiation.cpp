@@ -207,10 +207,6 @@ Result<ColourCoding> coding_of(const Device& device, const Shape& shape, PixelFo
   }
 }
 
-std::string field_words(Fields fields) {
-  return fields == Fields::kTopFirst ? "top-first" : fields == Fields::kBottomFirst ? "bottom-first" : "progressive";
-}
-
 /// Equal to within a thousandth.
 bool same_rate(const v4l2_fract& period, const FrameRate& rate) {
   const auto ours = static_cast<double>(rate.denominator) / rate.numerator;
@@ -319,10 +315,11 @@ Result<Granted> negotiate(const Device& device, const HeadRequest& request) {
   const auto fields = fields_of(got.field, granted.interlaced);
   if (!fields || *fields != request.fields) {
     const bool ours = fields && *fields != Fields::kTopOnly && *fields != Fields::kBottomOnly;
-    return fail(unsupported(device, "delivers " + (ours ? field_words(*fields) : std::string("separate fields")) +
-                                        ", not " + field_words(request.fields) +
-                                        (ours ? "; write fields = \"" + field_words(*fields) + "\" in rig.toml"
-                                              : "; choose another standard or input in rig.toml")));
+    return fail(
+        unsupported(device, "delivers " + (ours ? std::string(fields_name(*fields)) : std::string("separate fields")) +
+                                ", not " + std::string(fields_name(request.fields)) +
+                                (ours ? "; write fields = \"" + std::string(fields_name(*fields)) + "\" in rig.toml"
+                                      : "; choose another standard or input in rig.toml")));
   }
   const bool planar = component_count(request.pixels) > 1 && code.pixels != PixelFormat::kYuyv &&
                       code.pixels != PixelFormat::kUyvy && code.pixels != PixelFormat::kRgb24;

@@ -6,25 +6,22 @@
 
 #include "protocol/base/try.h"
 #include "protocol/take/seam_map.h"
+#include "protocol/take/stream.h"
 #include "stitch/media/ut_video.h"
 
 namespace nodal::media {
 namespace {
 
-Fields fields_named(std::string_view name) {
-  if (name == "top-first") return Fields::kTopFirst;
-  return name == "bottom-first" ? Fields::kBottomFirst : Fields::kProgressive;
-}
-
-Status check_frame(const TakeStream& stream, const take::wire::Frame& frame, std::uint64_t set) {
+Status check_frame(const take::StreamFile& file, const take::wire::Frame& frame, std::uint64_t set) {
+  const take::Stream& stream = file.stream;
   const auto wrong = [&](std::uint64_t most) {
     return fail(Errc::kBadFormat, fmt::format("set {}: {} bytes of {} at byte {}; a {} picture of {}x{} has {}", set,
-                                              frame.bytes(), stream.file, frame.at(), pixel_format_name(stream.format),
+                                              frame.bytes(), file.name, frame.at(), pixel_format_name(stream.format),
                                               stream.width, stream.height, most));
   };
   if (stream.lossless && !ut_video_codes(stream.format, stream.width, stream.height)) {
     return fail(Errc::kBadFormat,
-                fmt::format("set {}: {} has pictures of {} {}x{}, which Ut Video does not code", set, stream.file,
+                fmt::format("set {}: {} has pictures of {} {}x{}, which Ut Video does not code", set, file.name,
                             pixel_format_name(stream.format), stream.width, stream.height));
   }
   const bool jpeg = stream.format == PixelFormat::kMjpeg;
@@ -35,26 +32,12 @@ Status check_frame(const TakeStream& stream, const take::wire::Frame& frame, std
     return wrong(expected);
   if (expected > take::kMaxTakePictureBytes) {
     return fail(Errc::kTooLarge, fmt::format("set {}: a picture of {} has {} bytes; at most {} are read", set,
-                                             stream.file, expected, take::kMaxTakePictureBytes));
+                                             file.name, expected, take::kMaxTakePictureBytes));
   }
   return {};
 }
 
 }  // namespace
-
-TakeStream stream_of(const take::wire::File& file) {
-  TakeStream stream;
-  stream.file = file.name();
-  if (file.has_head()) stream.head = file.head();
-  stream.format = pixel_format_named(file.format()).value_or(PixelFormat::kMjpeg);  // read_evidence() has checked it
-  stream.width = static_cast<int>(file.width());
-  stream.height = static_cast<int>(file.height());
-  stream.coding = {.video_range = file.video_range(), .bt709 = file.bt709()};
-  stream.fields = fields_named(file.fields());
-  stream.lossless = file.lossless();
-  stream.fields_apart = file.fields_apart();
-  return stream;
-}
 
 Status check_segment(const take::Segment& segment, std::uint32_t number, const take::TakeDocument& about,
                      SetsBefore before) {
@@ -66,16 +49,16 @@ Status check_segment(const take::Segment& segment, std::uint32_t number, const t
   if (begin.first_set() < next) {
     return fail(Errc::kBadFormat, fmt::format("begins with set {} where {} comes next", begin.first_set(), next));
   }
-  std::vector<TakeStream> streams;
-  for (const take::wire::File& file : begin.files()) {
-    const TakeStream& stream = streams.emplace_back(stream_of(file));
-    if (!stream.head || *stream.head < about.heads.size()) continue;
+  std::vector<take::StreamFile> files;
+  for (const take::wire::File& record : begin.files()) {
+    const take::StreamFile& file = files.emplace_back(take::stream_file(record));
+    if (!file.head || *file.head < about.heads.size()) continue;
     return fail(Errc::kBadFormat,
-                fmt::format("has pictures of head {}, and take.json names {} heads", *stream.head, about.heads.size()));
+                fmt::format("has pictures of head {}, and take.json names {} heads", *file.head, about.heads.size()));
   }
   for (const take::wire::Set& set : segment.sets) {
     for (const take::wire::Frame& frame : set.frames()) {
-      NODAL_TRY(check_frame(streams[frame.file()], frame, set.index()));
+      NODAL_TRY(check_frame(files[frame.file()], frame, set.index()));
     }
   }
   for (const take::wire::Seams& seams : segment.seams) {

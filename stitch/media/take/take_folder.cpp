@@ -13,8 +13,6 @@ namespace {
 
 using take::PieceHashes;
 
-constexpr std::string_view kEvidence = "evidence-";
-
 std::string_view text_of(const std::vector<std::uint8_t>& bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
@@ -65,11 +63,7 @@ Result<TakeFolder> TakeFolder::open(std::shared_ptr<TakeFiles> files) {
   }
   take.about_ = std::move(document);
   take.manifest_ = std::move(manifest);
-  for (const take::Manifest::File& file : take.manifest_.files) {
-    if (!file.name.starts_with(kEvidence)) continue;
-    take.segments_.push_back(static_cast<std::uint32_t>(std::stoul(file.name.substr(kEvidence.size()))));
-  }
-  std::ranges::sort(take.segments_);
+  take.segments_ = take.manifest_.segments();
   NODAL_TRY(take.whole(take::kTakeFile, take::kMaxTakeJsonBytes));
   return take;
 }
@@ -126,15 +120,15 @@ Result<TakeSegment> TakeFolder::segment(std::size_t k, SetsBefore before) const 
 Status TakeSegment::open_files(TakeFiles& files, const take::Manifest& manifest) {
   for (std::size_t k = 0; k < static_cast<std::size_t>(evidence_.begin.files_size()); ++k) {
     const int index = static_cast<int>(k);
-    streams_.push_back(stream_of(evidence_.begin.files(index)));
-    const std::string shown = files.shown(streams_.back().file);
-    NODAL_TRY_ASSIGN(auto file, files.open(streams_.back().file));
+    const std::string& name = streams_.emplace_back(take::stream_file(evidence_.begin.files(index))).name;
+    const std::string shown = files.shown(name);
+    NODAL_TRY_ASSIGN(auto file, files.open(name));
     const std::uint64_t length = evidence_.end->length(index);
     if (file->size() != length) {
       return fail(differs(shown, fmt::format("has {} bytes, not {}", file->size(), length)));
     }
     std::vector<take::Xxh128> hashes = evidence_.hashes_of(k);
-    const auto listed = std::ranges::find(manifest.files, streams_.back().file, &take::Manifest::File::name);
+    const auto listed = std::ranges::find(manifest.files, name, &take::Manifest::File::name);
     if (listed == manifest.files.end() || listed->bytes != length || listed->digest != take::digest_of(hashes)) {
       return fail(Errc::kBadFormat, shown + ": manifest and evidence do not say the same of it");
     }

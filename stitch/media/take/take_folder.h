@@ -14,6 +14,7 @@
 #include "protocol/base/units.h"
 #include "protocol/take/documents.h"
 #include "protocol/take/evidence.h"
+#include "protocol/take/stream.h"
 #include "stitch/media/take/segment_rules.h"
 #include "stitch/media/take/take_files.h"
 
@@ -30,7 +31,7 @@ class TakeSegment {
   /// For TakeFolder::segment() of the next one.
   SetsBefore after() const { return {before_.kept + evidence_.sets.size(), before_.deleted}; }
   /// By the number of the file in the evidence.
-  const std::vector<TakeStream>& streams() const { return streams_; }
+  const std::vector<take::StreamFile>& streams() const { return streams_; }
   /// Replaces `into` by bytes of a file, such as those of a frame.
   Status read(std::uint32_t file, std::uint64_t at, std::uint64_t bytes, std::vector<std::uint8_t>& into);
 
@@ -48,7 +49,7 @@ class TakeSegment {
 
   take::Segment evidence_;
   SetsBefore before_;
-  std::vector<TakeStream> streams_;
+  std::vector<take::StreamFile> streams_;
   std::vector<File> files_;
 };
 

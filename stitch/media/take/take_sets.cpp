@@ -9,7 +9,7 @@
 namespace nodal::media {
 namespace {
 
-TakeFrame frame_of(const take::wire::Frame& stored, const TakeStream& stream) {
+TakeFrame frame_of(const take::wire::Frame& stored, const take::Stream& stream) {
   TakeFrame frame;
   frame.present = stored.placeholder() != "missing";
   frame.placeholder = stored.placeholder();
@@ -29,7 +29,7 @@ TakeFrame frame_of(const take::wire::Frame& stored, const TakeStream& stream) {
   return frame;
 }
 
-ImageView view_of(const TakeStream& stream, const std::vector<std::uint8_t>& bytes) {
+ImageView view_of(const take::Stream& stream, const std::vector<std::uint8_t>& bytes) {
   ImageView view{stream.format, stream.width, stream.height, {}, bytes.size(), stream.coding};
   if (stream.format == PixelFormat::kMjpeg) {
     const int length = static_cast<int>(bytes.size());
@@ -56,8 +56,8 @@ Result<bool> TakeSets::next(TakeSet& set) {
   set.mid_exposure = Instant::from_ns(stored.mid_exposure_ns());
   set.heads = {};
   for (const take::wire::Frame& frame : stored.frames()) {
-    const TakeStream& stream = segment_->streams()[frame.file()];
-    set.heads[*stream.head] = frame_of(frame, stream);
+    const take::StreamFile& file = segment_->streams()[frame.file()];
+    set.heads[*file.head] = frame_of(frame, file.stream);
   }
   return true;
 }
@@ -71,14 +71,15 @@ Status TakeSets::read_pictures(TakeSet& set) {
 
 Status TakeSets::read_picture(TakeSet& set, std::size_t head) {
   for (const take::wire::Frame& frame : set.evidence.frames()) {
-    const TakeStream& stream = segment_->streams()[frame.file()];
-    if (stream.head != head || !set.heads[head].placeholder.empty()) continue;
+    const take::StreamFile& file = segment_->streams()[frame.file()];
+    if (file.head != head || !set.heads[head].placeholder.empty()) continue;
     std::vector<std::uint8_t>& bytes = set.bytes[head];
     NODAL_TRY(segment_->read(frame.file(), frame.at(), frame.bytes(), bytes));
+    const take::Stream& stream = file.stream;
     if (stream.lossless) {
       std::vector<std::uint8_t> picture;
       const Status decoded = decode_ut_video(bytes, stream.format, stream.width, stream.height, picture);
-      if (!decoded) return fail(decoded.error().in(folder_.shown(stream.file)));
+      if (!decoded) return fail(decoded.error().in(folder_.shown(file.name)));
       bytes.swap(picture);
     }
     set.heads[head].image = view_of(stream, bytes);

@@ -1,4 +1,5 @@
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -18,7 +19,7 @@ namespace {
 
 TEST(CommandLine, HelpOfEveryCommand_IsThereAndTeachesByExample) {
   Console console(stdout, stderr);
-  CommandLine line(console);
+  CommandLine line(console, add_all_commands);
   for (const CommandWords& command : command_words(line.app())) {
     std::vector<std::string> words = command.path;
     words.push_back("--help");
@@ -44,7 +45,7 @@ TEST(CommandLine, HelpOfEveryOption_ListsItsChoicesOnceAndItsRangeInWords) {
   EXPECT_NE(help.find("--norm sum|max "), std::string::npos) << help;
   EXPECT_NE(help.find("--threads N (1 to 256)"), std::string::npos) << help;
   Console console(stdout, stderr);
-  CommandLine line(console);
+  CommandLine line(console, add_all_commands);
   for (const CommandWords& command : command_words(line.app())) {
     std::vector<std::string> words = command.path;
     words.push_back("--help");
@@ -126,7 +127,7 @@ TEST(CommandLine, WithJson_EveryUsageErrorIsOneDocument_WhereverTheFlagStands) {
 
 TEST(CommandLine, AWrongValueOfAnyOption_IsAUsageErrorThatNamesTheOption) {
   Console console(stdout, stderr);
-  CommandLine line(console);
+  CommandLine line(console, add_all_commands);
   int tried = 0;
   for (const CommandWords& command : command_words(line.app())) {
     for (const CommandWords::Option& option : command.options) {
@@ -281,7 +282,7 @@ TEST(CommandLine, MemoryThatRunsOut_IsOneErrorAndNoAbort) {
   std::FILE* out = std::tmpfile();
   std::FILE* err = std::tmpfile();
   Console console(out, err);
-  CommandLine line(console);
+  CommandLine line(console, add_all_commands);
   line.on(line.app().add_subcommand("eat"), [](Context&) -> Status { throw std::bad_alloc(); });
   const std::array<const char*, 2> words{"nodal", "eat"};
   EXPECT_EQ(line.run(2, words.data()), ExitCode::kNotNow);

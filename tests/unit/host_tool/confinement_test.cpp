@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "host_tool/commands/command_list.h"
 #include "host_tool/commands/completion.h"
 #include "tests/support/pictures.h"
 
@@ -21,7 +22,7 @@ CommandRights rights_for(const std::vector<std::string>& words) {
   for (const std::string& word : words) all.push_back(word.c_str());
   std::FILE* const nowhere = std::tmpfile();
   Console console(nowhere, nowhere);
-  CommandLine line(console);
+  CommandLine line(console, add_all_commands);
   std::optional<CommandRights> rights;
   line.before_command = [&](Context&, const CLI::App& command) -> Status {
     rights = rights_of(command);
@@ -51,7 +52,7 @@ class Confinement : public testing::Test {
 
 TEST_F(Confinement, EveryOptionThatNamesAFileOrFolder_IsAnInputOrAnOutput) {
   Console console(stdout, stderr);
-  CommandLine line(console);
+  CommandLine line(console, add_all_commands);
   int files = 0;
   for (const CommandWords& command : command_words(line.app())) {
     for (const CommandWords::Option& option : command.options) {

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "host_tool/commands/completion.h"
 
 namespace nodal::host {
@@ -46,7 +47,7 @@ Manual read_manual() {
 
 Manual read_program() {
   Console console(stdout, stderr);
-  CommandLine line(console);
+  CommandLine line(console, add_all_commands);
   Manual program;
   std::set<std::string> shared;
   for (const CommandWords& command : command_words(line.app())) {
@@ -105,7 +106,7 @@ TEST(Manual, EveryExitCode_IsExplained) {
 
 TEST(Completion, EveryShell_KnowsEveryCommandAndOption) {
   Console console(stdout, stderr);
-  CommandLine line(console);
+  CommandLine line(console, add_all_commands);
   const std::vector<CommandWords> commands = command_words(line.app());
   const std::string bash = bash_completion(commands);
   const std::string zsh = zsh_completion(commands);
@@ -125,7 +126,7 @@ TEST(Completion, EveryShell_KnowsEveryCommandAndOption) {
 
 TEST(Completion, Values_AreThoseThatAnOptionHas_AndNoPlaceholders) {
   Console console(stdout, stderr);
-  CommandLine line(console);
+  CommandLine line(console, add_all_commands);
   const std::string bash = bash_completion(command_words(line.app()));
   const auto offered = [&](const std::string& option) {
     const std::size_t at = bash.find("\"" + option + "\")");

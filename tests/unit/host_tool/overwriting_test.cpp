@@ -10,6 +10,7 @@
 #include <string>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "host_tool/commands/confinement.h"
 #include "host_tool/console/files.h"
 #include "tests/support/pictures.h"
@@ -34,7 +35,7 @@ class Overwriting : public testing::Test {
 TEST_F(Overwriting, EveryOutputOfEveryCommand_IsRefusedIfItIsThere) {
   std::FILE* const out = std::tmpfile();
   Console console(out, out);
-  CommandLine line(console);
+  CommandLine line(console, add_all_commands);
   set_overwriting(false);  // whatever the environment says
   const std::string file = there("file.jpg");
   int outputs = 0;

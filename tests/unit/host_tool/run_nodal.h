@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 
 namespace nodal::host {
 
@@ -21,7 +22,7 @@ struct Outcome {
     std::FILE* err_file = std::tmpfile();
     Console console(out_file, err_file);
     ::setenv("NODAL_OVERWRITE", "1", 0);
-    CommandLine line(console);
+    CommandLine line(console, add_all_commands);
     code = line.run(static_cast<int>(all.size()), all.data());
     out = content_of(out_file);
     err = content_of(err_file);

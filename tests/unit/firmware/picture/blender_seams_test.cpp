@@ -112,8 +112,8 @@ TEST_F(PlacedSeams, ACalibrationSwappedMeanwhile_IsBlendedWithItsOwnSeams) {
 
 /// For takes.
 TEST_F(PlacedSeams, AreLoggedWithTheFirstSetThatIsBlendedWithThem) {
-  blender.seams().log_changes();
-  const auto logged = [&] { return blender.seams().changes().pop(); };
+  blender.seams().log().open();
+  const auto logged = [&] { return blender.seams().log().changes().pop(); };
   install(with_placed_seams(1));
   raymap_of(3);
   auto change = logged();
@@ -139,31 +139,31 @@ TEST_F(PlacedSeams, AreLoggedWithTheFirstSetThatIsBlendedWithThem) {
 }
 
 TEST_F(PlacedSeams, WhileTheirLogIsFull_StayAndACalibrationsOwnAreLoggedLater) {
-  blender.seams().log_changes();
+  blender.seams().log().open();
   const sets::BlendSetup calibration = with_placed_seams(1);
   std::uint64_t set = 0;
-  for (std::size_t k = 0; k < MovingSeams::kChangesWaiting + 3; ++k, ++set) {
+  for (std::size_t k = 0; k < SeamLog::kChangesWaiting + 3; ++k, ++set) {
     install(calibration);
     raymap_of(set);
     blender.swap().tables_out().pop();
     blender.swap().adoptions_out().pop();
   }
-  const std::uint64_t full_from = MovingSeams::kChangesWaiting;  // this set's change is the first without room
+  const std::uint64_t full_from = SeamLog::kChangesWaiting;  // this set's change is the first without room
   for (std::uint64_t end = set + 3 * sets::kSeamPeriod; set < end; ++set) {
     raymap_of(set);
     stage.step();
     blender.swap().tables_out().pop();
   }
   EXPECT_EQ(blender.seams().counts().moved.load(), 0U);
-  for (std::uint64_t k = 0; k < MovingSeams::kChangesWaiting; ++k)
-    EXPECT_EQ(blender.seams().changes().pop()->first_set, k);
+  for (std::uint64_t k = 0; k < SeamLog::kChangesWaiting; ++k)
+    EXPECT_EQ(blender.seams().log().changes().pop()->first_set, k);
   raymap_of(set);
-  const auto own = blender.seams().changes().pop();
+  const auto own = blender.seams().log().changes().pop();
   ASSERT_TRUE(own);
   EXPECT_EQ(own->first_set, full_from);
   EXPECT_FALSE(own->labels);
   raymap_of(++set);
-  const auto moved = blender.seams().changes().pop();
+  const auto moved = blender.seams().log().changes().pop();
   ASSERT_TRUE(moved);
   EXPECT_EQ(moved->first_set, set);
   EXPECT_TRUE(moved->labels);
@@ -175,7 +175,7 @@ TEST_F(PlacedSeams, WithoutATakeToLogThemFor_AreNotLogged) {
   stage.step();
   raymap_of(sets::kSeamPeriod);
   EXPECT_EQ(blender.seams().counts().moved.load(), 1U);
-  EXPECT_TRUE(blender.seams().changes().empty());
+  EXPECT_TRUE(blender.seams().log().changes().empty());
 }
 
 /// As with a table compiler that has a fault.

@@ -32,7 +32,7 @@ Bytes flash(PixelFormat format) {
   return bytes;
 }
 
-HeadCoder coder_of(const HeadStream& delivered, TakeMode mode) {
+HeadCoder coder_of(const take::Stream& delivered, TakeMode mode) {
   return HeadCoder(delivered, stored_stream(delivered, mode, PixelFormat::kI420));
 }
 
@@ -120,7 +120,7 @@ TEST(HeadCoder, RawOfMjpeg_IsThePictureThatFfmpegDecodes) {
   ASSERT_EQ(decoded.code, 0) << decoded.err;
   const Bytes expected = test::read_bytes(folder / "raw");
 
-  const HeadStream delivered{PixelFormat::kMjpeg, kCodedWidth, kCodedHeight, {}, Fields::kProgressive};
+  const take::Stream delivered{PixelFormat::kMjpeg, kCodedWidth, kCodedHeight, {}, Fields::kProgressive};
   EXPECT_EQ(stored_stream(delivered, TakeMode::kRaw, PixelFormat::kI420).format, PixelFormat::kI420);
   EXPECT_EQ(stored_stream(delivered, TakeMode::kRaw, PixelFormat::kGrey16).format, PixelFormat::kGrey8);
   EXPECT_EQ(stored_stream(delivered, TakeMode::kJpeg, PixelFormat::kI420), delivered);

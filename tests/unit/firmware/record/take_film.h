@@ -43,7 +43,7 @@ inline Film film(int rows, int first_height = kTakeHeight, int sets_a_row = kSet
     row.rate = FrameRate::make(1'000, static_cast<std::uint64_t>(period.ms())).value();
     for (std::size_t head = 0; head < kTakeHeads; ++head) {
       const PixelFormat format = head == 2 ? PixelFormat::kMjpeg : PixelFormat::kGrey8;
-      row.streams[head] = HeadStream{format, kTakeWidth, first_height, {}, Fields::kProgressive};
+      row.streams[head] = take::Stream{format, kTakeWidth, first_height, {}, Fields::kProgressive};
     }
     for (int k = 0; k < sets_a_row; ++k, ++set) {
       RecordedSet& to = row.sets.emplace_back();

@@ -60,7 +60,7 @@ Bytes film(const Mode& mode) {
   take::MatroskaWriter writer(track);
   Bytes file = writer.head();
   std::optional<HeadCoder> coder;
-  const HeadStream delivered{mode.format, kWide, kHigh, {}, mode.fields};
+  const take::Stream delivered{mode.format, kWide, kHigh, {}, mode.fields};
   if (mode.stored != TakeMode::kDriver)
     coder.emplace(delivered, stored_stream(delivered, mode.stored, PixelFormat::kI420));
   for (int k = 0; k < kFrames; ++k) {
