@@ -147,7 +147,8 @@ void run_rig(BoardPorts& ports, TakesDisk& takes, const ConfinedPorts& confined,
 
 int scan(const Options& options) {
   const auto devices = MachineDevices().scan(kScanWithin);
-  const Result<std::string> found = options.json ? scan_json(devices) : scan_text(devices);
+  const Result<std::string> found =
+      options.json ? scan_json(devices, places_of_this_user()) : scan_text(devices, places_of_this_user());
   if (!found) return give_up(found.error(), kExitFailed);
   const std::string text = options.json ? *found + "\n" : *found;
   const bool written = std::fputs(text.c_str(), stdout) >= 0 && std::fflush(stdout) == 0;
@@ -197,7 +198,11 @@ int run(const Options& options, const firmware::RigConfig& config, const std::fi
   (*ports)->prepare();
   std::filesystem::path store = options.store;
   if (store.empty()) store = base / config.store;
-  if (const Status opened = (*ports)->open_store(store); !opened) return give_up(opened.error(), kExitCannotStart);
+  if (const Status opened = (*ports)->open_store(store); !opened) {
+    Error error = opened.error();
+    if (error.code == Errc::kIo) error.message += "; name another folder by --store, or by [store] folder in rig.toml";
+    return give_up(error, kExitCannotStart);
+  }
   TakesDisk takes;
   if (config.takes) {
     auto opened = open_takes_disk(base / config.takes->folder, config.takes->mounted);

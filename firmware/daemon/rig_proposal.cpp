@@ -1,12 +1,15 @@
 #include "firmware/daemon/rig_proposal.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <optional>
 #include <tuple>
+
+#include "protocol/files/user_folder.h"
 
 namespace nodal::daemon {
 namespace {
@@ -198,17 +201,26 @@ RigProposal propose_rig(const std::vector<FoundDevice>& devices) {
   return proposal;
 }
 
-std::string rig_toml(const RigProposal& proposal, const std::vector<FoundDevice>& devices) {
+RigPlaces places_of_this_user() {
+  if (::geteuid() == 0) return {};
+  return {user_rig_socket(), user_rig_folder()};
+}
+
+std::string rig_toml(const RigProposal& proposal, const std::vector<FoundDevice>& devices, const RigPlaces& places) {
   std::string text = fmt::format(
       "[rig]\nname = \"rig\"\nrate = \"{}/{}\"\n\n[raymap]\nformat = \"{}\"\n\n"
       "[trigger]\nsource = \"none\"      # V4L2 devices run free\n",
       proposal.rate.numerator, proposal.rate.denominator, pixel_format_name(proposal.raymap_format));
+  if (!places.socket.empty()) text += fmt::format("\n[links]\nunix = {}\n", quoted(places.socket));
+  if (!places.folder.empty()) text += fmt::format("\n[store]\nfolder = {}\n", quoted(places.folder));
+  text += fmt::format("\n# Without these two lines the rig records nothing.\n# [takes]\n# folder = {}\n",
+                      quoted((places.folder.empty() ? "/var/lib/nodal" : places.folder) + "/takes"));
   for (const ProposedHead& head : proposal.heads) {
     const FoundDevice& device = devices[head.device];
     text += fmt::format("\n[[heads]]\nname = \"{}\"\nport = {}\nformat = \"{}\"\nsize = \"{}x{}\"\n", head.name,
                         quoted(device.port), pixel_format_name(head.format), head.width, head.height);
     if (device.fields != Fields::kProgressive) {
-      text += fmt::format("fields = \"{}\"\n", device.fields == Fields::kTopFirst ? "top-first" : "bottom-first");
+      text += fmt::format("fields = \"{}\"\n", fields_name(device.fields));
     }
   }
   return text;

@@ -32,8 +32,17 @@ struct RigProposal {
 /// gets a smaller size.
 RigProposal propose_rig(const std::vector<hal::v4l2::FoundDevice>& devices);
 
+/// Where the proposed rig has its files; empty: where nodald has them by default.
+struct RigPlaces {
+  std::string socket;  ///< control socket
+  std::string folder;  ///< calibrations, settings and takes
+};
+/// Those of root: by default. Those of an ordinary user: user_rig_folder().
+RigPlaces places_of_this_user();
+
 /// The proposal as a rig.toml. One without heads is refused by `--check`.
-std::string rig_toml(const RigProposal& proposal, const std::vector<hal::v4l2::FoundDevice>& devices);
+std::string rig_toml(const RigProposal& proposal, const std::vector<hal::v4l2::FoundDevice>& devices,
+                     const RigPlaces& places);
 
 /// "30" or "30000/1001".
 std::string rate_text(FrameRate rate);

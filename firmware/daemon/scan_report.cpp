@@ -158,7 +158,7 @@ Status read_back(const std::string& toml, const RigProposal& proposal, const std
 
 }  // namespace
 
-Result<std::string> scan_text(const std::vector<FoundDevice>& devices) {
+Result<std::string> scan_text(const std::vector<FoundDevice>& devices, const RigPlaces& places) {
   const RigProposal proposal = propose_rig(devices);
   std::string text =
       "# The V4L2 devices and IIDC cameras of this machine, and a rig.toml for the former (nodald --scan). RIG.md "
@@ -174,14 +174,14 @@ Result<std::string> scan_text(const std::vector<FoundDevice>& devices) {
   }
   if (devices.empty())
     text += "# There is none. Plug one in; `ls /dev/video*` shows whether the kernel knows a V4L2 device.\n";
-  text += "\n" + rig_toml(proposal, devices);
+  text += "\n" + rig_toml(proposal, devices, places);
   NODAL_TRY(read_back(text, proposal, devices));
   return text;
 }
 
-Result<std::string> scan_json(const std::vector<FoundDevice>& devices) {
+Result<std::string> scan_json(const std::vector<FoundDevice>& devices, const RigPlaces& places) {
   const RigProposal proposal = propose_rig(devices);
-  const std::string toml = rig_toml(proposal, devices);
+  const std::string toml = rig_toml(proposal, devices, places);
   NODAL_TRY(read_back(toml, proposal, devices));
   Json all{{"devices", Json::array()}, {"buses", Json::array()}, {"rig_toml", toml}};
   for (std::size_t i = 0; i < devices.size(); ++i) {

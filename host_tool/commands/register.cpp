@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/command_list.h"
 #include "host_tool/commands/layout_option.h"
 #include "host_tool/commands/nominal_options.h"
 #include "host_tool/commands/picture_places_option.h"
@@ -78,8 +79,7 @@ void tell_notes(Console& console, RigPictures& rig) {
 }
 
 /// Pictures without a calibration: one set of them, calibrated.
-Result<RigPictures> pictures_alone(Console& console, const RegisterArgs& args) {
-  NODAL_TRY_ASSIGN(RigPictures rig, own_pictures(args.inputs, parse_split(args.split).value()));
+Result<RigPictures> calibrated_alone(Console& console, RigPictures rig) {
   tell_notes(console, rig);
   Progress bar(console, "matching", 1000);
   NODAL_TRY(interruptible(console, [&] {
@@ -100,10 +100,19 @@ Result<RigPictures> read_input(Context& context, const RegisterArgs& args) {
   if (args.inputs.empty() && !args.nominal.rig.empty())
     return fail(Errc::kMissingField, "no pictures; give one a head");
   if (args.inputs.empty()) {
+    const std::string what = "registering a running rig";
     NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
-    return pull_frame_sets(*rig, "registering a running rig", args.sets, console);
+    Result<RigPictures> pulled = pull_frame_sets(*rig, what, args.sets, console);
+    if (pulled || pulled.error().code != Errc::kNotFound || args.trial) return pulled;
+    console.note("note: the rig has no calibration; everything is found in one set of its frames");
+    NODAL_TRY_ASSIGN(RigPictures alone, pull_uncalibrated_set(*rig, what, console));
+    rig.reset();  // matching takes longer than a rig waits for a host
+    return calibrated_alone(console, std::move(alone));
   }
-  if (args.nominal.rig.empty() && is_picture(args.inputs.front())) return pictures_alone(console, args);
+  if (args.nominal.rig.empty() && is_picture(args.inputs.front())) {
+    NODAL_TRY_ASSIGN(RigPictures own, own_pictures(args.inputs, parse_split(args.split).value()));
+    return calibrated_alone(console, std::move(own));
+  }
   return interruptible(console, [&] {
     return read_all_pictures(args.nominal, args.inputs, {args.places, parse_split(args.split).value()});
   });
@@ -220,6 +229,10 @@ Status run_register(Context& context, const RegisterArgs& args) {
     return fail(Errc::kMissingField, "--rig-toml: heads replay picture files; give pictures");
   }
   NODAL_TRY_ASSIGN(RigPictures input, read_input(context, args));
+  if (!args.rig_toml.empty() && input.files().front().front().empty()) {
+    return fail(Errc::kUnsupported, "--rig-toml: heads replay picture files, and these pictures are of a take; " +
+                                        std::string("write port = \"take:FOLDER/HEAD\" in a rig.toml of your own"));
+  }
   tell_notes(console, input);
   if (input.match) {
     console.note(input.match->confidence);
@@ -258,6 +271,9 @@ Status run_register(Context& context, const RegisterArgs& args) {
   document["cpu_seconds"] = static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC;
   console.document(document);
   tell(console, *report, options.free != registration::Free::kRotations, args.out, seconds);
+  if (args.inputs.empty() && input.match) {
+    console.line("put it in force with: nodal calibration upload " + args.out);
+  }
   if (!args.trial) return {};
   NODAL_TRY_ASSIGN(const TrialVerdict verdict, try_out(context, report->calibration, args.sets, {*limit}));
   tell_verdict(context, verdict);
@@ -273,6 +289,8 @@ void add_register(CLI::App& app, CommandLine& line) {
       "  nodal register rig.json cam0.png cam1.png cam2.png -o found.json\n"
       "  nodal register rig.json noon/ evening/ --free focals     folders with pictures named after the heads\n"
       "  nodal register --nominal 3x190 --free lens a.jpg b.jpg c.jpg\n"
+      "  nodal register takes/000001 -o first.json                pictures of a take\n"
+      "  nodal --rig ssh://rig.local register -o first.json       a running rig without a calibration\n"
       "  nodal --rig ssh://rig.local register --trial   the running rig, which keeps the result if it is better\n"
       "Gain and fall-off are estimated, too. A head that the pictures do not place is named and keeps its "
       "rotation.\n");
@@ -282,7 +300,7 @@ void add_register(CLI::App& app, CommandLine& line) {
           "INPUT", args->inputs,
           "The calibration to start from, or another program's project, and the pictures; pictures alone: where heads\n"
           "are and which "
-          "lens they have is found in them; nothing: the running rig's")
+          "lens they have is found in them; the folder of a take; nothing: the running rig's")
       ->type_name("");
   command->add_option("-o,--out", args->out, "The calibration found (calibration.json when not given)")
       ->type_name("FILE");

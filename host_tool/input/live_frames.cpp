@@ -6,13 +6,13 @@
 #include <optional>
 
 #include "host_tool/console/quantities.h"
+#include "host_tool/input/head_frame.h"
 #include "host_tool/rig/bulk_item.h"
 #include "host_tool/rig/frame_period.h"
 #include "host_tool/rig/rig_input.h"
 #include "host_tool/rig/stream_wait.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/try.h"
-#include "stitch/decode/frame_decoder.h"
 #include "stitch/media/image_file.h"
 
 namespace nodal::host {
@@ -110,24 +110,7 @@ Result<DecodedImage> picture_of(const ReceivedSet& set, const wire::HeadPicture&
     frame = packed_image(delivered, width, height, begin);
   }
   frame.coding = {head.video_range(), head.bt709()};
-  const PixelFormat raymap = has_chroma(delivered) ? PixelFormat::kI420 : delivered;
-  const bool coded = delivered == PixelFormat::kMjpeg || is_bayer(delivered);
-  const PixelFormat to = blended_format(delivered, coded ? PixelFormat::kI420 : raymap).value_or(delivered);
-  decode::FrameDecoder decoder(delivered, to, width, height);
-  DecodedImage picture{to, width, height, {}};
-  if (!decoder.needed(frame)) {
-    picture.bytes.assign(begin, begin + bytes);
-    return picture;
-  }
-  if (is_bayer(delivered) && std::min(width, height) < 4) {
-    return fail(Errc::kBadFormat, "head '" + head.name() + "': the rig sent a picture that is too small");
-  }
-  picture.bytes.resize(packed_size(to, width, height));
-  const auto fault = decoder.decode_into(packed_image(to, width, height, picture.bytes.data()), frame);
-  if (fault != decode::DecodeFault::kNone) {
-    return fail(Errc::kBadFormat, "head '" + head.name() + "': its pictures " + std::string(decode_fault_text(fault)));
-  }
-  return picture;
+  return picture_of_frame(frame, head.name());
 }
 
 /// Null if the head has no picture in the set.
@@ -139,8 +122,8 @@ const wire::HeadPicture* picture_named(const wire::FrameSetHeader& set, const st
 /// Frame sets in a row that lack heads, and which heads these are.
 class Missed {
  public:
-  explicit Missed(const Calibration& calibration) {
-    for (const HeadCalibration& head : calibration.heads) heads_.push_back({head.name, 0});
+  explicit Missed(const std::vector<std::string>& heads) {
+    for (const std::string& head : heads) heads_.push_back({head, 0});
   }
   int sets() const { return sets_; }
   /// Whether the set lacks a head; then it is counted.
@@ -174,11 +157,11 @@ class Missed {
   int sets_ = 0;
 };
 
-/// The pictures in the calibration's order; the set has all heads.
-Result<std::vector<HeadPicture>> pictures_of(const ReceivedSet& set, const Calibration& calibration) {
+/// The pictures in the order of the heads, all of which are in the set.
+Result<std::vector<HeadPicture>> pictures_of(const ReceivedSet& set, const std::vector<std::string>& heads) {
   std::vector<HeadPicture> pictures;
-  for (const HeadCalibration& head : calibration.heads) {
-    const wire::HeadPicture* const found = picture_named(set.header, head.name);
+  for (const std::string& head : heads) {
+    const wire::HeadPicture* const found = picture_named(set.header, head);
     NODAL_ASSERT(found != nullptr);
     NODAL_TRY_ASSIGN(DecodedImage picture, picture_of(set, *found));
     pictures.emplace_back(std::move(picture));
@@ -223,39 +206,67 @@ Status require_feature(const RigConnection& rig, const std::string& feature, con
 Result<Calibration> calibration_in_force(RigConnection& rig) {
   wire::Request request;
   request.mutable_calibration_get();
-  NODAL_TRY_ASSIGN(const wire::Reply reply, rig.ask(request));
-  Result<Calibration> calibration = parse_calibration(reply.calibration().json());
+  const Result<wire::Reply> reply = rig.ask(request);
+  if (!reply && reply.error().code == Errc::kNotFound) {
+    return fail(Errc::kNotFound, reply.error().message +
+                                     "; `nodal register -o first.json` finds one in what the heads see, and `nodal "
+                                     "calibration upload first.json` puts it in force");
+  }
+  if (!reply) return fail(reply.error());
+  Result<Calibration> calibration = parse_calibration(reply->calibration().json());
   if (!calibration) return fail(calibration.error().in("the rig's calibration"));
   return calibration;
 }
 
-Result<RigPictures> pull_frame_sets(RigConnection& rig, const Calibration& calibration, int sets, Console& console) {
-  const Sha256 id = calibration_id(calibration);
-  const std::string wanted(id.begin(), id.end());
+namespace {
+
+/// Adds `sets` sets with a picture of every head. `calibration`: id of the one in force.
+Status pull_into(RigPictures& pictures, RigConnection& rig, const std::string& calibration, int sets,
+                 Console& console) {
   NODAL_TRY_ASSIGN(const Duration within, patience_for_sets(rig));
-  RigPictures pictures;
-  pictures.origin = RigPictures::Origin::kRig;
-  pictures.calibration = calibration;
-  for (const HeadCalibration& head : calibration.heads) pictures.heads.push_back(head.name);
-  Missed missed(calibration);
+  Missed missed(pictures.heads);
   while (pictures.sets.size() < static_cast<std::size_t>(sets)) {
     if (missed.sets() > 0 || !pictures.sets.empty()) {
       NODAL_TRY(rig.rest(kBetweenSets));
     }
     NODAL_TRY_ASSIGN(ReceivedSet set, receive_set(rig, within));
-    if (set.header.calibration_id() != wanted) {
+    if (set.header.calibration_id() != calibration) {
       return fail(Errc::kWrongState, "another calibration came into force meanwhile; begin again");
     }
     if (missed.counts(set.header)) {
       if (missed.sets() < kTries) continue;
       return fail(missed.error());
     }
-    NODAL_TRY_ASSIGN(std::vector<HeadPicture> all, pictures_of(set, calibration));
+    NODAL_TRY_ASSIGN(std::vector<HeadPicture> all, pictures_of(set, pictures.heads));
     pictures.sets.push_back(std::move(all));
     console.progress(fmt::format("frame set {} of {}", pictures.sets.size(), sets));
-    missed = Missed(calibration);
+    missed = Missed(pictures.heads);
   }
   console.finish_progress();
+  return {};
+}
+
+}  // namespace
+
+Result<RigPictures> pull_frame_sets(RigConnection& rig, const Calibration& calibration, int sets, Console& console) {
+  RigPictures pictures;
+  pictures.origin = RigPictures::Origin::kRig;
+  pictures.calibration = calibration;
+  for (const HeadCalibration& head : calibration.heads) pictures.heads.push_back(head.name);
+  const Sha256 id = calibration_id(calibration);
+  NODAL_TRY(pull_into(pictures, rig, std::string(id.begin(), id.end()), sets, console));
+  return pictures;
+}
+
+Result<RigPictures> pull_uncalibrated_set(RigConnection& rig, const std::string& what, Console& console) {
+  NODAL_TRY(require_feature(rig, "frame-sets", what));
+  wire::Request request;
+  request.mutable_heads();
+  NODAL_TRY_ASSIGN(const wire::Reply reply, rig.ask(request));
+  RigPictures pictures;
+  pictures.origin = RigPictures::Origin::kPictures;
+  for (const wire::HeadState& head : reply.heads().heads()) pictures.heads.push_back(head.name());
+  NODAL_TRY(pull_into(pictures, rig, "", 1, console));
   return pictures;
 }
 

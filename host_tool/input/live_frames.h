@@ -26,7 +26,11 @@ Result<Calibration> calibration_in_force(RigConnection& rig);
 /// time; kWrongState if another calibration came into force; those of the connection.
 Result<RigPictures> pull_frame_sets(RigConnection& rig, const Calibration& calibration, int sets, Console& console);
 
-/// The same with the calibration in force. `what`: the command, for require_feature().
+/// One frame set of a rig without a calibration, for calibrate_by_pictures().
+/// Errors: the same; kWrongState if a calibration is in force; kUnsupported as require_feature().
+Result<RigPictures> pull_uncalibrated_set(RigConnection& rig, const std::string& what, Console& console);
+
+/// The same as the first with the calibration in force. `what`: the command, for require_feature().
 Result<RigPictures> pull_frame_sets(RigConnection& rig, const std::string& what, int sets, Console& console);
 
 /// One frame of a head.

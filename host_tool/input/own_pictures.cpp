@@ -11,6 +11,7 @@
 
 #include "host_tool/input/picture_folders.h"
 #include "host_tool/input/seen_part.h"
+#include "host_tool/input/take_pictures.h"
 #include "protocol/base/angles.h"
 #include "protocol/base/try.h"
 #include "stitch/autocalibration/autocalibration.h"
@@ -147,6 +148,7 @@ bool is_picture(const std::string& path) {
 }
 
 Result<RigPictures> own_pictures(const std::vector<std::string>& arguments, const SplitChoice& choice) {
+  if (arguments.size() == 1 && is_take(arguments.front())) return take_pictures(arguments.front(), 1);
   NODAL_TRY_ASSIGN(const PictureSplit split, split_of(arguments, choice));
   if (split.count() > 1) {
     RigPictures own;
@@ -206,9 +208,11 @@ Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const U
   autocalibration::Options options;
   // Several pictures of one file are told apart by their heads.
   for (std::size_t n = 0; n < pictures.size(); ++n) {
-    const bool part = n > 0 && pictures[n].file() == pictures[n - 1].file();
-    const bool before = n + 1 < pictures.size() && pictures[n].file() == pictures[n + 1].file();
-    options.files.push_back(pictures[n].file() + (part || before ? ", " + rig.heads[n] : ""));
+    const std::string& file = pictures[n].file();
+    const bool part = n > 0 && file == pictures[n - 1].file();
+    const bool before = n + 1 < pictures.size() && file == pictures[n + 1].file();
+    if (file.empty()) options.files.push_back("head '" + rig.heads[n] + "'");
+    else options.files.push_back(file + (part || before ? ", " + rig.heads[n] : ""));
   }
   const std::vector<std::string>& files = options.files;
   NODAL_TRY(decode_all(pictures, {}, [&](std::size_t n) {

@@ -10,6 +10,7 @@
 
 #include "host_tool/input/calibration_file.h"
 #include "host_tool/input/picture_folders.h"
+#include "host_tool/input/take_pictures.h"
 #include "protocol/base/try.h"
 #include "stitch/media/picture_folder.h"
 
@@ -92,6 +93,26 @@ std::vector<std::vector<HeadPicture>> pictures_of(const std::vector<std::vector<
   for (const std::vector<std::string>& set : files) {
     sets.emplace_back();
     for (const std::string& file : set) sets.back().emplace_back(file);
+  }
+  return sets;
+}
+
+constexpr int kTakeSets = 3;
+
+/// Pictures of a take, in the order of the calibration's heads.
+Result<std::vector<std::vector<HeadPicture>>> sets_of_take(const std::string& folder,
+                                                           const std::vector<std::string>& heads) {
+  NODAL_TRY_ASSIGN(RigPictures take, take_pictures(folder, kTakeSets));
+  std::vector<std::vector<HeadPicture>> sets;
+  for (std::vector<HeadPicture>& set : take.sets) {
+    sets.emplace_back();
+    for (const std::string& head : heads) {
+      const auto place = std::ranges::find(take.heads, head);
+      if (place == take.heads.end()) {
+        return fail(Errc::kHeadMismatch, fmt::format("{}: the take has no head '{}'", folder, head));
+      }
+      sets.back().push_back(std::move(set[static_cast<std::size_t>(place - take.heads.begin())]));
+    }
   }
   return sets;
 }
@@ -235,6 +256,10 @@ Result<RigPictures> read_rig_pictures(const NominalWords& nominal, const std::ve
   if (pictures.empty()) {
     return fail(Errc::kMissingField,
                 fmt::format("no pictures; give one for each of the {} heads of {}", rig.heads.size(), file));
+  }
+  if (pictures.size() == 1 && is_take(pictures.front())) {
+    NODAL_TRY_ASSIGN(rig.sets, sets_of_take(pictures.front(), rig.heads));
+    return rig;
   }
   NODAL_TRY_ASSIGN(
       rig.sets, sets_of(pictures, rig.heads.size() > 1 ? options.split : SplitChoice{false, {}}, rig.heads, rig.notes));

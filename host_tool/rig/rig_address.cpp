@@ -5,7 +5,10 @@
 #include <algorithm>
 #include <charconv>
 #include <cstdint>
+#include <filesystem>
 #include <optional>
+
+#include "protocol/files/user_folder.h"
 
 namespace nodal::host {
 namespace {
@@ -95,6 +98,16 @@ Result<RigAddress> parse_rig_address(std::string_view text, std::string_view ssh
   if (text.starts_with("usb:")) return RigAddress{std::string(text), {}, std::string(text)};
   if (text.starts_with("ssh://")) return parse_ssh(text, after("ssh://"), ssh_program);
   return bad(text, text.empty() ? "it is empty" : "this kind of link does not exist");
+}
+
+std::string rig_of_this_machine() {
+  const auto is_there = [](const std::string& socket) {
+    std::error_code error;
+    return std::filesystem::is_socket(socket, error);
+  };
+  const std::string usual(kDefaultRig), own = user_rig_socket();
+  return is_there(usual.substr(std::string_view("unix:").size())) || own.empty() || !is_there(own) ? usual
+                                                                                                   : "unix:" + own;
 }
 
 }  // namespace nodal::host

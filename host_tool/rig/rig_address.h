@@ -10,6 +10,8 @@
 namespace nodal::host {
 
 inline constexpr std::string_view kDefaultRig = "unix:/run/nodal/nodal.sock";
+/// That one if it is there, else the socket of a rig that this user runs if it is there, else kDefaultRig.
+std::string rig_of_this_machine();
 
 struct RigAddress {
   std::string text;                  ///< as written by the user, for messages
