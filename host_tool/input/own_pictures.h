@@ -16,10 +16,11 @@ namespace nodal::host {
 /// like one.
 bool is_picture(const std::string& path);
 
-/// The pictures among the arguments, of a rig without a calibration. The folder of a take: its middle set. Two or more folders are a folder for each head,
-/// with a sequence: the n-th pictures, sorted by name, are a set, and heads are called after the folders. Otherwise all
-/// pictures are one set (a folder stands for the pictures in it, sorted by name; copies are left out with a note), and
-/// heads are called after the files. Files with several pictures (split_of()) are a set each. Where names cannot be heads' names, they are cam0, cam1 and so on.
+/// The pictures among the arguments, of a rig without a calibration. The folder of a take: its middle set. Two or more
+/// folders are a folder for each head, with a sequence: the n-th pictures, sorted by name, are a set, and heads are
+/// called after the folders. Otherwise all pictures are one set (a folder stands for the pictures in it, sorted by
+/// name; copies are left out with a note), and heads are called after the files. Files with several pictures
+/// (split_of()) are a set each. Where names cannot be heads' names, they are cam0, cam1 and so on.
 /// Errors: kBadValue for an argument that is neither, for two that are the same picture, or for folders with different
 ///   numbers of pictures, with what to do; kNotFound for a folder without pictures.
 Result<RigPictures> own_pictures(const std::vector<std::string>& arguments, const SplitChoice& choice = {});
