@@ -2,7 +2,6 @@
 #pragma once
 
 #include <CLI/App.hpp>
-#include <CLI/Validators.hpp>
 
 #include "host_tool/commands/command.h"
 #include "host_tool/input/nominal_rig.h"
@@ -30,10 +29,10 @@ inline void add_nominal_options(CLI::App& command, NominalWords& words) {
       ->needs(nominal)
       ->allow_extra_args(false)
       ->check(checked_by(parse_place));
-  command.add_option("--lens", words.lens, "Their lenses (fisheye when not given)")
-      ->type_name("fisheye|rectilinear")
+  command.add_option("--lens", words.lens, "Their lenses (fisheye, which is equidistant, when not given)")
+      ->type_name("fisheye|equidistant|equisolid|stereographic|orthographic|rectilinear")
       ->needs(nominal)
-      ->check(CLI::IsMember({"fisheye", "rectilinear"}));
+      ->check(checked_by(parse_nominal_lens));
   command.add_option("--roll", words.roll_deg, "Their roll, degrees clockwise")->type_name("DEGREES")->needs(nominal);
 }
 

@@ -3,12 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <string_view>
 
 #include "host_tool/console/quantities.h"
 #include "protocol/base/angles.h"
+#include "protocol/base/polynomial.h"
 #include "protocol/base/try.h"
 #include "stitch/autocalibration/image_circle.h"
 #include "stitch/calibration/lens/region.h"
@@ -17,6 +19,8 @@
 
 namespace nodal::host {
 namespace {
+
+using autocalibration::Family;
 
 // Parses numbers separated by `between`; nothing if the text is anything else.
 std::vector<double> numbers(std::string_view text, char between) {
@@ -51,11 +55,20 @@ Region::Circle circle_in(const ImageView& picture) {
   return {grey.width / 2.0, grey.height / 2.0, std::min(grey.width, grey.height) / 2.0};
 }
 
-void set_fisheye(HeadCalibration& head, const Region::Circle& circle, double view_deg) {
+void set_fisheye(HeadCalibration& head, const Region::Circle& circle, Family family, double view_deg) {
   head.center_x = circle.x;
   head.center_y = circle.y;
   head.max_angle = view_deg / 2 * kRadiansPerDegree;
-  head.lens = EquidistantLens{{circle.radius / head.max_angle}};
+  if (family == Family::kEquidistant) {
+    head.lens = EquidistantLens{{circle.radius / head.max_angle}};
+  } else {
+    KannalaBrandtLens lens = autocalibration::family_lens(family, head.max_angle);
+    // The radius at the edge is the circle's.
+    const double squared = head.max_angle * head.max_angle;
+    const std::array<double, 5> terms{1, lens.k[0], lens.k[1], lens.k[2], lens.k[3]};
+    lens.focal = circle.radius / (head.max_angle * polynomial_value(terms, squared));
+    head.lens = lens;
+  }
   head.region.circle = circle;
   head.vignetting = {circle.x, circle.y, circle.radius, {}};
 }
@@ -65,6 +78,17 @@ void set_rectilinear(HeadCalibration& head, double view_deg) {
   head.center_y = head.height / 2.0;
   head.lens = RectilinearLens{{head.width / 2.0 / std::tan(view_deg / 2 * kRadiansPerDegree)}};
   head.vignetting = {head.center_x, head.center_y, std::hypot(head.center_x, head.center_y), {}};
+}
+
+/// The widest field of view of a family's lenses, degrees. Beyond, orthographic lenses show nothing, the rim of others
+/// would be far outside of any sensor.
+double widest_view(Family family) {
+  switch (family) {
+    case Family::kRectilinear:
+    case Family::kOrthographic: return 170;
+    case Family::kStereographic: return 270;
+    default: return 300;
+  }
 }
 
 Status check_nominal(const Nominal& nominal) {
@@ -77,12 +101,12 @@ Status check_nominal(const Nominal& nominal) {
     return fail(Errc::kBadValue,
                 fmt::format("--at: {} for {} heads; give one a head", counted(nominal.places.size(), "place"), heads));
   }
-  constexpr double kWidestPlane = 170;  // degrees
-  if (nominal.rectilinear && nominal.view_deg > kWidestPlane) {
-    return fail(Errc::kBadValue, fmt::format("--nominal: a rectilinear lens of {:g} degrees; at most {:g} are possible",
-                                             nominal.view_deg, kWidestPlane));
+  if (nominal.view_deg > widest_view(nominal.lens)) {
+    return fail(Errc::kBadValue,
+                fmt::format("--nominal: {:g} degrees, but --lens {} can have at most {:g}", nominal.view_deg,
+                            autocalibration::family_name(nominal.lens), widest_view(nominal.lens)));
   }
-  if (nominal.rectilinear && !nominal.circles.empty()) {
+  if (nominal.lens == Family::kRectilinear && !nominal.circles.empty()) {
     return fail(Errc::kBadValue, "--circle: a rectilinear lens has none; leave it out, or say --lens fisheye");
   }
   return {};
@@ -121,11 +145,21 @@ Result<NominalPlace> parse_place(const std::string& text) {
   return NominalPlace{given[0], given[1], given.size() == 3 ? given[2] : 0};
 }
 
+Result<Family> parse_nominal_lens(const std::string& text) {
+  if (text == "fisheye") return Family::kEquidistant;
+  if (const std::optional<Family> family = autocalibration::family_named(text)) return *family;
+  return fail(Errc::kBadValue, "'" + text +
+                                   "': fisheye (the same as equidistant), equidistant, equisolid, stereographic, "
+                                   "orthographic or rectilinear");
+}
+
 Result<Nominal> nominal_of(const NominalWords& words) {
   Result<Nominal> nominal = parse_nominal(words.rig);
   if (!nominal) return fail(nominal.error().in("--nominal"));
   nominal->roll_deg = words.roll_deg;
-  nominal->rectilinear = words.lens == "rectilinear";
+  const Result<Family> family = parse_nominal_lens(words.lens);
+  if (!family) return fail(family.error().in("--lens"));
+  nominal->lens = *family;
   for (const std::string& word : words.places) {
     const Result<NominalPlace> place = parse_place(word);
     if (!place) return fail(place.error().in("--at"));
@@ -154,14 +188,14 @@ Result<Calibration> nominal_rig(const Nominal& nominal, std::span<const ImageVie
     head.width = pictures[h].width;
     head.height = pictures[h].height;
     head.region = {0, 0, static_cast<double>(head.width), static_cast<double>(head.height), {}, {}};
-    if (nominal.rectilinear) {
+    if (nominal.lens == Family::kRectilinear) {
       set_rectilinear(head, nominal.view_deg);
     } else {
       set_fisheye(head,
                   nominal.circles.empty()       ? circle_in(pictures[h])
                   : nominal.circles.size() == 1 ? nominal.circles.front()
                                                 : nominal.circles[h],
-                  nominal.view_deg);
+                  nominal.lens, nominal.view_deg);
     }
     NominalPlace place;
     place.yaw = 360.0 * static_cast<double>(h) / nominal.heads;

@@ -18,6 +18,9 @@ Error with_advice(Error error, bool nominal) {
     return error;
   }
   if (nominal) {
+    if (error.code == Errc::kHeadMismatch) {
+      add("--lens FAMILY, if the data sheet names another kind than equidistant, such as equisolid or stereographic");
+    }
     add("--circle X,Y,R, if the picture circles were not found correctly, as in dark pictures");
     add("--roll DEGREES, if the heads are mounted turned, such as 90 for upright pictures");
   }

@@ -52,13 +52,23 @@ std::vector<Family> families_reaching(double edge) {
   return all;
 }
 
-KannalaBrandtLens family_lens(Family family) {
+std::optional<Family> family_named(std::string_view name) {
+  for (const Family family : {Family::kEquidistant, Family::kEquisolid, Family::kStereographic, Family::kOrthographic,
+                              Family::kRectilinear}) {
+    if (family_name(family) == name) return family;
+  }
+  return std::nullopt;
+}
+
+KannalaBrandtLens family_lens(Family family) { return family_lens(family, reach_of(family)); }
+
+KannalaBrandtLens family_lens(Family family, double reach) {
   constexpr int kSamples = 60;
   // r / a - 1 = k1 a^2 + k2 a^4 + k3 a^6 + k4 a^8, by least squares.
   Eigen::Matrix<double, kSamples, 4> A;
   Eigen::Matrix<double, kSamples, 1> b;
   for (int i = 0; i < kSamples; ++i) {
-    const double a = reach_of(family) * (i + 1) / kSamples;
+    const double a = reach * (i + 1) / kSamples;
     for (int k = 0; k < 4; ++k) A(i, k) = std::pow(a, 2 * (k + 1));
     b[i] = radius_of(family, a) / a - 1;
   }

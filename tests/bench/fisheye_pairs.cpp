@@ -173,7 +173,7 @@ PairVerdict judged_alone(const FisheyePair& pair, const Calibration& truth, cons
 }
 
 PairVerdict judged_nominal(const FisheyePair& pair, const Calibration& truth, const std::vector<std::string>& files,
-                           bool lenses) {
+                           const NominalAsked& asked) {
   PairVerdict verdict;
   const auto nowhere = [](double) { return false; };
   std::vector<host::HeadPicture> pictures(files.begin(), files.end());
@@ -185,6 +185,9 @@ PairVerdict judged_nominal(const FisheyePair& pair, const Calibration& truth, co
   host::Nominal nominal;
   nominal.heads = 2;
   nominal.view_deg = pair.view_deg;
+  if (asked.family) {
+    nominal.lens = autocalibration::family_named(pair.family).value_or(autocalibration::Family::kEquidistant);
+  }
   const Result<Calibration> prior =
       decoded ? host::nominal_rig(nominal, frames) : Result<Calibration>(fail(decoded.error()));
   if (!prior) {
@@ -193,7 +196,7 @@ PairVerdict judged_nominal(const FisheyePair& pair, const Calibration& truth, co
   }
   registration::Options options;
   options.lens_far_off = true;
-  options.free = lenses ? registration::Free::kLens : registration::Free::kRotations;
+  options.free = asked.lenses ? registration::Free::kLens : registration::Free::kRotations;
   const Result<registration::Report> report = registration::register_heads(*prior, {frames}, options);
   if (!report) {
     verdict.refused = report.error().message;

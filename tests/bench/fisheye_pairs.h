@@ -49,9 +49,13 @@ struct PairVerdict {
 
 /// `nodal stitch` of the pictures alone.
 PairVerdict judged_alone(const FisheyePair& pair, const Calibration& truth, const std::vector<std::string>& files);
-/// `nodal register --nominal 2xDEGREES` with the true field of view, whole lenses estimated or not.
+/// `nodal register --nominal 2xDEGREES` with the true field of view.
+struct NominalAsked {
+  bool family = false;  ///< `--lens FAMILY`, the pair's; the polynomial is not one, and counts as equidistant
+  bool lenses = false;  ///< `--free lens`
+};
 PairVerdict judged_nominal(const FisheyePair& pair, const Calibration& truth, const std::vector<std::string>& files,
-                           bool lenses);
+                           const NominalAsked& asked);
 
 /// Writes the pictures as PNGs into a folder, which is emptied; returns their names.
 /// Errors: kIo.

@@ -75,8 +75,10 @@ void pairs(Range range, const fs::path& folder, bool nominal) {
       std::printf("%s\n", alone.refused.c_str());
     }
     if (nominal) {
-      print_nominal(judged_nominal(pair, truth, files, false), "--nominal");
-      print_nominal(judged_nominal(pair, truth, files, true), "--nominal --free lens");
+      print_nominal(judged_nominal(pair, truth, files, {}), "--nominal");
+      print_nominal(judged_nominal(pair, truth, files, {.lenses = true}), "--nominal --free lens");
+      print_nominal(judged_nominal(pair, truth, files, {.family = true}), "--nominal --lens FAMILY");
+      print_nominal(judged_nominal(pair, truth, files, {.family = true, .lenses = true}), "the same, --free lens");
     }
     std::fflush(stdout);
   }

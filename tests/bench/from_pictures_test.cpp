@@ -22,6 +22,15 @@ class FisheyePairs : public testing::Test {
     std::filesystem::remove_all(folder);
     return verdict;
   }
+  static PairVerdict judged_by_sheet(const FisheyePair& pair, int seed, const NominalAsked& asked) {
+    const Calibration truth = true_pair(pair, seed);
+    const auto folder = std::filesystem::path(testing::TempDir()) / "nodal-data-sheet";
+    const auto files = written(rendered_pair(pair, truth, seed), folder);
+    EXPECT_TRUE(files) << files.error().text();
+    PairVerdict verdict = files ? judged_nominal(pair, truth, *files, asked) : PairVerdict{};
+    std::filesystem::remove_all(folder);
+    return verdict;
+  }
   static void expect_true_claims(const PairVerdict& verdict) {
     ASSERT_EQ(verdict.refused, "");
     EXPECT_LE(verdict.errors.worst_known, 3) << "from " << verdict.known_from_px << " to " << verdict.known_to_px;
@@ -57,6 +66,21 @@ TEST_F(FisheyePairs, TilesThatRepeat_AreNamedAsTheCause) {
   const PairVerdict verdict = judged({"equidistant", "tiles", 210, false}, 4);
   EXPECT_NE(verdict.refused.find("repeat"), std::string::npos) << verdict.refused;
   EXPECT_NE(verdict.refused.find("--nominal"), std::string::npos) << verdict.refused;
+}
+
+// As `nodal register --nominal 2x205 --lens stereographic`, and without the kind of lens.
+TEST_F(FisheyePairs, ADataSheetWithTheKindOfLens_PlacesWhatOneWithoutItDoesNot) {
+  const FisheyePair pair{"stereographic", "town", 205, false, 480};
+  const PairVerdict with = judged_by_sheet(pair, 3, {.family = true}), without = judged_by_sheet(pair, 3, {});
+  ASSERT_EQ(with.refused, "");
+  EXPECT_LT(with.errors.worst, 0.5);
+  EXPECT_LT(with.errors.rotation_deg, 0.3);
+  EXPECT_TRUE(!without.refused.empty() || without.errors.worst > 3);
+  // Nothing is near in this town; what is left is that the circles are found to a fraction of a pixel.
+  for (const std::string& note : with.notes) {
+    if (note.find("near things") == std::string::npos) continue;
+    EXPECT_NE(note.find("their lenses may not be quite the calibration's"), std::string::npos) << note;
+  }
 }
 
 // They share 1 degree: a few pixels of their rims, in which no feature can be found.
