@@ -45,7 +45,8 @@ set(CPACK_DEBIAN_NODAL_PACKAGE_RECOMMENDS openssh-client)
 set(CPACK_DEBIAN_NODAL_DESCRIPTION "command line for multi-head cameras that film the full sphere
 nodal watches and sets a rig that runs nodald, here or over ssh, calibrates and
 registers its heads, and pulls raymaps, pictures of the full sphere. Without a
-rig it stitches pictures by a calibration or a project of PTGui or Hugin.")
+rig it makes spheres of pictures alone, or by a calibration or a project of
+PTGui or Hugin.")
 
 # The user's pages; those of developers stay in the source tree.
 include(documents)
