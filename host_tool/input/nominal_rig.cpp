@@ -6,6 +6,7 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <optional>
 #include <string_view>
 
 #include "host_tool/console/quantities.h"
@@ -13,6 +14,7 @@
 #include "protocol/base/polynomial.h"
 #include "protocol/base/try.h"
 #include "stitch/autocalibration/image_circle.h"
+#include "stitch/autocalibration/lens_family.h"
 #include "stitch/calibration/lens/region.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/media/image_file.h"
@@ -91,7 +93,7 @@ double widest_view(Family family) {
   }
 }
 
-Status check_nominal(const Nominal& nominal) {
+Status check_nominal(const Nominal& nominal, Family lens) {
   const auto heads = static_cast<std::size_t>(nominal.heads);
   if (nominal.circles.size() > 1 && nominal.circles.size() != heads) {
     return fail(Errc::kBadValue, fmt::format("--circle: {} circles for {} heads; give one for all, or one a head",
@@ -101,12 +103,11 @@ Status check_nominal(const Nominal& nominal) {
     return fail(Errc::kBadValue,
                 fmt::format("--at: {} for {} heads; give one a head", counted(nominal.places.size(), "place"), heads));
   }
-  if (nominal.view_deg > widest_view(nominal.lens)) {
-    return fail(Errc::kBadValue,
-                fmt::format("--nominal: {:g} degrees, but --lens {} can have at most {:g}", nominal.view_deg,
-                            autocalibration::family_name(nominal.lens), widest_view(nominal.lens)));
+  if (nominal.view_deg > widest_view(lens)) {
+    return fail(Errc::kBadValue, fmt::format("--nominal: {:g} degrees, but --lens {} can have at most {:g}",
+                                             nominal.view_deg, nominal.lens, widest_view(lens)));
   }
-  if (nominal.lens == Family::kRectilinear && !nominal.circles.empty()) {
+  if (lens == Family::kRectilinear && !nominal.circles.empty()) {
     return fail(Errc::kBadValue, "--circle: a rectilinear lens has none; leave it out, or say --lens fisheye");
   }
   return {};
@@ -145,9 +146,9 @@ Result<NominalPlace> parse_place(const std::string& text) {
   return NominalPlace{given[0], given[1], given.size() == 3 ? given[2] : 0};
 }
 
-Result<Family> parse_nominal_lens(const std::string& text) {
-  if (text == "fisheye") return Family::kEquidistant;
-  if (const std::optional<Family> family = autocalibration::family_named(text)) return *family;
+Result<std::string> parse_nominal_lens(const std::string& text) {
+  if (text == "fisheye") return std::string(autocalibration::family_name(Family::kEquidistant));
+  if (autocalibration::family_named(text)) return text;
   return fail(Errc::kBadValue, "'" + text +
                                    "': fisheye (the same as equidistant), equidistant, equisolid, stereographic, "
                                    "orthographic or rectilinear");
@@ -157,9 +158,9 @@ Result<Nominal> nominal_of(const NominalWords& words) {
   Result<Nominal> nominal = parse_nominal(words.rig);
   if (!nominal) return fail(nominal.error().in("--nominal"));
   nominal->roll_deg = words.roll_deg;
-  const Result<Family> family = parse_nominal_lens(words.lens);
-  if (!family) return fail(family.error().in("--lens"));
-  nominal->lens = *family;
+  const Result<std::string> lens = parse_nominal_lens(words.lens);
+  if (!lens) return fail(lens.error().in("--lens"));
+  nominal->lens = *lens;
   for (const std::string& word : words.places) {
     const Result<NominalPlace> place = parse_place(word);
     if (!place) return fail(place.error().in("--at"));
@@ -178,7 +179,9 @@ Result<Calibration> nominal_rig(const Nominal& nominal, std::span<const ImageVie
   if (pictures.size() != heads) {
     return fail(Errc::kBadValue, fmt::format("--nominal: {} pictures for {} heads", pictures.size(), heads));
   }
-  NODAL_TRY(check_nominal(nominal));
+  const std::optional<Family> family = autocalibration::family_named(nominal.lens);
+  if (!family) return fail(Errc::kBadValue, "--lens: '" + nominal.lens + "' is no kind of lens");
+  NODAL_TRY(check_nominal(nominal, *family));
   Calibration rig;
   rig.name = fmt::format("nominal {}x{:g}", nominal.heads, nominal.view_deg);
   rig.comment = "From the data sheet.";
@@ -188,14 +191,14 @@ Result<Calibration> nominal_rig(const Nominal& nominal, std::span<const ImageVie
     head.width = pictures[h].width;
     head.height = pictures[h].height;
     head.region = {0, 0, static_cast<double>(head.width), static_cast<double>(head.height), {}, {}};
-    if (nominal.lens == Family::kRectilinear) {
+    if (*family == Family::kRectilinear) {
       set_rectilinear(head, nominal.view_deg);
     } else {
       set_fisheye(head,
                   nominal.circles.empty()       ? circle_in(pictures[h])
                   : nominal.circles.size() == 1 ? nominal.circles.front()
                                                 : nominal.circles[h],
-                  nominal.lens, nominal.view_deg);
+                  *family, nominal.view_deg);
     }
     NominalPlace place;
     place.yaw = 360.0 * static_cast<double>(h) / nominal.heads;

@@ -8,7 +8,6 @@
 #include "protocol/base/image.h"
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
-#include "stitch/autocalibration/lens_family.h"
 
 namespace nodal::host {
 
@@ -30,7 +29,7 @@ struct NominalPlace {
 struct Nominal {
   int heads = 0;
   double view_deg = 0;  ///< across a fisheye's circle, or from the left to the right edge of a rectilinear picture
-  autocalibration::Family lens = autocalibration::Family::kEquidistant;
+  std::string lens = "equidistant";     ///< a name of autocalibration::Family
   double roll_deg = 0;                  ///< roll of every head, clockwise
   std::vector<Region::Circle> circles;  ///< one per head, one for all, or none: then they are found in the pictures
   std::vector<NominalPlace> places;     ///< one per head, or none: evenly around the horizon
@@ -41,8 +40,8 @@ Result<Nominal> parse_nominal(const std::string& text);
 Result<Region::Circle> parse_circle(const std::string& text);
 /// "90,-30" or "90,-30,180": yaw, pitch, roll. Errors: kBadValue.
 Result<NominalPlace> parse_place(const std::string& text);
-/// "fisheye", or the name of a family. Errors: kBadValue.
-Result<autocalibration::Family> parse_nominal_lens(const std::string& text);
+/// "fisheye", or the name of a family, which is returned. Errors: kBadValue.
+Result<std::string> parse_nominal_lens(const std::string& text);
 /// The data sheet that words describe. Errors: those of the functions above, with the option.
 Result<Nominal> nominal_of(const NominalWords& words);
 /// Heads at their places; without places evenly spaced around the horizon, the first one forward, the next to its

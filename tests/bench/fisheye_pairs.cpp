@@ -185,9 +185,7 @@ PairVerdict judged_nominal(const FisheyePair& pair, const Calibration& truth, co
   host::Nominal nominal;
   nominal.heads = 2;
   nominal.view_deg = pair.view_deg;
-  if (asked.family) {
-    nominal.lens = autocalibration::family_named(pair.family).value_or(autocalibration::Family::kEquidistant);
-  }
+  if (asked.family && pair.family != "polynomial") nominal.lens = pair.family;
   const Result<Calibration> prior =
       decoded ? host::nominal_rig(nominal, frames) : Result<Calibration>(fail(decoded.error()));
   if (!prior) {

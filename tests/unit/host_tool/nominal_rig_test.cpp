@@ -7,6 +7,7 @@
 #include <functional>
 
 #include "protocol/base/angles.h"
+#include "protocol/base/decoded_image.h"
 #include "stitch/geometry/lens/lens.h"
 
 namespace nodal::host {
@@ -21,7 +22,10 @@ Result<Calibration> rig_of(const std::string& rig, const std::string& lens) {
   if (lens != "rectilinear") words.circles = {"500,500,480"};
   const Result<Nominal> nominal = nominal_of(words);
   if (!nominal) return fail(nominal.error());
-  const DecodedImage black{PixelFormat::kGrey8, 1000, 1000, std::vector<std::uint8_t>(1000 * 1000)};
+  DecodedImage black;
+  black.format = PixelFormat::kGrey8;
+  black.width = black.height = 1000;
+  black.bytes.resize(1000 * 1000);
   const std::vector<ImageView> pictures(2, black.view());
   return nominal_rig(*nominal, pictures);
 }
