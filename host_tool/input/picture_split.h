@@ -25,7 +25,7 @@ struct SplitChoice {
 /// Errors: kBadValue.
 Result<SplitChoice> parse_split(const std::string& text);
 
-/// The n-th picture, row by row. All have the same size: what does not divide is cut off at the right and at the bottom.
+/// The n-th picture, row by row. All have the same size: what does not divide is cut off at the right and below.
 /// YUV is cut at even rows and columns.
 DecodedImage part_of(const DecodedImage& whole, const PictureSplit& split, std::size_t n);
 

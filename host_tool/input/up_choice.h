@@ -22,8 +22,9 @@ struct UpChoice {
 /// "auto", "pictures", or "90,-30". Errors: kBadValue.
 Result<UpChoice> parse_up(const std::string& text);
 
-/// Turns the calibration so that this direction is up. What was forward stays at yaw 0: the rig's own axis, or the first
-/// picture's if the calibration is from pictures alone, or the middle of them (turn_to_middle()). kPictures decodes the first set, or the matched one.
+/// Turns the calibration so that this direction is up. What was forward stays at yaw 0: the rig's own axis, or if the
+/// calibration is from pictures alone, that of the first picture, or the middle of them (turn_to_middle()). kPictures
+/// decodes the first set, or the matched one.
 /// Errors: those of reading pictures; kBadValue if the pictures are held in different ways.
 Status turn_up(RigPictures& rig, const UpChoice& choice);
 

@@ -14,8 +14,8 @@ namespace nodal::media {
 
 using HeaderReader = std::function<Result<ImageHeader>(const std::filesystem::path& file)>;
 
-/// The pictures of a folder: the files whose header `header` reads. `tiff`: whether TIFFs, HEIF and WebP files are among them. Files that
-/// begin with a dot are left out without a word, folders in it with the sentence.
+/// The pictures of a folder: the files whose header `header` reads. `tiff`: whether TIFFs, HEIF and
+/// WebP files are among them. Files that begin with a dot are left out without a word, folders in it with the sentence.
 /// Errors: kIo when the folder cannot be read, kNotFound, with what is there instead, when no file in it is a picture.
 Result<PictureFolder> pictures_in(const std::filesystem::path& folder, const HeaderReader& header, bool tiff);
 

@@ -12,8 +12,8 @@
 namespace nodal::registration {
 
 /// Turns all placed heads together, so that the first one's turn relative to `start` is zero (kFirstHead), or their
-/// turns have mean zero (kMean) or geometric median zero (kMedian). With the median, the turns of heads that did not move
-/// are zero if fewer than half of the heads moved.
+/// turns have mean zero (kMean) or geometric median zero (kMedian). With the median, the turns of heads that did not
+/// move are zero if fewer than half of the heads moved.
 void hold_together(Gauge gauge, const std::vector<HeadState>& start, const std::vector<bool>& placed,
                    std::vector<HeadState>& heads);
 

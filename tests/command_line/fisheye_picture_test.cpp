@@ -1,5 +1,5 @@
-// `nodal convert --from fisheye:fov=...` and `dual_fisheye:fov=...` beside a scene that is rendered by a formula, and beside
-// ffmpeg's v360.
+// `nodal convert --from fisheye:fov=...` and `dual_fisheye:fov=...` beside a scene that is rendered by a
+// formula, and beside ffmpeg's v360.
 #include <gtest/gtest.h>
 
 #include <cmath>

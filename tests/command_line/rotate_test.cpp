@@ -27,7 +27,7 @@ class RotateCommand : public RigTest {
   }
 };
 
-/// The scene as an equirectangular raymap whose camera is turned right by yaw, then up by pitch, then clockwise by roll.
+/// The scene as an equirectangular raymap of a camera that is turned right by yaw, up by pitch, then clockwise by roll.
 std::vector<std::uint8_t> scene_from(int width, double yaw, double pitch, double roll) {
   const auto turn = [](double& a, double& b, double degrees) {
     const double angle = degrees * 0.017453292519943295, c = std::cos(angle), s = std::sin(angle);

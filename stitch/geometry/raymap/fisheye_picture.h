@@ -23,7 +23,8 @@ struct FisheyePicture {
 
   /// The resolution along a radius of a circle.
   double pixels_per_radian(RaymapSize size) const;
-  /// With two lenses, the one whose axis is closer shows a ray. RaymapLayout::solid_angle() is that of the pixel's middle.
+  /// With two lenses, the one whose axis is closer shows a ray. RaymapLayout::solid_angle() is that of the pixel's
+  /// middle.
   std::unique_ptr<RaymapLayout> layout(RaymapSize size) const;
 };
 

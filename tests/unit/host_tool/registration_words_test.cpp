@@ -15,7 +15,8 @@ TEST(RegistrationAdvice, NoCoverageAndMismatch_NameTheOptionsThatMayHelpAndWhen)
   EXPECT_NE(coverage.find("--pairs FILE, if "), std::string::npos) << coverage;
   EXPECT_EQ(coverage.find("--circle"), std::string::npos) << "only a nominal rig has circles to set";
   const std::string mismatch = with_advice({Errc::kHeadMismatch, "other lenses"}, true).message;
-  for (const char* option : {"--pairs FILE, if ", "--free focals, if ", "--circle X,Y,R, if ", "--lens FAMILY, if ", "--roll DEGREES, if "}) {
+  for (const char* option : {"--pairs FILE, if ", "--free focals, if ", "--circle X,Y,R, if ", "--lens FAMILY, if ",
+                             "--roll DEGREES, if "}) {
     EXPECT_NE(mismatch.find(option), std::string::npos) << option;
   }
 }
