@@ -79,7 +79,7 @@ void tell_notes(Console& console, RigPictures& rig) {
 }
 
 /// Pictures without a calibration: one set of them, calibrated.
-Result<RigPictures> calibrated_alone(Console& console, RigPictures rig) {
+Result<RigPictures> calibrated_alone(Console& console, const RegisterArgs& args, RigPictures rig) {
   tell_notes(console, rig);
   Progress bar(console, "matching", 1000);
   NODAL_TRY(interruptible(console, [&] {
@@ -107,11 +107,11 @@ Result<RigPictures> read_input(Context& context, const RegisterArgs& args) {
     console.note("note: the rig has no calibration; everything is found in one set of its frames");
     NODAL_TRY_ASSIGN(RigPictures alone, pull_uncalibrated_set(*rig, what, console));
     rig.reset();  // matching takes longer than a rig waits for a host
-    return calibrated_alone(console, std::move(alone));
+    return calibrated_alone(console, args, std::move(alone));
   }
   if (args.nominal.rig.empty() && is_picture(args.inputs.front())) {
     NODAL_TRY_ASSIGN(RigPictures own, own_pictures(args.inputs, parse_split(args.split).value()));
-    return calibrated_alone(console, std::move(own));
+    return calibrated_alone(console, args, std::move(own));
   }
   return interruptible(console, [&] {
     return read_all_pictures(args.nominal, args.inputs, {args.places, parse_split(args.split).value()});

@@ -48,7 +48,7 @@ void add(heif_context* context, heif_encoder* encoder, const CodedPicture& pictu
 }
 
 void put(std::vector<std::uint8_t>& bytes, std::string_view text) {
-  bytes.insert(bytes.end(), text.begin(), text.end());
+  for (const char c : text) bytes.push_back(static_cast<std::uint8_t>(c));
 }
 void put(std::vector<std::uint8_t>& bytes, std::uint32_t number, int count) {
   for (int k = 0; k < count; ++k) bytes.push_back(static_cast<std::uint8_t>(number >> 8 * k));
