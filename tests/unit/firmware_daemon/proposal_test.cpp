@@ -3,6 +3,8 @@
 
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <string>
+#include <utility>
 
 #include "firmware/config/config.h"
 #include "firmware/daemon/rig_proposal.h"
@@ -172,6 +174,25 @@ TEST(ScanJson, HasWhatTheTextHasInFull) {
   EXPECT_EQ(one["head"]["bytes_per_second"], 640 * 480 * 2 * 30);
   EXPECT_EQ(json["buses"][0]["capacity"], 53'248'000);
   EXPECT_TRUE(firmware::parse_rig_config(json["rig_toml"].get<std::string>(), "rig.toml"));
+}
+
+TEST(ScanText, OfAnOrdinaryUser_HasItsFilesInTheUsersFolder) {
+  const RigPlaces places{"/home/a \"b\"/.local/state/nodal/nodal.sock", "/home/a \"b\"/.local/state/nodal"};
+  std::string toml = scan_text({camera(0, 1, kUsual)}, places).value();
+  const auto config = firmware::parse_rig_config(toml, "rig.toml");
+  ASSERT_TRUE(config) << config.error().text();
+  EXPECT_EQ(config->links.unix_path, places.socket);
+  EXPECT_EQ(config->store, places.folder);
+  EXPECT_FALSE(config->takes);
+  // What the guide does to record.
+  for (const auto& [from, to] : {std::pair{"# [takes]", "[takes]"}, std::pair{"# folder = ", "folder = "}}) {
+    const std::size_t at = toml.find(from);
+    ASSERT_NE(at, std::string::npos) << toml;
+    toml.replace(at, std::string(from).size(), to);
+  }
+  const auto records = firmware::parse_rig_config(toml, "rig.toml");
+  ASSERT_TRUE(records) << records.error().text();
+  EXPECT_EQ(records->takes->folder, places.folder + "/takes");
 }
 
 }  // namespace
