@@ -136,7 +136,9 @@ TEST_F(WholeSession, CommandsOfTheReadme_SucceedAndFitTheTerminal) {
     if (command.find("--watch") != std::string::npos)
       command = "timeout --foreground --preserve-status -s INT 2 " + command;
     if (command.starts_with("nodal drift")) command += " || [ $? = 10 ]";  // small pictures may not tell
-    if (command.starts_with("nodal take stop")) EXPECT_TRUE(wait_for_a_set());
+    if (command.starts_with("nodal take stop")) {
+      EXPECT_TRUE(wait_for_a_set());
+    }
     type(command);
     if (command.find("calibration upload") != std::string::npos) {
       EXPECT_EQ(type("nodal status").find("no calibration is in force"), std::string::npos);
@@ -192,7 +194,9 @@ TEST_F(WholeSession, CommandsOfTheGuideFromCamerasToAFilm_Succeed) {
       continue;
     }
     if (command.starts_with("nodal drift")) command += " || [ $? = 10 ]";  // small pictures may not tell
-    if (command.starts_with("nodal take stop")) EXPECT_TRUE(wait_for_a_set());
+    if (command.starts_with("nodal take stop")) {
+      EXPECT_TRUE(wait_for_a_set());
+    }
     type(command);
   }
   for (const char* file : {"first.json", "first.html", "sphere.jpg", "film.mkv", "better.json"}) {

@@ -138,22 +138,22 @@ TEST(GuestDisk, NoCardIsMounted_TheRigRunsAndATakeIsRefusedUntilThereIsOne) {
 class Card {
  public:
   explicit Card(fs::path place) : place_(std::move(place)) {
-    there_ = ::mount("card", place_.c_str(), "tmpfs", 0, "size=600m") == 0;
+    present_ = ::mount("card", place_.c_str(), "tmpfs", 0, "size=600m") == 0;
   }
   ~Card() {
-    if (there_) ::umount2(place_.c_str(), MNT_DETACH);
+    if (present_) ::umount2(place_.c_str(), MNT_DETACH);
   }
-  bool present() const { return there_; }
+  bool present() const { return present_; }
   /// As `umount`, and as `umount -l`.
   bool unmount(bool lazy = false) {
     if (::umount2(place_.c_str(), lazy ? MNT_DETACH : 0) != 0) return false;
-    there_ = false;
+    present_ = false;
     return true;
   }
 
  private:
   const fs::path place_;
-  bool there_;
+  bool present_;
 };
 
 TEST(GuestDisk, ACardIsExchanged_ItCanBeUnmountedAndTheNextTakeIsOnTheOneThatIsMounted) {
@@ -161,7 +161,7 @@ TEST(GuestDisk, ACardIsExchanged_ItCanBeUnmountedAndTheNextTakeIsOnTheOneThatIsM
   const fs::path place = rig.path / "card";
   fs::create_directory(place);
   Card first(place);
-  if (!first.there()) GTEST_SKIP() << "mounting needs root";
+  if (!first.present()) GTEST_SKIP() << "mounting needs root";
   test::Process daemon(nodald({"--config", rig.config()}));
   const auto host = LinkHost::connect(rig.socket());
   ASSERT_TRUE(host) << daemon.complained();
@@ -169,14 +169,14 @@ TEST(GuestDisk, ACardIsExchanged_ItCanBeUnmountedAndTheNextTakeIsOnTheOneThatIsM
   ASSERT_TRUE(host->ask([](wire::Request& request) { request.mutable_disk_eject(); })->has_take());
   ASSERT_TRUE(first.unmount());
   Card second(place);
-  ASSERT_TRUE(second.there());
+  ASSERT_TRUE(second.present());
   ASSERT_TRUE(host->wait_for([](const wire::RigStatus& status) { return status.recording().sets() > 3; }))
       << "start = \"boot\" goes on with the new card";
   EXPECT_TRUE(fs::exists(place / "000002"));
   ASSERT_FALSE(second.unmount()) << "a take is recorded";
   ASSERT_TRUE(second.unmount(true));
   Card third(place);
-  ASSERT_TRUE(third.there());
+  ASSERT_TRUE(third.present());
   ASSERT_TRUE(host->wait_for([](const wire::RigStatus& status) { return status.recording().take() == 3; }));
   ASSERT_TRUE(stop(*host));
   EXPECT_EQ(list(*host), std::vector<std::uint64_t>{3});
