@@ -129,7 +129,7 @@ class Recorder {
   struct HeadFormat {
     take::Stream delivered;
     take::Stream stored;
-    std::optional<HeadCoder> coder;  ///< for stored pictures that differ; made when the first is stored
+    std::optional<HeadCoder> coder;  ///< used for stored pictures that differ; made when the first is stored
   };
   std::array<std::optional<HeadFormat>, kMaxHeads> formats_;
   std::vector<std::unique_ptr<TakeRow>> spare_;

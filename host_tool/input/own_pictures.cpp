@@ -58,7 +58,7 @@ std::string up_note(autocalibration::UpBasis basis) {
     case autocalibration::UpBasis::kEdges: return "";
     case autocalibration::UpBasis::kRing: note = "up is the axis of the ring that the heads form"; break;
     case autocalibration::UpBasis::kHeld: note = "up is how the pictures are held"; break;
-    case autocalibration::UpBasis::kMost: note = "up is how most of the pictures are held"; break;
+    case autocalibration::UpBasis::kMajority: note = "up is how most of the pictures are held"; break;
     case autocalibration::UpBasis::kLight: note = "which way is up is a guess, by where the light comes from"; break;
   }
   return note +

@@ -1,7 +1,6 @@
 // Raymaps from files, resampled picture by picture: common to `convert` and `view`.
 #pragma once
 
-#include <Eigen/Core>
 #include <functional>
 #include <optional>
 #include <string>
@@ -11,6 +10,7 @@
 #include "host_tool/console/console.h"
 #include "protocol/base/result.h"
 #include "stitch/geometry/raymap/layout.h"
+#include "stitch/geometry/rotation.h"
 #include "stitch/view/resampler.h"
 
 namespace nodal::host {

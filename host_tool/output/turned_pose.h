@@ -1,8 +1,7 @@
 // What Photo Sphere metadata say of a sphere that was turned.
 #pragma once
 
-#include <Eigen/Core>
-
+#include "stitch/geometry/rotation.h"
 #include "stitch/media/gpano.h"
 
 namespace nodal::host {

@@ -9,11 +9,11 @@ namespace nodal::autocalibration {
 
 /// What decides which way is up.
 enum class UpBasis : std::uint8_t {
-  kEdges,  ///< vertical edges or the horizon, all around
-  kRing,   ///< the axis of the ring that the heads form
-  kHeld,   ///< how the pictures are held
-  kMost,   ///< how most pictures are held
-  kLight,  ///< where the light comes from, and edges that agree with it: a guess
+  kEdges,     ///< vertical edges or the horizon, all around
+  kRing,      ///< the axis of the ring that the heads form
+  kHeld,      ///< how the pictures are held
+  kMajority,  ///< how most pictures are held
+  kLight,     ///< where the light comes from, and edges that agree with it: a guess
 };
 
 /// A head's axes in the rig's frame, length 1.

@@ -297,7 +297,7 @@ Upright find_upright(const std::vector<geometry::Head>& heads, const std::vector
   } else if (upright) {
     found = {*upright, UpBasis::kHeld};
   } else if (const std::optional<Vector3d> most = mostly_held_up(stance)) {
-    found = {*most, UpBasis::kMost};
+    found = {*most, UpBasis::kMajority};
   }
   return found;
 }

@@ -177,7 +177,7 @@ TEST(ScanJson, HasWhatTheTextHasInFull) {
 }
 
 TEST(ScanText, OfAnOrdinaryUser_HasItsFilesInTheUsersFolder) {
-  const RigPlaces places{"/home/a \"b\"/.local/state/nodal/nodal.sock", "/home/a \"b\"/.local/state/nodal"};
+  const RigPlaces places{"/srv/a \"b\"/.local/state/nodal/nodal.sock", "/srv/a \"b\"/.local/state/nodal"};
   std::string toml = scan_text({camera(0, 1, kUsual)}, places).value();
   const auto config = firmware::parse_rig_config(toml, "rig.toml");
   ASSERT_TRUE(config) << config.error().text();
