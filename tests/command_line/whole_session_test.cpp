@@ -20,7 +20,7 @@ class WholeSession : public RigTest {
  protected:
   WholeSession() {
     environment_["PATH"] = NODAL_BIN_DIR ":" + std::string(std::getenv("PATH"));
-    environment_["NODAL_RIG"] = "unix:nodal.sock";
+    environment_["NODAL_RIG"] = "unix:" + path("nodal.sock");
     environment_["TERM"] = "xterm";
   }
 
@@ -114,7 +114,7 @@ TEST_F(WholeSession, CommandsOfTheReadme_SucceedAndFitTheTerminal) {
   }
   std::filesystem::remove(path("rig.toml"));
   fake_ssh("exec BRIDGE\n");
-  environment_["NODAL_RIG"] = "unix:nodal.sock";
+  environment_["NODAL_RIG"] = "unix:" + path("nodal.sock");
 
   const std::string readme = NODAL_SOURCE_DIR "/README.md";
   Words session = commands_of(readme, "With pictures of your own");
