@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <ctime>
 
 #include "colour_chart.h"
 #include "rig_process.h"
@@ -20,11 +19,8 @@ class MetadataCommand : public RigTest {
   }
 
   /// exiftool's words on a file, numbers as numbers.
-  Json tags(const std::string& name, const Words& more = {}) const {
-    Words words{"exiftool", "-j", "-n"};
-    words.insert(words.end(), more.begin(), more.end());
-    words.push_back(path(name));
-    const Finished done = Process(words).wait();
+  Json tags(const std::string& name) const {
+    const Finished done = Process({"exiftool", "-j", "-n", path(name)}).wait();
     EXPECT_EQ(done.code, 0) << done.err;
     return Json::parse(done.out).at(0);
   }
@@ -122,23 +118,6 @@ TEST_F(MetadataCommand, EveryCommandFromEveryFormatToEveryFormat_KeepsWhatIsTrue
         EXPECT_TRUE(words[0] != "convert" || said.value("FullPanoWidthPixels", 0) == kSphereWide) << said;
       }
     }
-    // A calibration and its report are of the rig, not of the place where it was measured.
-    Words registered{"register", path("six.json"),   "--free",   "light",
-                     "-o",       path("found.json"), "--report", path("found.html")};
-    for (int h = 0; h < 6; ++h) registered.push_back(path("head." + from));
-    const Finished done = nodal(registered);
-    ASSERT_EQ(done.code, 0) << done.err;
-    for (const std::string file : {"found.json", "found.html"}) {
-      const Json said = tags(file);
-      std::printf("%-8s %-4s %-4s", "register", from.c_str(), file.substr(6).c_str());
-      for (const Field& field : fields()) {
-        EXPECT_FALSE(said.contains(field.name)) << "register " << from << " to " << file << " " << field.name;
-        std::printf(" %s", said.contains(field.name) ? "kept" : "-");
-      }
-      std::printf("\n");
-      for (const char* text : {"52.508", "2024:05:06", "Sphere 1"})
-        EXPECT_EQ(read(file).find(text), std::string::npos) << file << " from " << from << ": " << text;
-    }
   }
 }
 
@@ -171,40 +150,6 @@ TEST_F(MetadataCommand, RaymapsOfARig_AreSpheresThatClaimNothingElse) {
       for (const char* key : {"PoseHeadingDegrees", "GPSLatitude", "GPSImgDirection", "DateTimeOriginal"})
         EXPECT_FALSE(said.contains(key)) << file << key;
     }
-  }
-}
-
-// Films of heads show what a lens saw, those of raymaps spheres. All say when they were exposed, and nothing of where.
-TEST_F(MetadataCommand, FilmsOfATake_SayWhatTheyShowAndWhen) {
-  std::string toml = read("rig.toml");
-  toml.insert(toml.find("[sim]"), "[takes]\nfolder = \"takes\"\nbuffer_mb = 16\n");
-  write("rig.toml", toml);
-  const std::time_t begun = std::time(nullptr);
-  start_nodald();
-  bring_up();
-  ASSERT_EQ(nodal({"take", "start"}).code, 0);
-  ASSERT_EQ(nodal({"raymap", "pull", "-n", "5", "-o", path("pulled.mkv")}).code, 0);
-  ASSERT_EQ(nodal({"take", "stop"}).code, 0);
-  ASSERT_EQ(nodal({"take", "export", path("takes/000001"), "--to", path("films")}).code, 0);
-  ASSERT_EQ(nodal({"render", path("takes/000001"), "-o", path("rendered.mkv")}).code, 0);
-  std::printf("%-18s %-10s %-11s %-16s\n", "film", "size", "projection", "exposed");
-  for (const std::string film :
-       {"films/cam0.mkv", "films/cam5.mkv", "films/raymaps.mkv", "rendered.mkv", "pulled.mkv"}) {
-    const Json said = tags(film, {"-d", "%s"});
-    const bool sphere = !film.starts_with("films/cam");
-    const std::string size =
-        std::to_string(said.value("ImageWidth", 0)) + "x" + std::to_string(said.value("ImageHeight", 0));
-    std::printf("%-18s %-10s %-11s %-16s\n", film.c_str(), size.c_str(), sphere ? "sphere" : "-",
-                said.contains("DateTimeOriginal") ? said["DateTimeOriginal"].dump().c_str() : "-");
-    EXPECT_EQ(said.value("ProjectionType", 0), sphere ? 1 : 0) << film << said;  // Matroska's 1: equirectangular
-    EXPECT_EQ(said.value("Warning", ""), "") << film;
-    ASSERT_TRUE(said.contains("DateTimeOriginal")) << film << said;
-    const Json& date = said["DateTimeOriginal"];
-    const double exposed = date.is_string() ? std::stod(date.get<std::string>()) : date.get<double>();
-    EXPECT_GE(exposed, static_cast<double>(begun) - 1) << film;
-    EXPECT_LE(exposed, static_cast<double>(std::time(nullptr)) + 1) << film;
-    for (const char* key : {"ProjectionPoseYaw", "PoseHeadingDegrees", "GPSLatitude", "Make"})
-      EXPECT_FALSE(said.contains(key)) << film << key;
   }
 }
 
