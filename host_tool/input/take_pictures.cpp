@@ -53,6 +53,7 @@ Result<RigPictures> take_pictures(const std::string& folder, int sets) {
   RigPictures rig;
   rig.origin = RigPictures::Origin::kPictures;
   rig.heads = take.about().heads;
+  if (rig.heads.empty()) return fail(Errc::kBadFormat, take.shown(take::kTakeFile) + ": names no head");
   NODAL_TRY_ASSIGN(const WholeSets whole, whole_sets(take));
   if (whole.index.empty()) {
     const auto worst = std::ranges::max_element(whole.lacks);
@@ -67,7 +68,7 @@ Result<RigPictures> take_pictures(const std::string& folder, int sets) {
     const std::uint64_t wanted = whole.index[(2 * k + 1) * whole.index.size() / (2 * count)];
     do {
       NODAL_TRY_ASSIGN(const bool more, all.next(set));
-      NODAL_ASSERT(more);  // it was there a moment ago
+      if (!more) return fail(Errc::kChecksum, folder + ": the take changes while it is read; try again");
     } while (set.evidence.index() < wanted);
     NODAL_TRY(all.read_pictures(set));
     std::vector<HeadPicture>& pictures = rig.sets.emplace_back();
