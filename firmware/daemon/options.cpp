@@ -5,24 +5,26 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <iostream>
+#include <memory>
 #include <sstream>
 
 #include "firmware/daemon/version.h"
 #include "protocol/base/fit_text.h"
+#include "protocol/command_line/plain_help.h"
+#include "protocol/command_line/usage.h"
 
 namespace nodal::daemon {
 namespace {
 
 constexpr const char* kAbout =
-    "nodald runs a multi-head camera rig: it sets every head's exposure, genlocks and captures the heads, blends them "
-    "into one raymap and sends that to hosts.\n"
-    "rig.toml describes the rig; firmware/RIG.md explains every key.";
+    "Runs a camera rig: sets the cameras' exposure, takes their pictures together, blends them into one and records.\n"
+    "A rig.toml describes the rig: nodald --scan writes one, and firmware/RIG.md explains every key.";
 
 constexpr const char* kFooter =
     "\nExamples:\n"
-    "  nodald --config /etc/nodal/rig.toml\n"
-    "  nodald --config rig.toml --check           check rig.toml, print the first error, and stop\n"
-    "  nodald --config rig.toml --store ./store   store calibrations and settings in this folder\n"
+    "  nodald rig.toml\n"
+    "  nodald rig.toml --check                    check rig.toml, print the first error, and stop\n"
+    "  nodald rig.toml --store ./store            store calibrations and settings in this folder\n"
     "  nodald --scan > rig.toml                   list the devices; begin a rig.toml with them\n"
     "  ssh rig nodald --bridge                    connect standard input and output to the nodald that runs on rig\n"
     "\n"
@@ -40,11 +42,14 @@ Parsed parse_options(int argc, char** argv) {
   Parsed parsed;
   Options& options = parsed.options;
   CLI::App app(kAbout, "nodald");
+  app.formatter(std::make_shared<PlainHelp>());
   app.footer(kFooter);
-  app.set_version_flag("--version", kSoftware);
-  app.add_option("--config,-c", options.config, "The rig: a rig.toml")->type_name("FILE");
-  app.add_option("--store", options.store, "Folder of the calibration store, instead of rig.toml's")->type_name("DIR");
-  app.add_option("--blend-threads", options.blend_threads, "Number of threads that blend; default: one per core")
+  app.set_help_flag("-h,--help", "Print this help and exit");
+  app.set_version_flag("-V,--version", kSoftware, "Print the version and exit");
+  app.add_option("-c,--config,RIG_TOML", options.config, "The rig: a rig.toml")->type_name("FILE");
+  app.add_option("--store", options.store, "Folder of calibrations and settings, instead of rig.toml's")
+      ->type_name("DIR");
+  app.add_option("--blend-threads", options.blend_threads, "Number of threads that blend (one a core when not given)")
       ->check(CLI::Range(1, 64))
       ->type_name("N");
   app.add_option_function<std::string>(
@@ -54,35 +59,35 @@ Parsed parse_options(int argc, char** argv) {
            if (!levels) throw CLI::ValidationError(levels.error().message);
            options.log = *levels;
          },
-         "Level of the log on standard error: trace, debug, info, warning, error; or of one category, such as "
-         "capture=debug,v4l2=trace (rig, capture, v4l2, iidc, gpio): what heads do, and every call to a driver")
+         "How much the log on standard error says: error, warning, info, debug or trace, of all or of a category\n"
+         "(rig, capture, v4l2, iidc, gpio): capture=debug,v4l2=trace says what heads do, and every call to a driver")
       ->type_name("LEVELS");
   CLI::Option* check =
-      app.add_flag("--check", options.check, "Check rig.toml and the files and devices it names, and stop");
-  app.add_flag("--bridge", options.bridge, "Connect standard input and output to the running nodald's socket")
+      app.add_flag("--check", options.check, "Check rig.toml, and the files and devices that it names");
+  app.add_flag("--bridge", options.bridge, "Connect standard input and output to the socket of the nodald that runs")
       ->excludes(check);
   app.add_flag("--safe-levels", options.safe_levels,
-               "Put the GPIO outputs of rig.toml to their safe levels, and stop; for after a crash")
+               "Put the GPIO outputs of rig.toml to their safe levels, after a crash")
       ->excludes(check)
       ->excludes("--bridge");
-  CLI::Option* scan =
-      app.add_flag(
-             "--scan", options.scan,
-             "Print the V4L2 devices and IIDC cameras that are plugged in, and a rig.toml, and stop; changes no device")
-          ->excludes(check)
-          ->excludes("--bridge")
-          ->excludes("--safe-levels");
+  CLI::Option* scan = app.add_flag("--scan", options.scan,
+                                   "Print the cameras that are plugged in, and a rig.toml for them; changes no device")
+                          ->excludes(check)
+                          ->excludes("--bridge")
+                          ->excludes("--safe-levels");
   app.add_flag("--json", options.json, "With --scan: as JSON")->needs(scan);
-  app.add_option("--socket", options.socket, "Socket for --bridge, instead of rig.toml's")->type_name("PATH");
+  app.add_option("--socket", options.socket, "The socket for --bridge, instead of rig.toml's")->type_name("PATH");
   try {
     app.parse(argc, argv);
-    if (options.config.empty() && !options.bridge && !options.scan) throw CLI::RequiredError("--config FILE");
-  } catch (const CLI::ParseError& error) {
-    const bool asked = error.get_exit_code() == 0;
+    if (options.config.empty() && !options.bridge && !options.scan) throw CLI::RequiredError("a rig.toml");
+  } catch (const CLI::Success& asked) {
     std::ostringstream out;
-    app.exit(error, out, std::cerr);
+    app.exit(asked, out, std::cerr);
     show(out.str());
-    parsed.exit = asked ? kExitFine : kExitBadInput;
+    parsed.exit = kExitFine;
+  } catch (const CLI::ParseError& wrong) {
+    std::cerr << "nodald: " << explain_usage(app, wrong) << '\n' << usage_hint(app) << '\n';
+    parsed.exit = kExitBadInput;
   }
   return parsed;
 }

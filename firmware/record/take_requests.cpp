@@ -21,9 +21,13 @@ Result<std::optional<TakeMailbox::Answered>> TakeKeeper::run(const TakeRequest& 
   using Answered = TakeMailbox::Answered;
   const auto done = [](std::uint64_t take) { return std::optional<Answered>(TakeAnswer::Done{take}); };
   if (const auto* what = std::get_if<TakeRequest::Start>(&request.what)) {
+    const bool recording = recording_ != nullptr;
     const auto take = start(*what, now);
-    report_.refused = take ? "" : "could not start a take: " + take.error().message;
-    report_.has_room = take.has_value();  // until the next look
+    // A second press while a take is recorded is answered; the state of the rig is that it records.
+    if (take || !recording) {
+      report_.refused = take ? "" : "could not start a take: " + take.error().message;
+      report_.has_room = take.has_value();  // until the next look
+    }
     if (!take) return fail(take.error());
     if (!what->still) return done(*take);
     stopping_.push_back(request.ticket);

@@ -2,25 +2,23 @@
 
 #include <fmt/format.h>
 #include <CLI/Config.hpp>
-#include <CLI/Formatter.hpp>
 
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
 #include <memory>
 #include <new>
-#include <set>
 #include <sstream>
 
-#include "host_tool/commands/completion.h"
 #include "host_tool/commands/confinement.h"
-#include "host_tool/commands/usage.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/overwriting.h"
 #include "host_tool/console/quantities.h"
 #include "protocol/base/text.h"
 #include "protocol/base/try.h"
 #include "protocol/base/version.h"
+#include "protocol/command_line/plain_help.h"
+#include "protocol/command_line/usage.h"
 
 namespace nodal::host {
 namespace {
@@ -86,42 +84,12 @@ CLI::App* add_command(CLI::App& parent, const std::string& name, const std::stri
   return command;
 }
 
-/// " (1 to 256)" for an option's type "N:INT in [1 - 256]"; empty if there is no range.
-std::string range_of(const std::string& type) {
-  const std::size_t begin = type.find(" in [");
-  const std::size_t between = type.find(" - ", begin);
-  const std::size_t end = type.find(']', between);
-  if (begin == std::string::npos || between == std::string::npos || end == std::string::npos) return "";
-  return " (" + type.substr(begin + 5, between - begin - 5) + " to " + type.substr(between + 3, end - between - 3) +
-         ")";
-}
-
-/// CLI11's help, with types as the commands name them and excluded options sorted by name: CLI11 lists them in pointer
-/// order, which varies between runs.
-class OrderedHelp final : public CLI::Formatter {
- public:
-  std::string make_option_opts(const CLI::Option* option) const override {
-    std::string text = CLI::Formatter::make_option_opts(option);
-    const std::string whole = option->get_type_name();
-    if (const std::size_t at = whole.empty() ? std::string::npos : text.find(whole); at != std::string::npos) {
-      text.replace(at, whole.size(), type_of(*option) + range_of(whole));
-    }
-    const std::string heading = " " + get_label("Excludes") + ":";
-    const std::size_t at = text.rfind(heading);
-    if (option->get_excludes().empty() || at == std::string::npos) return text;
-    std::set<std::string> names;
-    for (const CLI::Option* excluded : option->get_excludes()) names.insert(excluded->get_name());
-    text.resize(at + heading.size());
-    for (const std::string& name : names) text += " " + name;
-    return text;
-  }
-};
-
 CommandLine::CommandLine(Console& console, Add add_commands)
     : console_(console),
       context_(console),
-      app_("Talks to a Nodal rig: calibrates, watches, and pulls raymaps.", "nodal") {
-  app_.formatter(std::make_shared<OrderedHelp>());  // before there are subcommands, because they inherit it
+      app_("Makes spheres of pictures, and runs camera rigs: calibrates, watches, films, copies and renders takes.",
+           "nodal") {
+  app_.formatter(std::make_shared<PlainHelp>());  // before there are subcommands, because they inherit it
   app_.set_help_flag("-h,--help", "Print this help and exit");
   app_.set_version_flag("-V,--version", "nodal " NODAL_VERSION, "Print the version and exit");
   app_.require_subcommand(1);

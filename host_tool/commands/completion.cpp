@@ -9,6 +9,7 @@
 
 #include "host_tool/commands/command.h"
 #include "host_tool/commands/command_list.h"
+#include "protocol/command_line/plain_help.h"
 
 namespace nodal::host {
 namespace {
@@ -106,11 +107,6 @@ std::string shell_quoted(const std::string& text) {
 }
 
 }  // namespace
-
-std::string type_of(const CLI::Option& option) {
-  const std::string type = option.get_type_name();
-  return type.substr(0, type.find(':'));
-}
 
 std::vector<CommandWords> command_words(const CLI::App& app) {
   std::vector<CommandWords> all;

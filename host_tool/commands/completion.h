@@ -28,10 +28,6 @@ struct CommandWords {
   Value positional;             ///< value of its positional arguments
 };
 
-/// An option's type as the commands name it ("sum|max", "PX"), without the checks that CLI11 appends (":{max,sum}"),
-/// and without the values that a command lists for completion only ("NAME:cube|healpix").
-std::string type_of(const CLI::Option& option);
-
 /// Every command, parents before children.
 std::vector<CommandWords> command_words(const CLI::App& app);
 

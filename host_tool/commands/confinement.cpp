@@ -161,13 +161,28 @@ PathUse path_use(const std::string& option) {
   return found == kUses.end() ? PathUse::kNone : found->use;
 }
 
+namespace {
+
+/// That the folder of a file is there, and no file in its place: before hours of work, not after.
+Status check_writable(const std::string& file) {
+  const fs::path folder = folder_of(file);
+  std::error_code error;
+  if (file != "-" && !fs::is_directory(folder, error)) {
+    return fail(Errc::kNotFound, fmt::format("{}: there is no such folder as {}; make it (mkdir -p {})", file,
+                                             folder.string(), folder.string()));
+  }
+  return check_free(file);
+}
+
+}  // namespace
+
 Status check_outputs(const CLI::App& command) {
   for (const CLI::App* app = &command; app != nullptr; app = app->get_parent()) {
     for (const CLI::Option* option : app->get_options()) {
       const bool named = !option->get_lnames().empty() && !option->empty();
       if (!named || path_use(option->get_lnames().front()) != PathUse::kOutputFile) continue;
       for (const std::string& word : option->results()) {
-        if (const Status free = check_free(word); !free)
+        if (const Status free = check_writable(word); !free)
           return fail(free.error().in("--" + option->get_lnames().front()));
       }
     }

@@ -23,7 +23,8 @@ enum class PathUse { kNone, kInput, kOutputFile, kOutputFolder };
 PathUse path_use(const std::string& option);
 
 /// Whether every output that the words name may be written, before a command works for it (console/overwriting.h).
-/// Names with a number are looked at when they are written. Errors: kExists.
+/// Whether names with a number are free is seen when they are written. Errors: kExists; kNotFound for a folder that is
+/// not there.
 Status check_outputs(const CLI::App& command);
 
 /// What the parsed command needs, without what every program needs.

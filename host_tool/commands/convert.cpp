@@ -81,16 +81,26 @@ Status run_convert(Context& context, const ConvertArgs& args) {
 }  // namespace
 
 void add_convert(CLI::App& app, CommandLine& line) {
-  CLI::App* command = add_command(app, "convert", "Convert raymaps to another layout, or turn them; needs no rig",
-                                  "  nodal convert sphere.jpg -o cube.jpg --layout cube\n"
-                                  "  nodal convert cube.png --from cube:pad=2 -o sphere.jpg\n"
-                                  "  nodal convert sphere.jpg -o level.jpg --rotate 0,-3,1.5\n"
-                                  "  nodal convert theta.jpg -o sphere.jpg --from dual_fisheye:fov=190\n"
-                                  "  nodal convert r-*.jpg -o h-%04d.png --layout healpix --width 2048\n"
-                                  "Where pixels become larger, each is a mean of what it covers.\n");
+  CLI::App* command =
+      add_command(app, "convert", "Convert raymaps to another layout, or turn them; needs no rig",
+                  "  nodal convert sphere.jpg -o cube.jpg --layout cube\n"
+                  "  nodal convert cube.png --from cube:pad=2 -o sphere.jpg\n"
+                  "  nodal convert sphere.jpg -o town.jpg --layout faces      town_right.jpg and five more\n"
+                  "  nodal convert town_*.jpg -o sphere.jpg --from faces\n"
+                  "  nodal convert sphere.jpg -o level.jpg --rotate 0,-3,1.5\n"
+                  "  nodal convert theta.jpg -o sphere.jpg --from dual_fisheye:fov=190\n"
+                  "  nodal convert r-*.jpg -o h-%04d.png --layout healpix --width 2048\n"
+                  "Where pixels become larger, each is a mean of what it covers.\n");
   auto args = std::make_shared<ConvertArgs>();
   add_frame_options(*command, args->frames);
-  add_layout_option(*command, args->layout, "Of the result (equirectangular when not given)");
+  add_layout_option(
+      *command, args->layout,
+      "Of the result (equirectangular when not given); faces: six files of a cube, town_right.jpg, _left,\n"
+      "_up, _down, _front and _back for -o town.jpg")
+      ->transform([args](const std::string& text) {
+        args->frames.faces_out = text == kFacesWord;
+        return std::string(args->frames.faces_out ? kFacesLayout : text);
+      });
   command
       ->add_option("--rotate", args->rotate,
                    "Turn the sphere: the middle of the result is what is YAW degrees to the right and PITCH above the\n"

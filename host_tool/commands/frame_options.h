@@ -3,6 +3,7 @@
 
 #include "host_tool/commands/command.h"
 #include "host_tool/commands/layout_option.h"
+#include "host_tool/output/cube_faces.h"
 #include "host_tool/output/raymap_frames.h"
 #include "stitch/geometry/raymap/fisheye_picture.h"
 
@@ -23,13 +24,18 @@ inline void add_frame_options(CLI::App& command, FrameOptions& options) {
       .add_option("--from", options.from,
                   "The raymaps' layout; as their metadata says when not given. Or pictures of an equidistant lens\n"
                   "with a circle of so many degrees: fisheye:fov=DEGREES; two side by side, front and back:\n"
-                  "dual_fisheye:fov=DEGREES")
+                  "dual_fisheye:fov=DEGREES. Or faces: six files of a cube, town_right.jpg, _left, _up, _down, _front\n"
+                  "and _back")
       ->type_name(layout_type())
       ->check(checked_by([](const std::string& text) -> Status {
         const auto lens = geometry::FisheyePicture::parse(text);
         if (!lens) return check_layout(text);
         return *lens ? Status{} : fail(lens->error());
-      }));
+      }))
+      ->transform([&options](const std::string& text) {
+        options.faces_in = text == kFacesWord;
+        return std::string(options.faces_in ? kFacesLayout : text);
+      });
   command.add_option("--filter", options.filter, "Between pixels (bicubic when not given)")
       ->type_name("nearest|bilinear|bicubic|lanczos")
       ->check(checked_by(view::parse_filter));

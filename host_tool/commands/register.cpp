@@ -260,10 +260,10 @@ Status run_register(Context& context, const RegisterArgs& args) {
     NODAL_TRY(write_file(args.rig_toml, toml));
   }
   if (!args.report.empty()) {
-    NODAL_TRY_ASSIGN(const std::string page, interruptible(console, [&] {
+    NODAL_TRY_ASSIGN(const HtmlReport page, interruptible(console, [&] {
                        return registration_report(input.calibration, input.frames(0), *report);
                      }));
-    NODAL_TRY(write_file(args.report, page));
+    NODAL_TRY(write_file(args.report, page.finish()));
   }
   Json document = register_json(*report);
   document["out"] = args.out;

@@ -161,7 +161,7 @@ Status run_status(Context& context, const StatusArgs& args) {
     } else {
       if (args.watch) console.home();
       show(console, status, rig->rig().rig_name(), rig->address());
-      if (args.watch) console.line(console.paint(Colour::kDim, "  Ctrl-C ends"));
+      if (args.watch) console.foot("Ctrl-C ends");
     }
     ++shown;
     if (!args.watch || shown == args.count || console.output_gone()) return {};

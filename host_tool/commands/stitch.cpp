@@ -1,7 +1,9 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <functional>
 #include <optional>
@@ -16,20 +18,25 @@
 #include "host_tool/commands/stitch_job.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
+#include "host_tool/report/stitch_report.h"
+#include "host_tool/report/verdict.h"
 #include "protocol/base/try.h"
 #include "stitch/geometry/raymap/layout.h"
 #include "stitch/media/raymap/raymap_file.h"
 #include "stitch/offline/best_blend.h"
 #include "stitch/offline/offline_blend.h"
+#include "stitch/offline/seam_check.h"
 
 namespace nodal::host {
 namespace {
 
 /// The value of --quality that chose the blend before there was --blend.
 constexpr const char* kBestAsQuality = "best";
+/// The older word for --blend board.
+constexpr const char* kBoardAsRig = "rig";
 
 int jpeg_quality(const StitchArgs& args) {
-  constexpr int kUsual = 92, kBest = 98;
+  constexpr int kUsual = 92, kBest = 95;
   if (!args.quality.empty()) return std::stoi(args.quality);
   return best(args) ? kBest : kUsual;
 }
@@ -74,15 +81,27 @@ Result<std::vector<std::uint8_t>> encode(const StitchJob& job, const DecodedImag
   return media::encode(cropped(raymap, part), file);
 }
 
+/// The equirectangular sphere with as many pixels as the raymap.
+bands::Grid sphere_of(const StitchJob& job) {
+  const int height = std::max(2, static_cast<int>(std::sqrt(std::int64_t{job.size.width} * job.size.height / 2.0)));
+  return {2 * height, height};
+}
+
 /// Makes the raymaps of a run, one after the other, in the way that the arguments ask for.
 class Stitcher {
  public:
   explicit Stitcher(const StitchJob& job) : job_(job) {}
 
-  /// `progress`: as for OfflineBlend::make.
-  Result<DecodedImage> stitch(std::span<const ImageView> pictures, const std::function<void(double)>& progress) {
+  /// `progress`: as for OfflineBlend::make. `checks`: the seams of this set, if not null.
+  Result<DecodedImage> stitch(std::span<const ImageView> pictures, const std::function<void(double)>& progress,
+                              std::vector<offline::SeamCheck>* checks) {
     NODAL_TRY(make(pictures.front().format, progress));
-    return best(job_.args) ? best_->blend(pictures) : board_->blend(pictures);
+    if (best(job_.args)) return best_->blend(pictures, checks);
+    if (checks != nullptr) {
+      NODAL_TRY_ASSIGN(*checks,
+                       offline::check_seams(job_.rig.calibration, pictures, sphere_of(job_), job_.args.threads));
+    }
+    return board_->blend(pictures);
   }
 
  private:
@@ -119,58 +138,98 @@ void tell_alpha(Console& console, const std::vector<HeadPicture>& set, const std
   }
 }
 
+/// The page beside a sphere whose calibration was found in its pictures.
+Status write_report(const StitchJob& job, const DecodedImage& raymap, const Verdict& verdict) {
+  NODAL_TRY_ASSIGN(const auto name, geometry::LayoutName::parse(job.args.layout));
+  NODAL_TRY_ASSIGN(const auto layout, geometry::make_layout(name, raymap.width, raymap.height));
+  bands::Window part;
+  if (job.part) part = {job.part->left, job.part->top, job.part->width, job.part->height};
+  else if (name.is_equirectangular()) part = bands::Window::all({raymap.width, raymap.height});
+  HtmlReport page =
+      stitch_report({raymap, *layout, part, verdict, job.rig.heads, job.rig.notes, job.rig.match->confidence});
+  if (job.details) page.details("How the pictures were registered", *job.details);
+  return write_file(beside(job.args.out, ".report.html"), page.finish());
+}
+
+/// The raymaps that are written, and what is to be said of the first one.
+struct Stitched {
+  std::string last;  ///< name of the last file
+  Verdict verdict;
+};
+
+Result<Stitched> stitch_sets(Console& console, StitchJob& job) {
+  const StitchArgs& args = job.args;
+  const std::size_t count = job.rig.sets.size();
+  const std::size_t left_out = job.rig.match ? job.rig.match->given - job.rig.match->placed : 0;
+  Stitcher stitcher(job);
+  Stitched stitched;
+  Progress bar(console, "stitching", 1000 * (count + 1));
+  const auto compiled = [&](double done) {
+    bar.update(static_cast<std::uint64_t>(1000 * done), "compiling the blend table");
+  };
+  for (std::size_t i = 0; i < count; ++i) {
+    if (interrupted()) return fail(Errc::kCancelled, fmt::format("stopped after {} of {} raymaps", i, count));
+    const bool rgb = args.bits == 16 || best(args);
+    NODAL_TRY_ASSIGN(auto pictures, interruptible(console, [&] { return take_set(job.rig, i, rgb); }));
+    if (i == 0) tell_alpha(console, job.rig.sets[i], pictures);
+    NODAL_TRY_ASSIGN(const std::string name, numbered_name(args.out, i));
+    NODAL_TRY_ASSIGN(auto file, interruptible(console, [&]() -> Result<std::vector<std::uint8_t>> {
+                       std::vector<ImageView> views;
+                       for (const DecodedImage& picture : pictures) views.push_back(picture.view());
+                       std::vector<offline::SeamCheck> checks;
+                       NODAL_TRY_ASSIGN(const DecodedImage raymap,
+                                        stitcher.stitch(views, compiled, i == 0 ? &checks : nullptr));
+                       if (i == 0) stitched.verdict = verdict_of(std::move(checks), job.rig.heads, left_out);
+                       if (i == 0 && job.rig.match) NODAL_TRY(write_report(job, raymap, stitched.verdict));
+                       return encode(job, raymap, pictures.front());
+                     }));
+    NODAL_TRY(write_file(name, file));
+    stitched.last = name;
+    bar.update(1000 * (i + 2), name);
+  }
+  return stitched;
+}
+
+/// What was found in the pictures, for scripts.
+void add_match(const StitchJob& job, Json& document) {
+  const PointMatch& match = *job.rig.match;
+  document["placed"] = match.placed;
+  document["given"] = match.given;
+  document["points"] = match.point_count;
+  document["median_px"] = match.median_px;
+  document["confidence"] = match.confidence;
+  const FoundLens& lens = match.lens;
+  document["lens"] = {{"seen_px", {lens.seen.from_px, lens.seen.to_px}},
+                      {"seen_deg", {lens.seen.from_deg, lens.seen.to_deg}},
+                      {"known_px", {lens.known.from_px, lens.known.to_px}},
+                      {"known_deg", {lens.known.from_deg, lens.known.to_deg}},
+                      {"known_everywhere", lens.whole},
+                      {"assumed_elsewhere", lens.family}};
+  document["calibration_file"] = beside(job.args.out, ".rig.json");
+  document["report"] = beside(job.args.out, ".report.html");
+  document["notes"] = job.rig.notes;
+}
+
 Status run_stitch(Context& context, const StitchArgs& args) {
   Console& console = context.console();
   const auto begin = std::chrono::steady_clock::now();
   NODAL_TRY_ASSIGN(StitchJob job, interruptible(console, [&] { return make_stitch_job(console, args); }));
   for (const std::string& note : job.rig.notes) console.note("note: " + note);
   const std::size_t count = job.rig.sets.size();
-  Stitcher stitcher(job);
-  std::string last;
-  {
-    Progress bar(console, "stitching", 1000 * (count + 1));
-    const auto compiled = [&](double done) {
-      bar.update(static_cast<std::uint64_t>(1000 * done), "compiling the blend table");
-    };
-    for (std::size_t i = 0; i < count; ++i) {
-      if (interrupted()) return fail(Errc::kCancelled, fmt::format("stopped after {} of {} raymaps", i, count));
-      const bool rgb = args.bits == 16 || best(args);
-      NODAL_TRY_ASSIGN(auto pictures, interruptible(console, [&] { return take_set(job.rig, i, rgb); }));
-      if (i == 0) tell_alpha(console, job.rig.sets[i], pictures);
-      NODAL_TRY_ASSIGN(const std::string name, numbered_name(args.out, i));
-      NODAL_TRY_ASSIGN(auto file, interruptible(console, [&]() -> Result<std::vector<std::uint8_t>> {
-                         std::vector<ImageView> views;
-                         for (const DecodedImage& picture : pictures) views.push_back(picture.view());
-                         NODAL_TRY_ASSIGN(const DecodedImage raymap, stitcher.stitch(views, compiled));
-                         return encode(job, raymap, pictures.front());
-                       }));
-      NODAL_TRY(write_file(name, file));
-      last = name;
-      bar.update(1000 * (i + 2), name);
-    }
-  }
+  NODAL_TRY_ASSIGN(const Stitched stitched, stitch_sets(console, job));
   const RaymapPart made = job.part.value_or(RaymapPart{0, 0, job.size.width, job.size.height});
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   Json document{{"raymaps", count},
-                {"out", last},
+                {"out", stitched.last},
                 {"layout", job.args.layout},
                 {"width", made.width},
                 {"height", made.height},
                 {"share", job.share},
                 {"calibration", to_hex(calibration_id(job.rig.calibration))},
+                {"verdict", name_of(stitched.verdict.word)},
+                {"seams", to_json(stitched.verdict, job.rig.heads)},
                 {"seconds", seconds}};
-  if (job.rig.match) {
-    document["confidence"] = job.rig.match->confidence;
-    const FoundLens& lens = job.rig.match->lens;
-    document["lens"] = {{"seen_px", {lens.seen.from_px, lens.seen.to_px}},
-                        {"seen_deg", {lens.seen.from_deg, lens.seen.to_deg}},
-                        {"known_px", {lens.known.from_px, lens.known.to_px}},
-                        {"known_deg", {lens.known.from_deg, lens.known.to_deg}},
-                        {"known_everywhere", lens.whole},
-                        {"assumed_elsewhere", lens.family}};
-    document["calibration_file"] = beside(args.out, ".rig.json");
-    document["notes"] = job.rig.notes;
-  }
+  if (job.rig.match) add_match(job, document);
   if (job.part) {
     document["crop"] = {
         {"left", made.left}, {"top", made.top}, {"full_width", job.size.width}, {"full_height", job.size.height}};
@@ -178,10 +237,11 @@ Status run_stitch(Context& context, const StitchArgs& args) {
   console.document(document);
   if (job.rig.match) {
     console.line(job.rig.match->confidence);
-    const std::string report = job.reported ? ", how well it fits: " + beside(args.out, ".report.html") : "";
-    console.line(fmt::format("calibration: {}{}", beside(args.out, ".rig.json"), report));
+    console.line(
+        fmt::format("calibration: {}, report: {}", beside(args.out, ".rig.json"), beside(args.out, ".report.html")));
   }
-  console.line(fmt::format("{}: {}x{}, {}, from {} heads ({:.1f} s)", count == 1 ? last : args.out, made.width,
+  console.line((count == 1 ? "" : "first sphere: ") + stitched.verdict.sentence);
+  console.line(fmt::format("{}: {}x{}, {}, from {} heads ({:.1f} s)", count == 1 ? stitched.last : args.out, made.width,
                            made.height, job.args.layout, job.rig.calibration.heads.size(), seconds));
   return {};
 }
@@ -201,12 +261,12 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       "  nodal stitch front/ back/ -o s-%04d.jpg                  the same, calibrated by the middle of it\n"
       "  nodal stitch rig.json cam*.png --layout cube --bits 16 -o light.png\n"
       "  nodal stitch --nominal 2x190 front.jpg back.jpg          two fisheyes of 190 degrees, back to back\n"
-      "  nodal stitch rig.json cam*.png --blend best              seams placed where the pictures agree\n"
+      "  nodal stitch rig.json cam*.png --blend board             the pixels that the rig's board makes\n"
       "Without a calibration, the pictures must be of equal lenses at one place and overlap; the calibration\n"
       "that is found (sphere.rig.json) and a report (sphere.report.html) are written beside the result.\n"
       "A calibration is Nodal's own, or a project of Hugin (.pto), PTGui (.pts), VideoStitch (.ptv),\n"
-      "Surround360, OpenCV or Kalibr. The pixels are those that the rig's board makes of these pictures;\n"
-      "with --blend best they are better, and sets are taken as a film: seams stay in place where they can.\n");
+      "Surround360, OpenCV or Kalibr. Sets are taken as a film: seams stay in place where they can.\n"
+      "The last line but one says how the first sphere looks at its seams: good, usable, or where to look.\n");
   auto args = std::make_shared<StitchArgs>();
   command
       ->add_option("INPUT", args->inputs,
@@ -229,10 +289,12 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       ->check(CLI::IsMember({8, 16}));
   CLI::Option* const blend = command->add_option(
       "--blend", args->blend,
-      "rig (when not given); or best: seams where the pictures agree, blended in many bands, cubic interpolation.\n"
-      "Slower; takes 60 bytes of memory a pixel");
-  blend->type_name("rig|best")->check(CLI::IsMember({"rig", "best"}));
-  command->add_option("--quality", args->quality, "JPEG quality, 1 to 100 (92 when not given; 98 with --blend best)")
+      "best (when not given): seams where the pictures agree, blended in many bands; takes 60 bytes of memory for\n"
+      "each pixel of the result. board: the pixels that the rig's board makes of these pictures; faster");
+  blend->type_name("best|board")->check(CLI::IsMember({"best", "board"}))->transform([](const std::string& word) {
+    return word == kBoardAsRig ? std::string("board") : word;
+  });
+  command->add_option("--quality", args->quality, "JPEG quality, 1 to 100 (95 when not given; 92 with --blend board)")
       ->type_name("N")
       ->check(checked_by([](const std::string& text) -> Status {
         int value = 0;
@@ -272,6 +334,7 @@ void add_stitch(CLI::App& app, CommandLine& line) {
   add_picture_places(*command, args->places);
   add_nominal_options(*command, args->nominal);
   command->parse_complete_callback([=] {
+    const bool chosen = !blend->empty() || args->quality == kBestAsQuality;
     if (args->quality == kBestAsQuality) {
       if (!blend->empty() && !best(*args)) {
         throw CLI::ValidationError(blend->get_name(), "--quality best is an older word for --blend best; leave it out");
@@ -280,7 +343,9 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       args->quality.clear();
     }
     for (const CLI::Option* other : {transition, seam_width, feather}) {
-      if (!best(*args) || other->empty()) continue;
+      if (other->empty()) continue;
+      if (!chosen) args->blend = "board";
+      if (!best(*args)) continue;
       throw CLI::ValidationError(other->get_name(),
                                  "--blend best passes from head to head in many bands; leave one of the two out");
     }

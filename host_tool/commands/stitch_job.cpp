@@ -30,12 +30,13 @@ Status check_names(const std::string& out, const std::vector<std::vector<std::st
                                            out, sets.size()));
 }
 
-/// Pictures without a calibration: finds one, and writes it and its report beside the raymap.
+/// Pictures without a calibration: finds one, and writes it beside the raymap.
 Status calibrate(Console& console, StitchJob& job) {
   NODAL_TRY_ASSIGN(job.rig, own_pictures(job.args.inputs, parse_split(job.args.split).value()));
   RigPictures& rig = job.rig;
   const std::vector<std::vector<std::string>> files = rig.files();
   NODAL_TRY(check_names(job.args.out, files));
+  for (const char* ending : {".rig.json", ".report.html"}) NODAL_TRY(check_free(beside(job.args.out, ending)));
   Progress bar(console, "calibrating", 1000);
   // Matching takes about as long as the registration.
   const auto show = [&](double from, double done, const std::string& what) {
@@ -56,9 +57,7 @@ Status calibrate(Console& console, StitchJob& job) {
       refined(rig, [&](double done, const std::string& what) { show(0.5, done, what); });
   if (report) {
     if (!match.lens.note.empty()) report->warnings.push_back(match.lens.note);
-    job.reported = true;
-    NODAL_TRY_ASSIGN(const std::string page, registration_report(rig.calibration, rig.frames(match.set), *report));
-    NODAL_TRY(write_file(beside(job.args.out, ".report.html"), page));
+    NODAL_TRY_ASSIGN(job.details, registration_report(rig.calibration, rig.frames(match.set), *report));
     rig.calibration = std::move(report->calibration);
   } else {
     rig.notes.push_back("the pictures' light is not matched: " + report.error().message);
@@ -153,6 +152,7 @@ Result<StitchJob> make_stitch_job(Console& console, const StitchArgs& args) {
   const Result<geometry::LayoutName> layout = layout_named(args.layout);
   if (!layout) return fail(layout.error().in("--layout"));
   job.args.layout = layout->text();
+  if (!has_number(args.out)) NODAL_TRY(check_free(args.out));
   const Result<media::RaymapFormat> format = media::raymap_format_of_name(args.out);
   if (!format) return fail(format.error().in("--out"));
   job.format = *format;

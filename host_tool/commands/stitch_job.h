@@ -9,6 +9,7 @@
 #include "host_tool/input/rig_pictures.h"
 #include "host_tool/input/up_choice.h"
 #include "host_tool/output/sphere_crop.h"
+#include "host_tool/report/html_report.h"
 #include "protocol/base/result.h"
 #include "stitch/geometry/raymap/layout.h"
 #include "stitch/media/raymap/raymap_file.h"
@@ -23,8 +24,8 @@ struct StitchArgs {
   std::string layout = "equirectangular";
   int width = 0;
   int bits = 8;
-  std::string blend = "rig";
-  std::string quality;  ///< quality of JPEGs; empty: the blend's
+  std::string blend = "best";  ///< or "board"
+  std::string quality;         ///< quality of JPEGs; empty: the blend's
   std::string transition = "two-band";
   double seam_width_deg = table::TableOptions().seam_width_deg;
   double feather = table::TableOptions().feather;
@@ -44,14 +45,14 @@ struct StitchJob {
   double share = 1;                ///< share of the sphere that the heads see
   std::optional<RaymapPart> part;  ///< what of the raymap is written, if not all
   RigPictures rig;
-  bool reported = false;  ///< there is a page that says how well a calibration from the pictures fits
+  std::optional<HtmlReport> details;  ///< how a calibration from the pictures was registered
 };
 
 /// The name of a file that belongs to the raymaps `out`: sphere.jpg or sphere-%04d.jpg, ".rig.json" -> sphere.rig.json.
 std::string beside(const std::string& out, const std::string& ending);
 
-/// Reads or finds the calibration, and plans the raymaps. A calibration that is found is written beside the result,
-/// with its report.
+/// Reads or finds the calibration, and plans the raymaps. A calibration that is found is written beside the
+/// result.
 Result<StitchJob> make_stitch_job(Console& console, const StitchArgs& args);
 
 }  // namespace nodal::host

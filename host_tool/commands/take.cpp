@@ -27,6 +27,7 @@ struct TakeOptions {
   std::string text;
   std::string thumbnails;
   bool off = false;
+  bool yes = false;
 };
 
 /// As OSC's listFiles writes it; null if the rig's clock was not set.
@@ -170,7 +171,23 @@ Status run_mark(Context& context, const TakeOptions& options) {
   return ask_about_take(context, request, "marked in take {}");
 }
 
+/// Asks a person whether this is the take that was meant.
+Status confirm_deletion(Context& context, std::uint64_t number) {
+  wire::Request request;
+  request.mutable_take_list();
+  NODAL_TRY_ASSIGN(const wire::Reply reply, context.ask(request));
+  for (const wire::TakeEntry& take : reply.takes().takes()) {
+    if (take.number() != number) continue;
+    const bool sure = context.console().confirmed(fmt::format(
+        "take {} ({}, {}, {}) is deleted from the rig's disk for good; copies elsewhere stay. Delete it?", number,
+        show_utc(take.started_utc_ns()), show_duration(take.length_ns()), show_bytes(take.bytes())));
+    return sure ? Status() : fail(Errc::kCancelled, fmt::format("take {} was not deleted", number));
+  }
+  return {};  // the rig says that there is none
+}
+
 Status run_delete(Context& context, const TakeOptions& options) {
+  if (!options.yes) NODAL_TRY(confirm_deletion(context, options.take));
   wire::Request request;
   request.mutable_take_delete()->set_take(options.take);
   return ask_about_take(context, request, "take {} is deleted");
@@ -214,8 +231,10 @@ void add_take(CLI::App& app, CommandLine& line) {
   add_take_verify(*take, line);
   add_take_export(*take, line);
   auto deleted = std::make_shared<TakeOptions>();
-  CLI::App* remove = add_command(*take, "delete", "Deletes a take from the rig's disk", "  nodal take delete 42\n");
+  CLI::App* remove = add_command(*take, "delete", "Deletes a take from the rig's disk; on a terminal it asks first",
+                                 "  nodal take delete 42\n");
   remove->add_option("TAKE", deleted->take, "Its number")->required()->type_name("");
+  remove->add_flag("-y,--yes", deleted->yes, "Do not ask");
   line.on(remove, [deleted](Context& context) { return run_delete(context, *deleted); });
   auto kept = std::make_shared<TakeOptions>();
   CLI::App* protect = add_command(*take, "protect", "Protects a take from being deleted",

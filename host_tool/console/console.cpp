@@ -69,6 +69,12 @@ std::size_t columns_of(std::FILE* file) {
   return stated ? size.ws_col : kLineWidth;
 }
 
+/// 0: it does not say.
+std::size_t rows_of(std::FILE* file) {
+  winsize size{};
+  return file != nullptr && ::ioctl(fileno(file), TIOCGWINSZ, &size) == 0 ? size.ws_row : 0;
+}
+
 /// The first `columns` visible characters.
 std::string cut_to(const std::string& text, std::size_t columns) {
   std::string result = text;
@@ -105,7 +111,15 @@ int Console::end_output() {
 }
 
 void Console::line(std::string_view text) {
-  if (!json_) bytes((out_terminal_ ? fitted(shown(text), columns_of(out_)) : shown(text)) + "\n");
+  if (json_) return;
+  const std::string fit = (out_terminal_ ? fitted(shown(text), columns_of(out_)) : shown(text)) + "\n";
+  const auto lines = static_cast<std::size_t>(std::ranges::count(fit, '\n'));
+  if (room_ && (cut_ > 0 || lines > *room_)) {
+    cut_ += lines;
+    return;
+  }
+  if (room_) *room_ -= lines;
+  bytes(fit);
 }
 
 void Console::help(const std::string& text) { bytes(out_terminal_ ? fitted(text, columns_of(out_)) : text); }
@@ -149,8 +163,29 @@ std::string Console::paint(Colour colour, std::string_view text) const {
   return paint_for(out_terminal_ && !json_, colour, text);
 }
 
+bool Console::confirmed(std::string_view question) {
+  if (json_ || !err_terminal_ || ::isatty(STDIN_FILENO) != 1) return true;
+  finish_progress();
+  put(err_, shown(question) + " [y/N] ");
+  std::fflush(err_);
+  std::array<char, 16> answer{};
+  if (std::fgets(answer.data(), answer.size(), stdin) == nullptr) return false;
+  return answer[0] == 'y' || answer[0] == 'Y';
+}
+
 void Console::home() {
-  if (out_terminal_ && !json_) bytes("\x1b[H\x1b[J");
+  if (!out_terminal_ || json_) return;
+  bytes("\x1b[H\x1b[J");
+  constexpr std::size_t kFoot = 2;  // the foot's line and the cursor's
+  if (const std::size_t rows = rows_of(out_); rows > kFoot) room_ = rows - kFoot;
+  cut_ = 0;
+}
+
+void Console::foot(std::string_view text) {
+  room_.reset();
+  line(paint(Colour::kDim, cut_ == 0 ? fmt::format("  {}", text)
+                                     : fmt::format("  {}; {} more lines in a higher window", text, cut_)));
+  cut_ = 0;
 }
 
 void Console::progress(std::string_view text) {

@@ -60,8 +60,14 @@ class Console {
   /// The text in colour if standard output is a terminal and NO_COLOR is not set.
   std::string paint(Colour colour, std::string_view text) const;
 
-  /// Clears the terminal's screen from the top, for a display that is redrawn repeatedly.
+  /// Asks a person, and returns whether the answer is yes; true where nobody can be asked, because standard input or
+  /// error is no terminal, or programs read the answer.
+  bool confirmed(std::string_view question);
+
+  /// Clears the terminal's screen from the top, for a display that is redrawn repeatedly. Lines that have no room on
+  /// the screen are not printed until foot(), which says how many there were, and `text`.
   void home();
+  void foot(std::string_view text);
 
   /// A line on standard error that is overwritten, for progress; finish_progress() ends it.
   void progress(std::string_view text);
@@ -80,6 +86,8 @@ class Console {
   bool colour_;
   bool json_ = false;
   bool progress_shown_ = false;
+  std::optional<std::size_t> room_;  ///< lines of the screen that are left, after home()
+  std::size_t cut_ = 0;              ///< lines that had no room
   std::string activity_;
 };
 

@@ -170,11 +170,15 @@ Result<RigPictures> own_pictures(const std::vector<std::string>& arguments, cons
   OpenPictures opened;
   for (const std::string& argument : arguments) {
     if (!is_folder(argument)) {
-      NODAL_TRY(opened.header_of(argument));
+      NODAL_TRY_ASSIGN(const ImageHeader header, opened.header_of(argument));
+      if (arguments.size() > 1 && is_sphere(header)) {
+        return fail(Errc::kBadValue, argument + ": this is a sphere already (GPano), and no head's picture; give the " +
+                                         "pictures that it was made of");
+      }
       files.push_back(argument);
       continue;
     }
-    NODAL_TRY_ASSIGN(const PictureFolder found, sequences ? sequence_in(argument) : pictures_in(argument, opened));
+    NODAL_TRY_ASSIGN(const PictureFolder found, sequences ? sequence_in(argument) : head_pictures_in(argument, opened));
     const std::vector<std::string>& inside = found.files;
     if (!found.left_out.empty()) own.notes.push_back(found.left_out);
     if (!sequences) {
@@ -264,6 +268,10 @@ Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const U
       "{} of {} pictures placed by {} points that two of them show; the points, which are {}, agree within {:.1f} px "
       "(median)",
       placed.size(), files.size(), found.matches, text_of(match.lens.seen), found.error_px);
+  match.placed = placed.size();
+  match.given = files.size();
+  match.point_count = found.matches;
+  match.median_px = found.error_px;
   rig.match = std::move(match);
   keep_heads(rig, found.placed);
   const std::string note = up_note(found.up);

@@ -15,6 +15,7 @@
 #include "protocol/files/open_file.h"
 #include "stitch/media/picture_bytes.h"
 #include "stitch/media/picture_folder.h"
+#include "stitch/media/xmp/xmp.h"
 
 namespace nodal::host {
 
@@ -48,9 +49,33 @@ std::shared_ptr<media::PictureBytes> OpenPictures::take(const std::string& file)
   return found ? std::move(found.mapped()) : nullptr;
 }
 
-Result<PictureFolder> pictures_in(const std::string& folder, OpenPictures& opened) {
-  return media::pictures_in(
-      folder, [&](const fs::path& file) { return opened.header_of(file.string()); }, true);
+bool is_sphere(const ImageHeader& picture) {
+  return !picture.metadata.xmp.empty() && media::parse_xmp(picture.metadata.xmp).area.has_value();
+}
+
+Result<PictureFolder> head_pictures_in(const std::string& folder, OpenPictures& opened) {
+  std::vector<std::string> spheres;
+  Result<PictureFolder> pictures = media::pictures_in(
+      folder,
+      [&](const fs::path& file) {
+        Result<ImageHeader> header = opened.header_of(file.string());
+        if (header && is_sphere(*header)) spheres.push_back(file.string());
+        return header;
+      },
+      true);
+  if (!pictures || spheres.empty()) return pictures;
+  std::ranges::sort(spheres);
+  for (const std::string& sphere : spheres) opened.take(sphere);
+  std::erase_if(pictures->files, [&](const std::string& file) { return std::ranges::binary_search(spheres, file); });
+  const std::string named = spheres.size() == 1 ? "a sphere (" + fs::path(spheres.front()).filename().string() + ")"
+                                                : fmt::format("{} spheres ({} and others)", spheres.size(),
+                                                              fs::path(spheres.front()).filename().string());
+  if (pictures->files.empty()) {
+    return fail(Errc::kNotFound, folder + ": there is no head's picture in this folder; it holds " + named);
+  }
+  pictures->left_out = fmt::format("{}{} is a result and no head's picture, and is left out",
+                                   pictures->left_out.empty() ? folder + ": " : pictures->left_out + "; ", named);
+  return pictures;
 }
 
 Result<PictureFolder> pictures_in(const std::string& folder) {

@@ -31,9 +31,14 @@ class OpenPictures {
   std::map<std::string, std::shared_ptr<media::PictureBytes>> files_;
 };
 
-/// media::pictures_in() with every format that nodal reads. With `opened`, pictures stay open there.
+/// Whether a picture is said to be a sphere or a part of one (GPano), as results of Nodal and other programs are.
+bool is_sphere(const ImageHeader& picture);
+
+/// media::pictures_in() with every format that nodal reads.
 Result<PictureFolder> pictures_in(const std::string& folder);
-Result<PictureFolder> pictures_in(const std::string& folder, OpenPictures& opened);
+
+/// The same for heads' pictures, which stay open in `opened`. Spheres are left out: they are results of earlier runs.
+Result<PictureFolder> head_pictures_in(const std::string& folder, OpenPictures& opened);
 
 /// The same for a sequence, in which a missing picture would move all later ones to another set.
 /// Errors: also those of the first file that is called like a picture and cannot be read.

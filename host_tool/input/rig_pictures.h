@@ -42,7 +42,10 @@ struct FoundLens {
 /// How a calibration was found in the pictures of one set.
 struct PointMatch {
   std::size_t set = 0;
-  std::string confidence;  ///< one sentence: how many pictures were placed, by what, and how well they agree
+  std::string confidence;             ///< one sentence: how many pictures were placed, by what, and how well they agree
+  std::size_t placed = 0, given = 0;  ///< numbers of pictures
+  std::size_t point_count = 0;        ///< points that agree, each in two pictures
+  double median_px = 0;               ///< how well they agree
   std::shared_ptr<const std::vector<autocalibration::Match>> points;  ///< those that agree, between placed pictures
   FoundLens lens;
 };

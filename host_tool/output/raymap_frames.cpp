@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <chrono>
 
 #include "host_tool/console/console.h"
@@ -9,6 +10,7 @@
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/overwriting.h"
 #include "host_tool/input/pictures.h"
+#include "host_tool/output/cube_faces.h"
 #include "host_tool/output/layout_name.h"
 #include "host_tool/output/raymap_sink.h"
 #include "host_tool/output/turned_pose.h"
@@ -42,6 +44,18 @@ Result<FrameInput> read_frame(const std::string& file, bool from_metadata) {
   Result<DecodedImage> whole = media::whole_sphere(std::move(picture), *area);
   if (!whole) return fail(whole.error().in(file));
   return FrameInput{std::move(*whole), true};
+}
+
+/// The six faces of a cube, side by side.
+Result<FrameInput> read_faces(const std::vector<std::string>& inputs) {
+  NODAL_TRY_ASSIGN(const auto files, face_files(inputs));
+  std::array<DecodedImage, kFaces> faces;
+  for (std::size_t face = 0; face < kFaces; ++face) {
+    NODAL_TRY_ASSIGN(FrameInput input, read_frame(files[face], false));
+    faces[face] = std::move(input.picture);
+  }
+  NODAL_TRY_ASSIGN(DecodedImage row, row_of_faces(faces));
+  return FrameInput{std::move(row), false};
 }
 
 /// What the inputs show.
@@ -114,6 +128,30 @@ Result<std::vector<std::uint8_t>> encode(DecodedImage&& made, const DecodedImage
   return media::encode(made, file);
 }
 
+struct FaceFiles {
+  std::string out;
+  media::RaymapFormat format = media::RaymapFormat::kJpg;
+  int quality = 92;
+};
+
+/// A face alone is a picture of 90 degrees: place and time are true of it.
+Status write_faces(Console& console, const DecodedImage& row, const DecodedImage& of, const FaceFiles& files) {
+  for (std::size_t face = 0; face < kFaces; ++face) {
+    NODAL_TRY_ASSIGN(const auto bytes, interruptible(console, [&] {
+                       DecodedImage one = face_of_row(row, face);
+                       one.meaning = of.meaning;
+                       media::RaymapFile file;
+                       file.format = files.format;
+                       file.quality = files.quality;
+                       file.comment = fmt::format("nodal convert face={}", kFaceNames[face]);
+                       file.kept = media::kept_metadata(of.metadata, media::Keep::kPlaceAndTime);
+                       return media::encode(one, file);
+                     }));
+    NODAL_TRY(write_file(face_file(files.out, face), bytes));
+  }
+  return {};
+}
+
 /// Alpha is left out of results, which are of whole spheres or views.
 void tell_alpha(Console& console, const std::string& file, const DecodedImage& picture) {
   if (picture.meaning.alpha) console.note(fmt::format("note: {} has an alpha channel, which is left out", file));
@@ -121,11 +159,18 @@ void tell_alpha(Console& console, const std::string& file, const DecodedImage& p
 
 /// How many pictures are made.
 std::size_t count_of(const FrameOptions& options) {
-  return options.pictures > 0 ? options.pictures : options.inputs.size();
+  if (options.pictures > 0) return options.pictures;
+  return options.faces_in ? 1 : options.inputs.size();
 }
 
 Status check_names(const FrameOptions& options) {
+  if (options.out == "-" && options.faces_out) {
+    return fail(Errc::kBadValue, "--out -: six files cannot be sent on; give a name such as cube.jpg");
+  }
   if (options.out == "-") return {};
+  for (std::size_t face = 0; face < kFaces && options.faces_out; ++face) {
+    NODAL_TRY(check_output(face_file(options.out, face), {options.inputs}, count_of(options)));
+  }
   const std::size_t count = count_of(options);
   if (count > 1 && !has_number(options.out)) {
     return fail(Errc::kBadValue,
@@ -157,8 +202,10 @@ Status run_frame_job(Console& console, const FrameOptions& options,
     for (std::size_t k = 0; k < count; ++k) {
       if (interrupted()) return fail(Errc::kCancelled, fmt::format("stopped after {} of {} pictures", k, count));
       if (k < options.inputs.size()) {
-        NODAL_TRY_ASSIGN(FrameInput read,
-                         interruptible(console, [&] { return read_frame(options.inputs[k], options.from.empty()); }));
+        NODAL_TRY_ASSIGN(FrameInput read, interruptible(console, [&] {
+                           return options.faces_in ? read_faces(options.inputs)
+                                                   : read_frame(options.inputs[k], options.from.empty());
+                         }));
         input = std::move(read);
       }
       const DecodedImage& picture = input->picture;
@@ -174,10 +221,16 @@ Status run_frame_job(Console& console, const FrameOptions& options,
                                 "one size",
                                 options.inputs[k], picture.width, picture.height, size.width, size.height));
       }
+      const Stopwatch watch;
+      DecodedImage result = interruptible(console, [&] { return job->paint(picture, k); });
+      resampling_seconds += watch.seconds();
+      if (options.faces_out) {
+        last = numbered_name(options.out, k).value();
+        NODAL_TRY(write_faces(console, result, picture, {last, *format, options.quality}));
+        bar.update(k + 1, last);
+        continue;
+      }
       NODAL_TRY_ASSIGN(const auto file, interruptible(console, [&] {
-                         const Stopwatch watch;
-                         DecodedImage result = job->paint(picture, k);
-                         resampling_seconds += watch.seconds();
                          return encode(std::move(result), picture, *format, *job, options.quality);
                        }));
       if (piped) {

@@ -24,6 +24,8 @@ struct FrameOptions {
   int quality = 92;
   int threads = 0;
   std::size_t pictures = 0;  ///< number of results made from one input; 0: one from each input
+  bool faces_in = false;     ///< the inputs are the six faces of one cube (cube_faces.h)
+  bool faces_out = false;    ///< each result is six files
 };
 
 /// What every picture becomes.

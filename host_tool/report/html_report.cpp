@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 
 namespace nodal::host {
 namespace {
@@ -14,12 +15,15 @@ constexpr std::array kColours{"#0b6e99", "#d9480f", "#2b8a3e", "#862e9c", "#c92a
 constexpr const char* kStyle =
     "body{font:15px/1.5 system-ui,sans-serif;color:#222;max-width:1100px;margin:2em auto;padding:0 1em}"
     "h1{font-size:1.6em;margin-bottom:0}h2{font-size:1.15em;margin:2em 0 .5em;border-bottom:1px solid #ddd}"
-    "p.summary{color:#555;margin-top:.2em}p.warning{background:#fff3bf;border-left:4px solid #f08c00;padding:.5em 1em}"
+    "details{margin:2em "
+    "0}summary{font-size:1.15em;cursor:pointer}p.summary{color:#555;margin-top:.2em}p.warning{background:#fff3bf;"
+    "border-left:4px solid #f08c00;padding:.5em 1em}"
     "table{border-collapse:collapse;font-size:14px}td,th{padding:.25em .8em;border-bottom:1px solid #eee;"
     "text-align:left}td.n{text-align:right;font-variant-numeric:tabular-nums}"
     "figure{display:inline-block;margin:0 1em 1em 0;vertical-align:top;max-width:340px}figure img{width:100%}"
     "figcaption{font-size:13px;color:#555}svg{background:#fafafa;border:1px solid #eee;max-width:100%;height:auto}"
-    "div.table{overflow-x:auto}figure.wide{display:block;max-width:100%;margin-right:0}"
+    "div.table{overflow-x:auto}figure.wide{display:block;max-width:100%;margin-right:0}figure.wide "
+    "img{width:auto;max-width:100%}"
     "@media(prefers-color-scheme:dark){body{background:#1b1b1b;color:#ddd}svg{background:#eee}p.warning{color:#222}"
     "td,th{border-color:#333}p.summary,figcaption{color:#aaa}}";
 
@@ -141,7 +145,7 @@ std::string html_escaped(std::string_view text) {
 }
 
 HtmlReport::HtmlReport(std::string_view title, std::string_view summary) : title_(html_escaped(title)) {
-  body_ = "<h1>" + title_ + "</h1>\n<p class=\"summary\">" + html_escaped(summary) + "</p>\n";
+  if (!title_.empty()) body_ = "<h1>" + title_ + "</h1>\n<p class=\"summary\">" + html_escaped(summary) + "</p>\n";
 }
 
 void HtmlReport::heading(std::string_view text) { body_ += "<h2>" + html_escaped(text) + "</h2>\n"; }
@@ -221,6 +225,15 @@ void HtmlReport::chart(std::string_view title, std::string_view x_label, std::st
 }
 
 void HtmlReport::drawing(std::string_view svg) { body_ += svg; }
+
+void HtmlReport::details(std::string_view title, const HtmlReport& page) {
+  std::string body = page.body_;
+  // A page has one title.
+  for (const auto& [tag, lower] : {std::pair("<h1>", "<h2>"), std::pair("</h1>", "</h2>")}) {
+    if (const std::size_t at = body.find(tag); at != std::string::npos) body.replace(at, std::strlen(tag), lower);
+  }
+  body_ += "<details><summary>" + html_escaped(title) + "</summary>\n" + body + "</details>\n";
+}
 
 std::string HtmlReport::finish() const {
   return "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"

@@ -24,7 +24,7 @@ struct ChartSeries {
 /// Errors: none; text is escaped, and values that are not finite are left out of charts.
 class HtmlReport {
  public:
-  /// `summary` is shown below the title.
+  /// `summary` is shown below the title. Without a title: the contents of details().
   HtmlReport(std::string_view title, std::string_view summary);
 
   void heading(std::string_view text);
@@ -41,6 +41,8 @@ class HtmlReport {
 
   /// Unmodified SVG; the caller must have escaped its text.
   void drawing(std::string_view svg);
+  /// The contents of another page, which are not shown until the title is clicked.
+  void details(std::string_view title, const HtmlReport& page);
 
   std::string finish() const;
 

@@ -263,7 +263,7 @@ std::string poor_pairs(const Report& report) {
       kPoorAgreement, names);
 }
 
-Result<std::string> registration_report(const Calibration& prior, const FrameSet& frames, const Report& report) {
+Result<HtmlReport> registration_report(const Calibration& prior, const FrameSet& frames, const Report& report) {
   const Result<PicturedHeads> before = PicturedHeads::make(prior, frames),
                               after = PicturedHeads::make(report.calibration, frames);
   if (!before) return fail(before.error());
@@ -289,7 +289,7 @@ Result<std::string> registration_report(const Calibration& prior, const FrameSet
   add_graph(*after, report, page);
   add_pairs(report, page);
   add_seams(*before, *after, report, page);
-  return page.finish();
+  return page;
 }
 
 }  // namespace nodal::host

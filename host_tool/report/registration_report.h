@@ -3,6 +3,7 @@
 
 #include <string>
 
+#include "host_tool/report/html_report.h"
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
 #include "stitch/registration/registration.h"
@@ -15,7 +16,7 @@ std::string poor_pairs(const registration::Report& report);
 /// One HTML file: heads with their uncertainties, the decrease of the objective, the sphere and the heads' differences
 /// before and after, the overlaps, and close-ups of the largest seams. Of several frame sets the first is shown.
 /// Errors: those of the calibrations.
-Result<std::string> registration_report(const Calibration& prior, const registration::FrameSet& frames,
-                                        const registration::Report& report);
+Result<HtmlReport> registration_report(const Calibration& prior, const registration::FrameSet& frames,
+                                       const registration::Report& report);
 
 }  // namespace nodal::host

@@ -98,7 +98,7 @@ Result<BestBlend> BestBlend::make(const Calibration& calibration, const table::R
   return made;
 }
 
-Result<DecodedImage> BestBlend::blend(std::span<const ImageView> pictures) {
+Status BestBlend::check_pictures(std::span<const ImageView> pictures) const {
   if (pictures.size() != heads_.size()) {
     return fail(Errc::kHeadMismatch, std::to_string(pictures.size()) + " pictures for " +
                                          std::to_string(heads_.size()) + " heads; give one a head");
@@ -116,6 +116,11 @@ Result<DecodedImage> BestBlend::blend(std::span<const ImageView> pictures) {
                                          std::to_string(heads_[h].head().height()) + " (" +
                                          std::string(pixel_format_name(in_8_bits(format_))) + ") are needed");
   }
+  return {};
+}
+
+Result<DecodedImage> BestBlend::blend(std::span<const ImageView> pictures, std::vector<SeamCheck>* checks) {
+  NODAL_TRY(check_pictures(pictures));
   const parallel::Workers workers(threads_);
   const int colours = component_count(format_);
   const Parallax parallax(heads_, pictures, kFlowColumns, workers);
@@ -129,6 +134,10 @@ Result<DecodedImage> BestBlend::blend(std::span<const ImageView> pictures) {
                                 [&](const Eigen::Vector3d& ray) { return parallax.moved(h, ray); }));
     }
     labels_ = seams::place_seams(views, labels_);
+  }
+  if (checks != nullptr) {
+    const MovedRay moved = [&](std::size_t h, const Eigen::Vector3d& ray) { return parallax.moved(h, ray); };
+    *checks = check_seams(heads_, pictures, moved, {labels_, map_}, sphere_, workers);
   }
   const std::vector<std::uint8_t> owner_of = owners(pictures, parallax);
   bands::MultiBand bands(sphere_, colours, threads_);

@@ -11,6 +11,7 @@
 #include "stitch/bands/layer.h"
 #include "stitch/geometry/raymap/layout.h"
 #include "stitch/offline/head_picture.h"
+#include "stitch/offline/seam_check.h"
 #include "stitch/seams/placement.h"
 #include "stitch/table/table_compiler.h"
 
@@ -39,8 +40,9 @@ class BestBlend {
   static Result<BestBlend> make(const Calibration& calibration, const table::RaymapSpec& raymap, int threads);
 
   /// One picture per head, in the calibration's order; RGB24, or GREY for a grey raymap; one without data is a missing
-  /// head. Errors: kHeadMismatch, with the head's number, for a picture of another size or format.
-  Result<DecodedImage> blend(std::span<const ImageView> pictures);
+  /// head. `checks`, if not null, gets how well the pictures go on across the seams of this set.
+  /// Errors: kHeadMismatch, with the head's number, for a picture of another size or format.
+  Result<DecodedImage> blend(std::span<const ImageView> pictures, std::vector<SeamCheck>* checks = nullptr);
 
   /// The seams of the last set, and their map.
   const seams::Labels& labels() const { return labels_; }
@@ -48,6 +50,7 @@ class BestBlend {
 
  private:
   BestBlend() = default;
+  Status check_pictures(std::span<const ImageView> pictures) const;
   /// The head that shows each pixel of the sphere.
   std::vector<std::uint8_t> owners(std::span<const ImageView> pictures, const Parallax& parallax) const;
   void choose_owners_of_row(int y, std::span<const ImageView> pictures, const Parallax& parallax,

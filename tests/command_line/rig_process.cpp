@@ -111,6 +111,15 @@ void RigTest::wait_until_durable() const {
   }));
 }
 
+void RigTest::start_rig_with_takes() {
+  std::string toml = read("rig.toml");
+  const std::string links = "[sim]\n";
+  toml.replace(toml.find(links), links.size(), "[takes]\nfolder = \"takes\"\nbuffer_mb = 16\n" + links);
+  write("rig.toml", toml);
+  start_nodald();
+  bring_up();
+}
+
 void RigTest::bring_up() const {
   const Finished uploaded = nodal({"calibration", "upload", path("six.json")});
   ASSERT_EQ(uploaded.code, 0) << uploaded.err;

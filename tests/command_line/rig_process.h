@@ -54,6 +54,8 @@ class RigTest : public ::testing::Test {
   void wait_until_durable() const;
   /// Uploads six.json, starts the genlock and waits until it is locked.
   void bring_up() const;
+  /// Both, of a rig that records takes.
+  void start_rig_with_takes();
   /// Writes a program for NODAL_SSH: a shell script in which BRIDGE is replaced by the bridge command.
   void fake_ssh(const std::string& script);
 

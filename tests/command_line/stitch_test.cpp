@@ -59,9 +59,10 @@ TEST_F(StitchCommand, PicturesAndACalibration_GiveASphereThatShowsTheScene) {
 TEST_F(StitchCommand, BestBlend_ShowsTheSceneAtLeastAsWell) {
   write_pictures("pictures");
   Words words{"stitch", path("rig.json"), path("pictures"), "-o", path("sphere.png")};
-  ASSERT_EQ(nodal(words).code, 0);
+  Words board = words;
+  board.insert(board.end(), {"--blend", "board"});
+  ASSERT_EQ(nodal(board).code, 0);
   const double usual = correlation_with_town(media::read_image(path("sphere.png"), PixelFormat::kRgb24).value());
-  words.insert(words.end(), {"--blend", "best"});
   ASSERT_EQ(nodal(words).code, 0);
   EXPECT_GT(correlation_with_town(media::read_image(path("sphere.png"), PixelFormat::kRgb24).value()), usual - 0.001);
 }
@@ -76,7 +77,7 @@ TEST_F(StitchCommand, TwentyFourPictures_WithAndWithoutACalibration) {
                       test::png_of(rig.bytes[h], kRingSide, kRingSide, 3));
   }
   write("rig.json", to_json(rig.truth));
-  const Words options{"--width", "640", "-o", path("sphere.png")};
+  const Words options{"--width", "640", "--blend", "board", "-o", path("sphere.png")};
   Words words{"stitch", path("rig.json"), path("pictures")};
   words.insert(words.end(), options.begin(), options.end());
   const Finished known = nodal(words);
@@ -110,8 +111,8 @@ TEST_F(StitchCommand, TheBoardAndTheCommand_MakeTheSameBytes) {
   const Finished pulled = nodal({"raymap", "pull", "--out", path("board.raw")});
   ASSERT_EQ(pulled.code, 0) << pulled.err;
   for (const char* threads : {"1", "3"}) {
-    const Finished run = nodal(
-        {"stitch", path("rig.json"), path("pictures"), "--width", "256", "--threads", threads, "-o", path("here.raw")});
+    const Finished run = nodal({"stitch", path("rig.json"), path("pictures"), "--blend", "board", "--width", "256",
+                                "--threads", threads, "-o", path("here.raw")});
     ASSERT_EQ(run.code, 0) << run.err;
     EXPECT_EQ(read("here.raw").size(), 256U * 128 * 3);
     EXPECT_TRUE(read("here.raw") == read("board.raw")) << threads << " threads";
@@ -207,8 +208,8 @@ TEST_F(StitchCommand, EveryLayout_IsMade) {
   write_pictures("pictures");
   for (const geometry::LayoutKind& kind : geometry::layout_kinds()) {
     const std::string name(kind.name);
-    const Json answer = nodal_json({"stitch", path("rig.json"), path("pictures"), "--layout", name, "--width", "60",
-                                    "-o", path(name + ".png")})
+    const Json answer = nodal_json({"stitch", path("rig.json"), path("pictures"), "--blend", "board", "--layout", name,
+                                    "--width", "60", "-o", path(name + ".png")})
                             .at(0);
     EXPECT_EQ(answer["layout"], name);
     const DecodedImage picture = media::read_image(path(name + ".png"), PixelFormat::kRgb24).value();
@@ -298,6 +299,12 @@ TEST_F(StitchCommand, PicturesAlone_GiveTheSphereAndTheCalibration) {
   }
   write("own/notes.txt", "not a picture");
   const Json answer = nodal_json({"stitch", path("own"), "--width", "512", "-o", path("town.png")}).at(0);
+  EXPECT_EQ(answer["placed"], 6);
+  EXPECT_EQ(answer["given"], 6);
+  EXPECT_GT(answer["points"], 50);
+  EXPECT_LT(answer["median_px"], 1);
+  EXPECT_EQ(answer["verdict"], "good") << answer["seams"];
+  EXPECT_EQ(answer["report"], path("town.report.html"));
   EXPECT_NE(answer["confidence"].get<std::string>().find("6 of 6 pictures placed"), std::string::npos) << answer;
   EXPECT_NE(answer["confidence"].get<std::string>().find("° from the lens's axis"), std::string::npos) << "says where";
   EXPECT_GT(answer["lens"]["seen_deg"][1], answer["lens"]["seen_deg"][0]) << answer;
@@ -356,7 +363,7 @@ TEST_F(StitchCommand, WhatCannotBeDone_IsSaidInOneSentence) {
   expect_refused({rig, pictures, "--transition", "cut"}, "--transition");
   expect_refused({rig, pictures, "--quality", "better"}, "from 1 to 100");
   expect_refused({rig, pictures, "--quality", "best", "--feather", "0.2"}, "--feather: --blend best");
-  expect_refused({rig, pictures, "--quality", "best", "--blend", "rig"}, "--blend: --quality best is an older word");
+  expect_refused({rig, pictures, "--quality", "best", "--blend", "board"}, "--blend: --quality best is an older word");
   expect_refused({rig, pictures, "-o", path("no/such/folder/out.jpg")}, "no/such/folder");
   test::write_bytes(path("pictures/cam3.png"), test::png_of(std::vector<std::uint8_t>(64 * 64 * 3), 64, 64, 3));
   expect_refused({rig, pictures, "-o", path("out.jpg")}, "cam3.png: the picture has 64x64 pixels");

@@ -11,14 +11,6 @@ namespace fs = std::filesystem;
 
 class TakeTells : public RigTest {
  protected:
-  void start_rig() {
-    std::string toml = read("rig.toml");
-    const std::string links = "[sim]\n";
-    toml.replace(toml.find(links), links.size(), "[takes]\nfolder = \"takes\"\nbuffer_mb = 16\n" + links);
-    write("rig.toml", toml);
-    start_nodald();
-    bring_up();
-  }
   /// Records a take until it has so many sets.
   void record(std::uint64_t sets) {
     ASSERT_EQ(nodal({"take", "start"}).code, 0);
@@ -45,7 +37,7 @@ class TakeTells : public RigTest {
 
 TEST_F(TakeTells, AtAnotherRateThanRigToml_EveryFilmAndDocumentHasIt) {
   if (Process({"sh", "-c", "command -v ffmpeg"}).wait().code != 0) GTEST_SKIP() << "ffmpeg is not installed";
-  start_rig();
+  start_rig_with_takes();
   ASSERT_EQ(nodal({"genlock", "start", "--rate", "50"}).code, 0);
   ASSERT_TRUE(wait_until([&] { return nodal_json({"status"}).at(0)["genlock"]["state"] == "locked"; },
                          std::chrono::seconds(60)));
@@ -70,7 +62,7 @@ TEST_F(TakeTells, AtAnotherRateThanRigToml_EveryFilmAndDocumentHasIt) {
 }
 
 TEST_F(TakeTells, ACopyThatIsNotComplete_IsCalledSoByEveryCommand) {
-  start_rig();
+  start_rig_with_takes();
   record(10);
   ASSERT_EQ(nodal({"offload", "1", "--to", path("off")}).code, 0);
   const std::string copy = path("off/000001");
@@ -86,7 +78,7 @@ TEST_F(TakeTells, ACopyThatIsNotComplete_IsCalledSoByEveryCommand) {
 }
 
 TEST_F(TakeTells, OneTakeCannotBeDeleted_JsonHasItAndTheOthersToo) {
-  start_rig();
+  start_rig_with_takes();
   record(5);
   record(5);
   ASSERT_EQ(nodal({"take", "protect", "1"}).code, 0);
@@ -102,7 +94,7 @@ TEST_F(TakeTells, OneTakeCannotBeDeleted_JsonHasItAndTheOthersToo) {
 
 TEST_F(TakeTells, ExportedToAFolderWithFilms_IsRefusedAndReplacesThemWithOverwrite) {
   const Refusing overwriting;
-  start_rig();
+  start_rig_with_takes();
   record(5);
   const Words exports{"take", "export", path("takes/000001"), "--to", path("out")};
   ASSERT_EQ(nodal(exports).code, 0);

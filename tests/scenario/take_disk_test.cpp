@@ -136,6 +136,18 @@ TEST(TakeDisk, StartAtBootWithoutRoom_IsSaidInTheLogOnceAndInTheStatus) {
       << host.status().recording().problem();
 }
 
+TEST(TakeDisk, ASecondStartWhileOneIsRecorded_IsRefusedAndLeavesNoProblemInTheStatus) {
+  Stand stand(rig_with_disk(true));
+  TestHost& host = stand.connect();
+  ASSERT_TRUE(stand.run_until([&] { return host.status().recording().has_take(); }));
+  wire::Request start;
+  start.mutable_take_start();
+  EXPECT_TRUE(host.ask(start).has_error());
+  stand.run(Duration::seconds(1));
+  EXPECT_TRUE(host.status().recording().has_take());
+  EXPECT_EQ(host.status().recording().problem(), "");
+}
+
 TEST(TakeDisk, StartAtBootIsRefusedAgainAndAgain_ItIsAskedForEverMoreSeldom) {
   auto used_up = std::make_unique<hal::sim::SimDisk>();
   const std::string highest = "18446744073709551615";  // no number is left for a take

@@ -15,10 +15,10 @@
 namespace nodal::test {
 
 Shown run_in_terminal(const std::vector<std::string>& command, const std::map<std::string, std::string>& environment,
-                      unsigned short columns, std::chrono::seconds at_most) {
+                      const Terminal& like) {
   winsize size{};
-  size.ws_row = 24;
-  size.ws_col = columns;
+  size.ws_row = like.rows;
+  size.ws_col = like.columns;
   int terminal = -1;
   const pid_t pid = ::forkpty(&terminal, nullptr, nullptr, &size);
   if (pid < 0) std::abort();
@@ -32,7 +32,8 @@ Shown run_in_terminal(const std::vector<std::string>& command, const std::map<st
     ::_exit(127);
   }
   Shown shown;
-  const auto end = std::chrono::steady_clock::now() + at_most;
+  if (::write(terminal, like.typed.data(), like.typed.size()) < 0) std::abort();
+  const auto end = std::chrono::steady_clock::now() + like.at_most;
   std::array<char, 65536> buffer;
   while (true) {
     pollfd ready{terminal, POLLIN, 0};

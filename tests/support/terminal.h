@@ -15,10 +15,16 @@ struct Shown {
   std::string text;
 };
 
-/// Runs a command in a new terminal of `columns` x 24 characters, which is its input, output and error, and waits for
-/// its end; kills it (code 137) after `at_most`. `environment` is added to ours.
+struct Terminal {
+  unsigned short columns = 80, rows = 24;
+  std::string typed{};  ///< what a person types, at once
+  std::chrono::seconds at_most = std::chrono::seconds(120);
+};
+
+/// Runs a command in a new terminal, which is its input, output and error, and waits for its end; kills it (code 137)
+/// after `at_most`. `environment` is added to ours.
 Shown run_in_terminal(const std::vector<std::string>& command, const std::map<std::string, std::string>& environment,
-                      unsigned short columns = 80, std::chrono::seconds at_most = std::chrono::seconds(120));
+                      const Terminal& like = {});
 
 /// The widest line of what a terminal was sent, in characters: escape sequences have no width, and after a carriage
 /// return the line begins again.

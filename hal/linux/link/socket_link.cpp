@@ -183,6 +183,21 @@ Result<std::unique_ptr<LinkListenerPort>> listen_unix(const SocketAddress& addre
 
 }  // namespace
 
+namespace {
+
+/// Why this user may not open a socket, and what to do.
+std::string not_allowed(const std::string& path) {
+  struct stat about {};
+  if (::stat(path.c_str(), &about) != 0) return ": this user may not enter the socket's folder; sudo may";
+  const group* const owner = (about.st_mode & S_IWGRP) != 0 ? ::getgrgid(about.st_gid) : nullptr;
+  if (owner == nullptr) return ": this user may not open the socket; its owner and root may";
+  const std::string name = owner->gr_name;
+  return ": this user may not open the socket; the group '" + name + "' may: sudo usermod -aG " + name +
+         " $USER, then log in again";
+}
+
+}  // namespace
+
 Result<std::unique_ptr<LinkPort>> connect_link(std::string_view text) {
   NODAL_TRY_ASSIGN(const auto address, parse_address(text));
   Descriptor socket = open_socket(address);
@@ -195,7 +210,7 @@ Result<std::unique_ptr<LinkPort>> connect_link(std::string_view text) {
                                           "socket its rig.toml names?");
     case ECONNREFUSED: return fail(Errc::kUnreachable, address.text + ": nobody listens there; is nodald running?");
     case EACCES:
-    case EPERM: return fail(Errc::kUnreachable, address.text + ": this user may not open the socket; its group may");
+    case EPERM: return fail(Errc::kUnreachable, address.text + not_allowed(address.path));
     case EAGAIN: return fail(Errc::kUnreachable, address.text + ": the program that listens there takes no links now");
     default: return system_error(Errc::kUnreachable, address.text, error);
   }

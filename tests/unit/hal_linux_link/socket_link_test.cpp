@@ -2,6 +2,7 @@
 #include "hal/linux/link/wait.h"
 
 #include <fcntl.h>
+#include <grp.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <stdlib.h>
@@ -9,8 +10,10 @@
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -250,6 +253,41 @@ TEST(DescriptorLink, NotADescriptor_BadValue) {
   const auto link = descriptor_link(1000, 1001, "nothing");
   ASSERT_FALSE(link);
   EXPECT_EQ(link.error().code, Errc::kBadValue);
+}
+
+/// What connect_link() says to user and group 65534, who own nothing.
+std::string refused_as_nobody(const std::string& socket) {
+  int ends[2];
+  if (::pipe(ends) != 0) return "";
+  const pid_t pid = ::fork();
+  if (pid == 0) {
+    const bool changed = ::setgroups(0, nullptr) == 0 && ::setgid(65534) == 0 && ::setuid(65534) == 0;
+    const auto link = connect_link("unix:" + socket);
+    const std::string said = !changed ? "still root" : link ? "connected" : link.error().message;
+    if (::write(ends[1], said.data(), said.size()) < 0) ::_exit(1);
+    ::_exit(0);
+  }
+  ::close(ends[1]);
+  std::string said(4096, '\0');
+  said.resize(static_cast<std::size_t>(std::max<ssize_t>(0, ::read(ends[0], said.data(), said.size()))));
+  ::close(ends[0]);
+  ::waitpid(pid, nullptr, 0);
+  return said;
+}
+
+TEST(SocketLink, AUserWhoMayNot_IsToldWhichGroupMayAndTheCommand) {
+  if (::getuid() != 0) GTEST_SKIP() << "only root can become another user";
+  const Folder folder;
+  ::chmod((folder / "").c_str(), 0755);
+  const auto listener = listen_link("unix:" + folder / "s", {});
+  ASSERT_TRUE(listener) << listener.error().text();
+  ::chmod((folder / "s").c_str(), 0660);  // whatever this process's umask is
+  const std::string said = refused_as_nobody(folder / "s");
+  EXPECT_NE(said.find("the group 'root' may: sudo usermod -aG root $USER"), std::string::npos) << said;
+  ::chmod((folder / "s").c_str(), 0600);
+  EXPECT_NE(refused_as_nobody(folder / "s").find("its owner and root may"), std::string::npos);
+  ::chmod((folder / "").c_str(), 0700);
+  EXPECT_NE(refused_as_nobody(folder / "s").find("may not enter the socket's folder"), std::string::npos);
 }
 
 }  // namespace

@@ -7,7 +7,7 @@
 
 #include "protocol/base/result.h"
 
-namespace nodal::host {
+namespace nodal {
 
 /// The words of a command line, last word first as CLI11 expects. `help COMMAND` becomes `COMMAND --help`, `version`
 /// becomes `--version`, other words are unchanged. argv[0] is left out.
@@ -24,7 +24,7 @@ bool is_about_option(const Error& error);
 /// gives the error's own message.
 std::string explain_usage(const CLI::App& app, const CLI::ParseError& wrong);
 
-/// "Run `nodal COMMAND --help`." for the intended command, as far as it was recognized.
+/// "Run `nodal COMMAND --help`." for the intended command, as far as it was recognized, or for the program.
 std::string usage_hint(const CLI::App& app);
 
-}  // namespace nodal::host
+}  // namespace nodal

@@ -1,4 +1,4 @@
-#include "host_tool/commands/usage.h"
+#include "protocol/command_line/usage.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -9,7 +9,7 @@
 #include "protocol/base/nearest_word.h"
 #include "protocol/base/text.h"
 
-namespace nodal::host {
+namespace nodal {
 namespace {
 
 constexpr std::size_t kLongestWord = 60;  // bytes of what was typed, in a message
@@ -111,8 +111,9 @@ std::string explain_usage(const CLI::App& app, const CLI::ParseError& wrong) {
 
 std::string usage_hint(const CLI::App& app) {
   const CLI::App& chosen = deepest(app);
-  return chosen.get_parent() ? fmt::format("Run `{} --help`.", full_name(chosen))
-                             : "Run `nodal --help`, or `nodal COMMAND --help`.";
+  const bool asks = !chosen.get_parent() && !commands_of(chosen).empty();
+  return fmt::format("Run `{0} --help`{1}.", full_name(chosen),
+                     asks ? fmt::format(", or `{} COMMAND --help`", full_name(chosen)) : "");
 }
 
-}  // namespace nodal::host
+}  // namespace nodal

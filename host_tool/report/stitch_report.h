@@ -1,0 +1,29 @@
+// The page beside a stitched sphere: the sphere itself, what is to be said of it, and the seams that deserve a look.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "host_tool/report/html_report.h"
+#include "host_tool/report/verdict.h"
+#include "protocol/base/decoded_image.h"
+#include "protocol/base/result.h"
+#include "stitch/bands/layer.h"
+#include "stitch/geometry/raymap/layout.h"
+
+namespace nodal::host {
+
+struct StitchedSphere {
+  const DecodedImage& raymap;
+  const geometry::RaymapLayout& layout;
+  bands::Window part;  ///< what of an equirectangular raymap is shown
+  const Verdict& verdict;
+  std::vector<std::string> heads;
+  std::vector<std::string> notes;  ///< whole sentences
+  std::string confidence;          ///< one sentence: how the pictures were placed
+};
+
+/// Ownership: the page does not refer to the sphere.
+HtmlReport stitch_report(const StitchedSphere& sphere);
+
+}  // namespace nodal::host
