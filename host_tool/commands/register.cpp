@@ -24,6 +24,7 @@
 #include "host_tool/input/pairs_file.h"
 #include "host_tool/input/registration_advice.h"
 #include "host_tool/report/registration_report.h"
+#include "host_tool/report/verdict.h"
 #include "stitch/registration/pairs.h"
 
 namespace nodal::host {
@@ -169,7 +170,8 @@ std::string distance_line(const Report& report) {
   return fmt::format("the pictures meet at {:.2f} m ({:.2f} to {:.2f} m)", 1 / nearness, 1 / most, 1 / least);
 }
 
-void tell(Console& console, const Report& report, bool focals, const std::string& out, double seconds) {
+void tell(Console& console, const Report& report, const Verdict& verdict, bool focals, const std::string& out,
+          double seconds) {
   using Align = Table::Align;
   std::vector<Table::Column> columns{
       {"head"}, {"turned", Align::kRight}, {"sure to", Align::kRight}, {"shares", Align::kRight}};
@@ -191,6 +193,7 @@ void tell(Console& console, const Report& report, bool focals, const std::string
   console.line(fmt::format("the heads differ by {:.2f} levels where they overlap, {:.2f} before ({:.1f} s)",
                            std::sqrt(report.objective_after), std::sqrt(report.objective_before), seconds));
   for (const std::string& warning : report.warnings) console.warning(warning);
+  console.line(verdict.sentence);
   if (const std::string poor = poor_pairs(report); !poor.empty()) console.warning(poor);
   console.line("wrote " + out);
 }
@@ -253,6 +256,8 @@ Status run_register(Context& context, const RegisterArgs& args) {
   const Result<Report> report = registered(console, input, options);
   if (!report) return fail(with_advice(report.error(), !args.nominal.rig.empty()));
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall).count();
+  NODAL_TRY_ASSIGN(const Verdict verdict,
+                   interruptible(console, [&] { return verdict_on(report->calibration, input.frames(0)); }));
   NODAL_TRY(write_file(args.out, to_json(report->calibration)));
   if (!args.rig_toml.empty()) {
     NODAL_TRY_ASSIGN(const std::string toml,
@@ -261,22 +266,24 @@ Status run_register(Context& context, const RegisterArgs& args) {
   }
   if (!args.report.empty()) {
     NODAL_TRY_ASSIGN(const HtmlReport page, interruptible(console, [&] {
-                       return registration_report(input.calibration, input.frames(0), *report);
+                       return registration_report(input.calibration, input.frames(0), *report, verdict.sentence);
                      }));
     NODAL_TRY(write_file(args.report, page.finish()));
   }
   Json document = register_json(*report);
   document["out"] = args.out;
+  document["verdict"] = name_of(verdict.word);
+  document["seams"] = to_json(verdict, input.heads);
   document["seconds"] = seconds;
   document["cpu_seconds"] = static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC;
   console.document(document);
-  tell(console, *report, options.free != registration::Free::kRotations, args.out, seconds);
+  tell(console, *report, verdict, options.free != registration::Free::kRotations, args.out, seconds);
   if (args.inputs.empty() && input.match) {
     console.line("put it in force with: nodal calibration upload " + args.out);
   }
   if (!args.trial) return {};
-  NODAL_TRY_ASSIGN(const TrialVerdict verdict, try_out(context, report->calibration, args.sets, {*limit}));
-  tell_verdict(context, verdict);
+  NODAL_TRY_ASSIGN(const TrialVerdict tried, try_out(context, report->calibration, args.sets, {*limit}));
+  tell_verdict(context, tried);
   return {};
 }
 

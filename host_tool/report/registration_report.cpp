@@ -221,14 +221,13 @@ void add_graph(const PicturedHeads& rig, const Report& report, HtmlReport& page)
   page.drawing(sphere_graph(nodes, links));
 }
 
-std::string verdict(const Report& report) {
+/// Which heads are not placed, and which do not agree; empty if there are none.
+std::string doubts_of(const Report& report) {
   const auto placed = std::ranges::count_if(report.heads, &registration::HeadReport::placed);
   const auto heads = static_cast<std::ptrdiff_t>(report.heads.size());
   const std::string poor = poor_pairs(report);
-  if (placed == heads && poor.empty() && report.warnings.empty()) {
-    return fmt::format("Good: all {} heads are placed, and all pairs that overlap agree.", heads);
-  }
-  return fmt::format("To be checked: {} of {} heads are placed{}{}.", placed, heads, poor.empty() ? "" : "; ", poor);
+  if (placed == heads) return poor;
+  return fmt::format("{} of {} heads are placed{}{}", placed, heads, poor.empty() ? "" : "; ", poor);
 }
 
 std::string name_of(const Report& report, int head) { return report.heads[static_cast<std::size_t>(head)].name; }
@@ -263,7 +262,8 @@ std::string poor_pairs(const Report& report) {
       kPoorAgreement, names);
 }
 
-Result<HtmlReport> registration_report(const Calibration& prior, const FrameSet& frames, const Report& report) {
+Result<HtmlReport> registration_report(const Calibration& prior, const FrameSet& frames, const Report& report,
+                                       std::string_view verdict) {
   const Result<PicturedHeads> before = PicturedHeads::make(prior, frames),
                               after = PicturedHeads::make(report.calibration, frames);
   if (!before) return fail(before.error());
@@ -272,7 +272,8 @@ Result<HtmlReport> registration_report(const Calibration& prior, const FrameSet&
       "Registration of " + prior.name,
       fmt::format("{} heads; where they overlap they differ by {:.2f} levels rms, {:.2f} before", prior.heads.size(),
                   std::sqrt(report.objective_after), std::sqrt(report.objective_before)));
-  page.paragraph(verdict(report));
+  if (!verdict.empty()) page.paragraph(verdict);
+  if (const std::string doubts = doubts_of(report); !doubts.empty()) page.warning(doubts);
   for (const std::string& warning : report.warnings) page.warning(warning);
   const Spheres old_spheres = spheres_of(*before), spheres = spheres_of(*after);
   page.heading("The sphere");

@@ -8,6 +8,10 @@
 #include <utility>
 
 #include "protocol/base/angles.h"
+#include "protocol/base/decoded_image.h"
+#include "protocol/base/try.h"
+#include "stitch/media/image_file.h"
+#include "stitch/offline/offline_blend.h"
 
 namespace nodal::host {
 namespace {
@@ -15,6 +19,8 @@ namespace {
 using offline::SeamCheck;
 using offline::SeamPlace;
 using offline::SeamVerdict;
+
+constexpr int kMinHeight = 16, kMaxHeight = 8192;  ///< height of the sphere, px
 
 std::size_t not_alike(const SeamCheck& seam) {
   return static_cast<std::size_t>(
@@ -87,6 +93,23 @@ Verdict verdict_of(std::vector<SeamCheck> seams, const std::vector<std::string>&
   verdict.sentence += fmt::format(
       "; {} left out", left_out == 1 ? std::string("one picture is") : fmt::format("{} pictures are", left_out));
   return verdict;
+}
+
+Result<Verdict> verdict_on(const Calibration& calibration, std::span<const ImageView> frames) {
+  NODAL_TRY_ASSIGN(const double resolution, offline::resolution_of(calibration));
+  const int height = std::clamp(static_cast<int>(std::lround(resolution * kPi)), kMinHeight, kMaxHeight);
+  std::vector<DecodedImage> readable(frames.size());
+  std::vector<ImageView> views(frames.begin(), frames.end());
+  for (std::size_t h = 0; h < frames.size(); ++h) {
+    const bool plain = frames[h].format == PixelFormat::kRgb24 || frames[h].planes[0].pixel_stride == 1;
+    if (plain || frames[h].planes[0].data == nullptr) continue;
+    readable[h] = media::convert_image(frames[h], PixelFormat::kGrey8);
+    views[h] = readable[h].view();
+  }
+  NODAL_TRY_ASSIGN(auto seams, offline::check_seams(calibration, views, {2 * height, height}, 0));
+  std::vector<std::string> heads;
+  for (const HeadCalibration& head : calibration.heads) heads.push_back(head.name);
+  return verdict_of(std::move(seams), heads, 0);
 }
 
 Json to_json(const Verdict& verdict, const std::vector<std::string>& heads) {

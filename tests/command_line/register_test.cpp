@@ -71,6 +71,8 @@ TEST_F(RegisterCommand, FolderOfPictures_WritesACalibrationThatIsRightAndSaysWha
   EXPECT_FALSE(answer["pairs"].empty());
   EXPECT_TRUE(answer["warnings"].empty()) << answer["warnings"];
   EXPECT_EQ(answer["out"], path("found.json"));
+  EXPECT_EQ(answer["verdict"], "good") << answer["seams"];
+  EXPECT_EQ(answer["seams"].size(), 12u) << "the edges of a cube";
 }
 
 TEST_F(RegisterCommand, AHeadThatSeesNothing_IsNamedAndKeptAndTheRestIsWritten) {
@@ -151,7 +153,7 @@ TEST_F(RegisterCommand, Report_IsOneFileWithEveryHeadAndPicturesAndNothingFromAN
   const std::string page = text_of(path("page.html"));
   for (const char* says :
        {"<html", "cam0", "cam5", "not changed", "is not placed", "Seams, before and after", "Differences of the heads",
-        "Overlaps of the heads", "To be checked: 5 of 6 heads are placed", "<svg",
+        "Overlaps of the heads", "5 of 6 heads are placed", "<svg",
         "cam0 and cam1:", "data:image/png;base64,", "</html>"}) {
     EXPECT_NE(page.find(says), std::string::npos) << says;
   }
