@@ -151,10 +151,9 @@ TEST_F(RegisterCommand, Report_IsOneFileWithEveryHeadAndPicturesAndNothingFromAN
       run({path("prior.json"), path("frames"), "-o", path("found.json"), "--report", path("page.html")});
   ASSERT_EQ(done.code, 0) << done.err;
   const std::string page = text_of(path("page.html"));
-  for (const char* says :
-       {"<html", "cam0", "cam5", "not changed", "is not placed", "Seams, before and after", "Differences of the heads",
-        "Overlaps of the heads", "5 of 6 heads are placed", "<svg",
-        "cam0 and cam1:", "data:image/png;base64,", "</html>"}) {
+  for (const char* says : {"<html", "cam0", "cam5", "not changed", "is not placed", "Seams, before and after",
+                           "Differences of the heads", "Overlaps of the heads", "5 of 6 heads are placed", "<svg",
+                           "cam0 and cam1:", "data:image/png;base64,", "</html>"}) {
     EXPECT_NE(page.find(says), std::string::npos) << says;
   }
   for (const char* remote : {"src=\"http", "href=\"http", "url(http", "@import"}) {
