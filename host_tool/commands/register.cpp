@@ -33,6 +33,9 @@ namespace {
 using registration::Options;
 using registration::Report;
 
+/// The bar of the whole command: of pictures alone, points are matched until kMatched.
+constexpr std::uint64_t kMatched = 500, kRegistered = 1'000;
+
 struct RegisterArgs {
   std::vector<std::string> inputs;
   NominalWords nominal;
@@ -80,12 +83,11 @@ void tell_notes(Console& console, RigPictures& rig) {
 }
 
 /// Pictures without a calibration: one set of them, calibrated.
-Result<RigPictures> calibrated_alone(Console& console, const RegisterArgs& args, RigPictures rig) {
+Result<RigPictures> calibrated_alone(Console& console, const RegisterArgs& args, RigPictures rig, Progress& bar) {
   tell_notes(console, rig);
-  Progress bar(console, "matching", 1000);
   NODAL_TRY(interruptible(console, [&] {
     return calibrate_by_pictures(rig, parse_up(args.up).value(), [&](double done, const std::string& what) {
-      bar.update(static_cast<std::uint64_t>(1000 * done), what);
+      bar.update(static_cast<std::uint64_t>(kMatched * done), what);
     });
   }));
   std::vector<HeadPicture> matched = std::move(rig.sets[rig.match->set]);
@@ -96,7 +98,7 @@ Result<RigPictures> calibrated_alone(Console& console, const RegisterArgs& args,
 }
 
 /// All pictures are decoded.
-Result<RigPictures> read_input(Context& context, const RegisterArgs& args) {
+Result<RigPictures> read_input(Context& context, const RegisterArgs& args, Progress& bar) {
   Console& console = context.console();
   if (args.inputs.empty() && !args.nominal.rig.empty())
     return fail(Errc::kMissingField, "no pictures; give one a head");
@@ -108,11 +110,11 @@ Result<RigPictures> read_input(Context& context, const RegisterArgs& args) {
     console.note("note: the rig has no calibration; everything is found in one set of its frames");
     NODAL_TRY_ASSIGN(RigPictures alone, pull_uncalibrated_set(*rig, what, console));
     rig.reset();  // matching takes longer than a rig waits for a host
-    return calibrated_alone(console, args, std::move(alone));
+    return calibrated_alone(console, args, std::move(alone), bar);
   }
   if (args.nominal.rig.empty() && is_picture(args.inputs.front())) {
     NODAL_TRY_ASSIGN(RigPictures own, own_pictures(args.inputs, parse_split(args.split).value()));
-    return calibrated_alone(console, args, std::move(own));
+    return calibrated_alone(console, args, std::move(own), bar);
   }
   return interruptible(console, [&] {
     return read_all_pictures(args.nominal, args.inputs, {args.places, parse_split(args.split).value()});
@@ -215,10 +217,10 @@ Options options_of(const RegisterArgs& args, RigPictures::Origin origin) {
   return options;
 }
 
-Result<Report> registered(Console& console, const RigPictures& rig, Options options) {
-  Progress bar(console, "registering", 1000);
+Result<Report> registered(Console& console, const RigPictures& rig, Options options, Progress& bar) {
+  const std::uint64_t begun = rig.match ? kMatched : 0;
   options.progress = [&](const registration::Step& step, double done) {
-    bar.update(static_cast<std::uint64_t>(1000 * done),
+    bar.update(begun + static_cast<std::uint64_t>(static_cast<double>(kRegistered - begun) * done),
                fmt::format("raymap {} wide, differ by {:.3f} levels", step.width, std::sqrt(step.objective)));
   };
   return interruptible(console, [&] { return registration::register_heads(rig.calibration, rig.frames(), options); });
@@ -231,7 +233,8 @@ Status run_register(Context& context, const RegisterArgs& args) {
   if (!args.rig_toml.empty() && args.inputs.empty()) {
     return fail(Errc::kMissingField, "--rig-toml: heads replay picture files; give pictures");
   }
-  NODAL_TRY_ASSIGN(RigPictures input, read_input(context, args));
+  Progress bar(console, "registering", kRegistered);
+  NODAL_TRY_ASSIGN(RigPictures input, read_input(context, args, bar));
   if (!args.rig_toml.empty() && input.files().front().front().empty()) {
     return fail(Errc::kUnsupported, "--rig-toml: heads replay picture files, and these pictures are of a take; " +
                                         std::string("write port = \"take:FOLDER/HEAD\" in a rig.toml of your own"));
@@ -253,7 +256,7 @@ Status run_register(Context& context, const RegisterArgs& args) {
   const Options options = options_of(args, input.origin);
   const auto wall = std::chrono::steady_clock::now();
   const std::clock_t cpu = std::clock();
-  const Result<Report> report = registered(console, input, options);
+  const Result<Report> report = registered(console, input, options, bar);
   if (!report) return fail(with_advice(report.error(), !args.nominal.rig.empty()));
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall).count();
   NODAL_TRY_ASSIGN(const Verdict verdict,

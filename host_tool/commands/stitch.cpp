@@ -157,16 +157,20 @@ struct Stitched {
   Verdict verdict;
 };
 
-Result<Stitched> stitch_sets(Console& console, StitchJob& job) {
+Result<Stitched> stitch_sets(Console& console, StitchJob& job, Progress& bar) {
   const StitchArgs& args = job.args;
   const std::size_t count = job.rig.sets.size();
   const std::size_t left_out = job.rig.match ? job.rig.match->given - job.rig.match->placed : 0;
   Stitcher stitcher(job);
   Stitched stitched;
-  Progress bar(console, "stitching", 1000 * (count + 1));
-  const auto compiled = [&](double done) {
-    bar.update(static_cast<std::uint64_t>(1000 * done), "compiling the blend table");
+  const std::uint64_t begun = job.rig.match ? kCalibrated : 0;
+  // The first raymap takes about twice as long as the others.
+  const auto show = [&](double raymaps, std::string_view remark) {
+    bar.update(begun + static_cast<std::uint64_t>(static_cast<double>(kStitched - begun) * raymaps /
+                                                  static_cast<double>(count + 1)),
+               remark);
   };
+  const auto compiled = [&](double done) { show(done, "compiling the blend table"); };
   for (std::size_t i = 0; i < count; ++i) {
     if (interrupted()) return fail(Errc::kCancelled, fmt::format("stopped after {} of {} raymaps", i, count));
     const bool rgb = args.bits == 16 || best(args);
@@ -185,7 +189,7 @@ Result<Stitched> stitch_sets(Console& console, StitchJob& job) {
                      }));
     NODAL_TRY(write_file(name, file));
     stitched.last = name;
-    bar.update(1000 * (i + 2), name);
+    show(static_cast<double>(i + 2), name);
   }
   return stitched;
 }
@@ -213,10 +217,12 @@ void add_match(const StitchJob& job, Json& document) {
 Status run_stitch(Context& context, const StitchArgs& args) {
   Console& console = context.console();
   const auto begin = std::chrono::steady_clock::now();
-  NODAL_TRY_ASSIGN(StitchJob job, interruptible(console, [&] { return make_stitch_job(console, args); }));
+  Progress bar(console, "stitching", kStitched);
+  NODAL_TRY_ASSIGN(StitchJob job, interruptible(console, [&] { return make_stitch_job(console, args, bar); }));
   for (const std::string& note : job.rig.notes) console.note("note: " + note);
   const std::size_t count = job.rig.sets.size();
-  NODAL_TRY_ASSIGN(const Stitched stitched, stitch_sets(console, job));
+  NODAL_TRY_ASSIGN(const Stitched stitched, stitch_sets(console, job, bar));
+  console.finish_progress();
   const RaymapPart made = job.part.value_or(RaymapPart{0, 0, job.size.width, job.size.height});
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   Json document{{"raymaps", count},

@@ -31,16 +31,15 @@ Status check_names(const std::string& out, const std::vector<std::vector<std::st
 }
 
 /// Pictures without a calibration: finds one, and writes it beside the raymap.
-Status calibrate(Console& console, StitchJob& job) {
+Status calibrate(Console& console, StitchJob& job, Progress& bar) {
   NODAL_TRY_ASSIGN(job.rig, own_pictures(job.args.inputs, parse_split(job.args.split).value()));
   RigPictures& rig = job.rig;
   const std::vector<std::vector<std::string>> files = rig.files();
   NODAL_TRY(check_names(job.args.out, files));
   for (const char* ending : {".rig.json", ".report.html"}) NODAL_TRY(check_free(beside(job.args.out, ending)));
-  Progress bar(console, "calibrating", 1000);
   // Matching takes about as long as the registration.
   const auto show = [&](double from, double done, const std::string& what) {
-    bar.update(static_cast<std::uint64_t>(1000 * (from + done / 2)), what);
+    bar.update(static_cast<std::uint64_t>(kCalibrated * (from + done / 2)), what);
   };
   const auto matched = calibrate_by_pictures(rig, parse_up(job.args.up).value(),
                                              [&](double done, const std::string& what) { show(0, done, what); });
@@ -146,7 +145,7 @@ std::string beside(const std::string& out, const std::string& ending) {
   return (path.parent_path() / (name + ending)).string();
 }
 
-Result<StitchJob> make_stitch_job(Console& console, const StitchArgs& args) {
+Result<StitchJob> make_stitch_job(Console& console, const StitchArgs& args, Progress& bar) {
   StitchJob job;
   job.args = args;
   const Result<geometry::LayoutName> layout = layout_named(args.layout);
@@ -160,7 +159,7 @@ Result<StitchJob> make_stitch_job(Console& console, const StitchArgs& args) {
     return fail(Errc::kBadValue, "--bits 16: a JPEG has 8 bits; let --out end in .png, .tif or .raw");
   }
   if (args.nominal.rig.empty() && is_picture(args.inputs.front())) {
-    NODAL_TRY(calibrate(console, job));
+    NODAL_TRY(calibrate(console, job, bar));
   } else {
     NODAL_TRY_ASSIGN(job.rig,
                      read_rig_pictures(args.nominal, args.inputs, {args.places, parse_split(args.split).value()}));

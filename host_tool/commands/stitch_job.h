@@ -51,8 +51,11 @@ struct StitchJob {
 /// The name of a file that belongs to the raymaps `out`: sphere.jpg or sphere-%04d.jpg, ".rig.json" -> sphere.rig.json.
 std::string beside(const std::string& out, const std::string& ending);
 
+/// The bar of the whole command: of a calibration from pictures until kCalibrated, then of the raymaps until kStitched.
+inline constexpr std::uint64_t kCalibrated = 6'000, kStitched = 10'000;
+
 /// Reads or finds the calibration, and plans the raymaps. A calibration that is found is written beside the
 /// result.
-Result<StitchJob> make_stitch_job(Console& console, const StitchArgs& args);
+Result<StitchJob> make_stitch_job(Console& console, const StitchArgs& args, Progress& bar);
 
 }  // namespace nodal::host

@@ -8,6 +8,7 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
+#include <cmath>
 #include <cstdlib>
 #include <cstring>
 
@@ -85,6 +86,16 @@ std::string cut_to(const std::string& text, std::size_t columns) {
 std::int64_t now_ns() {
   using namespace std::chrono;
   return duration_cast<nanoseconds>(steady_clock::now().time_since_epoch()).count();
+}
+
+/// ", 2 min left", as the time that was needed until now says; empty while that says little.
+std::string time_left(double seconds, double part) {
+  constexpr double kMinSeconds = 3, kMinPart = 0.05;
+  if (seconds < kMinSeconds || part < kMinPart || part >= 1) return "";
+  const double left = seconds * (1 - part) / part;
+  if (left < 90) return fmt::format(", {:.0f} s left", std::ceil(left));
+  if (left < 5400) return fmt::format(", {:.0f} min left", std::ceil(left / 60));
+  return fmt::format(", {:.0f} h left", std::ceil(left / 3600));
 }
 
 }  // namespace
@@ -240,7 +251,7 @@ std::vector<std::string> Table::lines() const {
 }
 
 Progress::Progress(Console& console, std::string what, std::uint64_t total)
-    : console_(console), what_(std::move(what)), total_(total), last_ns_(now_ns()) {}
+    : console_(console), what_(std::move(what)), total_(total), begun_ns_(now_ns()), last_ns_(begun_ns_) {}
 
 Progress::~Progress() { console_.finish_progress(); }
 
@@ -253,10 +264,12 @@ void Progress::update(std::uint64_t done, std::string_view remark) {
     console_.progress(fmt::format("{} {}  {}", what_, done, remark));
     return;
   }
-  constexpr std::uint64_t kBar = 24;
-  const std::uint64_t filled = std::min(done, total_) * kBar / total_;
+  constexpr int kBar = 24;
+  const double part = std::min(1.0, static_cast<double>(done) / static_cast<double>(total_));
+  const auto filled = static_cast<std::size_t>(part * kBar);
   const std::string bar = std::string(filled, '#') + std::string(kBar - filled, '.');
-  console_.progress(fmt::format("{} [{}] {}/{}  {}", what_, bar, done, total_, remark));
+  console_.progress(fmt::format("{} [{}] {:.0f} %{}  {}", what_, bar, std::floor(100 * part),
+                                time_left(static_cast<double>(now - begun_ns_) / 1e9, part), remark));
 }
 
 }  // namespace nodal::host

@@ -109,7 +109,8 @@ class Table {
   std::vector<std::vector<std::string>> rows_;
 };
 
-/// The progress of a job: a bar that is redrawn on a terminal, a line every few seconds elsewhere.
+/// The progress of a job, in percent and with the time that is left: a bar that is redrawn on a terminal, a line every
+/// few seconds elsewhere.
 class Progress {
  public:
   /// `total` 0: the total is unknown.
@@ -123,6 +124,7 @@ class Progress {
   Console& console_;
   std::string what_;
   std::uint64_t total_;
+  std::int64_t begun_ns_;
   std::int64_t last_ns_;
 };
 

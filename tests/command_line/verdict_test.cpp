@@ -1,10 +1,13 @@
 // What `nodal stitch` says of the sphere that it made.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <numbers>
 
 #include "stitch_command.h"
+#include "tests/support/terminal.h"
 
 namespace nodal::command_line {
 namespace {
@@ -39,6 +42,21 @@ TEST_F(StitchCommand, AHeadThatIsTurned_IsSaidInOneWordEverywhere) {
   EXPECT_EQ(answer["seams"].size(), 12U) << "the edges of a cube";
   EXPECT_EQ(answer["seams"][0]["verdict"], "look") << "the worst one is first";
   EXPECT_EQ(answer["seams"][11]["verdict"], "good");
+}
+
+TEST_F(StitchCommand, Progress_IsOneBarInPercent) {
+  write_pictures("pictures");
+  const test::Shown shown = test::run_in_terminal(
+      {NODAL_BIN_DIR "/nodal", "stitch", path("pictures"), "--width", "512", "--overwrite", "-o", path("s.jpg")},
+      environment_);
+  ASSERT_EQ(shown.code, 0) << shown.text;
+  std::vector<int> percents;
+  for (std::size_t at = 0; (at = shown.text.find("] ", at)) != std::string::npos; ++at)
+    percents.push_back(std::atoi(shown.text.c_str() + at + 2));
+  EXPECT_GE(percents.size(), 3U) << shown.text;
+  EXPECT_TRUE(std::ranges::is_sorted(percents)) << "matching, registering and stitching share it";
+  EXPECT_NE(shown.text.find(" %"), std::string::npos);
+  EXPECT_EQ(shown.text.find("/10"), std::string::npos) << shown.text;
 }
 
 }  // namespace
