@@ -189,7 +189,7 @@ TEST_F(FirstSession, EveryCommandOfTheTutorial_WorksInItsOrder) {
     if (command.ends_with("&")) {
       const std::size_t start = command.find("&& nodald");
       ASSERT_NE(start, std::string::npos) << command;
-      script += command.substr(0, start) + "&& { timeout 60 " + command.substr(start + 3, command.size() - start - 4) +
+      script += command.substr(0, start) + "&& { timeout 240 " + command.substr(start + 3, command.size() - start - 4) +
                 " >nodald.log 2>&1 & echo $! > nodald.pid; } && for n in $(seq 100); do [ -S nodal.sock ] && break; "
                 "sleep 0.1; done";
     } else {
