@@ -11,16 +11,14 @@
 #include <vector>
 
 #include "firmware/capture/capture_head.h"
+#include "firmware/capture/capture_pace.h"
 #include "firmware/capture/exposure.h"
 #include "firmware/capture/set_assembly.h"
-#include "firmware/capture/set_timing.h"
 #include "firmware/config/config.h"
 #include "firmware/frame/frame_set.h"
 #include "firmware/frame/outlet.h"
 #include "firmware/frame/snapshot.h"
-#include "firmware/sync/aligner.h"
 #include "firmware/sync/genlock.h"
-#include "firmware/sync/set_clock.h"
 #include "hal/head.h"
 #include "hal/trigger.h"
 #include "protocol/base/result.h"
@@ -36,10 +34,6 @@ struct HeadChange {
 /// Undoes the temporary changes of a lease.
 struct LeaseEnd {
   std::uint64_t lease = 0;
-};
-struct GenlockStart {
-  std::optional<FrameRate> rate;
-  std::optional<Duration> pulse_width;
 };
 struct GenlockStop {};
 using CaptureCommand = std::variant<HeadChange, GenlockStart, GenlockStop, ExposureChange, LeaseEnd>;
@@ -118,47 +112,26 @@ class Capture {
 
  private:
   bool run_commands(Instant now);
+  Status carry_out(const CaptureCommand& command, Instant now);
   Status change_heads(const HeadChange& change);
-  Status end_lease(std::uint64_t lease);
-  Status start_genlock(const GenlockStart& start, Instant now);
-  void stop_genlock(Instant now);
   bool follow_light();
-  bool take_edges();
   bool take_frames();
-  bool plausible(const hal::FrameView& frame) const;
-  std::optional<SetClock::Match> match(std::size_t head, const hal::FrameView& frame);
   void place(std::size_t head, const hal::FrameView& frame);
   bool close_complete_sets();
   bool close_due_sets(Instant now);
-  Instant due(const SetAssembly::OpenSet& open) const;
-  bool complete(const FrameSet& set) const;
+  /// When the oldest open set is closed, complete or not.
+  Instant due() const;
   void close_oldest();
-  bool pulsed() const { return genlock_.running() && !genlock_.aligning(); }
-  void align();
-  void restart_clocks(FrameRate rate, bool genlocked, Instant now);
+  void close_all(Instant now);
   void release_frames(FrameSet& set, std::uint32_t collection);
   void log_changes();
-  void close_all(Instant now);
-  GenlockReport genlock_report() const;
   void update_report(Instant now, bool changed);
   void check() const;
 
-  /// From rig.toml.
-  struct Trigger {
-    hal::TriggerSettings settings;
-    SyncSource source{};
-    bool start = false;  ///< the genlock starts with the rig, and was not started yet
-  };
-  Trigger trigger_;
   std::deque<CaptureHead> heads_;
-  Genlock genlock_;
-  Aligner aligner_;
-  bool align_now_ = false;  ///< since the last align(), a set was closed or an exposure was requested
   ExposureControl exposure_;
   SpscRing<blend::SphereLight>* light_in_ = nullptr;
-  SetTiming timing_;
-  hal::TriggerMode mode_ = hal::TriggerMode::kFreeRun;
-
+  CapturePace pace_;
   SetAssembly assembly_;
   Instant now_;  ///< time of the current step
 

@@ -6,6 +6,24 @@
 #include "firmware/capture/capture_log.h"
 
 namespace nodal::firmware {
+namespace {
+
+/// A frame's exposure ends before its last byte arrives, and not long before. Otherwise the head's clock has wrapped or
+/// was set; accepting one such frame would close sets of the future and make every later frame too late.
+bool plausible(const hal::FrameView& frame, Duration period) {
+  const Duration age = frame.received - frame.mid_exposure;
+  return age >= Duration() && age <= Capture::kOldest + period * Capture::kMaxOpenSets;
+}
+
+bool complete(const FrameSet& set, const std::deque<CaptureHead>& heads) {
+  for (std::size_t i = 0; i < heads.size(); ++i) {
+    if (!set.has(i) && heads[i].expected()) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
 /// Takes one frame of every head per round. After a stall, taking all frames of one head first would fill and close all
 /// open sets with that head's frames, and the other heads' frames would be late.
 bool Capture::take_frames() {
@@ -26,24 +44,9 @@ bool Capture::take_frames() {
   return any;
 }
 
-/// A frame's exposure ends before its last byte arrives, and not long before. Otherwise the head's clock has wrapped or
-/// was set; accepting one such frame would close sets of the future and make every later frame too late.
-bool Capture::plausible(const hal::FrameView& frame) const {
-  const Duration age = frame.received - frame.mid_exposure;
-  return age >= Duration() && age <= kOldest + timing_.period() * kMaxOpenSets;
-}
-
-std::optional<SetClock::Match> Capture::match(std::size_t head, const hal::FrameView& frame) {
-  const auto match = timing_.match(head, frame);
-  if (match && match->trigger) return match;
-  // The thread may have been suspended after it read the pulses of this step, so this frame's pulse may be unread.
-  if (!take_edges()) return match;
-  return timing_.match(head, frame);
-}
-
 void Capture::place(std::size_t head, const hal::FrameView& frame) {
-  if (!plausible(frame)) return heads_[head].lose(frame, LossReason::kBadTime);
-  const auto match = this->match(head, frame);
+  if (!plausible(frame, pace_.timing().period())) return heads_[head].lose(frame, LossReason::kBadTime);
+  const auto match = pace_.match(head, frame, now_);
   if (!match) return heads_[head].lose(frame, LossReason::kUnmatched);
   const auto newest_closed = assembly_.newest_closed();
   if (newest_closed && match->slot <= *newest_closed) return heads_[head].lose(frame, LossReason::kLate);
@@ -58,38 +61,29 @@ void Capture::place(std::size_t head, const hal::FrameView& frame) {
   if (match->trigger) {
     open->skews.add(head, match->skew);
     set.sync.trigger = match->trigger;
-    timing_.add_pulsed(head, *match, frame);
   }
   heads_[head].hold(frame);
-  if (pulsed()) return;
-  timing_.add_free(head, *match, frame);
-  aligner_.on_frame(head, heads_[head].starts(), frame);
-}
-
-bool Capture::complete(const FrameSet& set) const {
-  for (std::size_t i = 0; i < heads_.size(); ++i) {
-    if (!set.has(i) && heads_[i].expected()) return false;
-  }
-  return true;
+  pace_.on_frame(head, *match, frame, heads_[head].starts());
 }
 
 bool Capture::close_complete_sets() {
   bool any = false;
-  while (!assembly_.empty() && complete(*assembly_.oldest().set)) {
+  while (!assembly_.empty() && complete(*assembly_.oldest().set, heads_)) {
     close_oldest();
     any = true;
   }
   return any;
 }
 
-Instant Capture::due(const SetAssembly::OpenSet& open) const {
-  return timing_.middle_of(open.slot) + timing_.period() * kHalfPeriodsToWait / 2;
+Instant Capture::due() const {
+  const SetTiming& timing = pace_.timing();
+  return timing.middle_of(assembly_.oldest().slot) + timing.period() * kHalfPeriodsToWait / 2;
 }
 
 bool Capture::close_due_sets(Instant now) {
   bool any = close_complete_sets();
   while (!assembly_.empty()) {
-    if (now < due(assembly_.oldest())) break;
+    if (now < due()) break;
     close_oldest();
     close_complete_sets();
     any = true;
@@ -105,10 +99,9 @@ void Capture::close_all(Instant now) {
 void Capture::close_oldest() {
   SetAssembly::OpenSet open = assembly_.close_oldest();
   FrameSet& set = open.set.edit();
-  timing_.describe(set, open.skews, pulsed());
-  timing_.follow(open.slot, set);
+  pace_.describe(open.slot, set, open.skews);
   set.number = report_.sets++;
-  set.period = timing_.period();
+  set.period = pace_.timing().period();
   bool every_present = true;
   bool every_head = true;
   for (std::size_t i = 0; i < heads_.size(); ++i) {
@@ -118,36 +111,15 @@ void Capture::close_oldest() {
     }
     every_head = false;
     if (heads_[i].streaming()) every_present = false;
-    heads_[i].missed_set(timing_.period());
+    heads_[i].missed_set(set.period);
   }
   if (every_head) ++report_.full_sets;
-  if (genlock_.aligning()) {
-    genlock_.on_set(set, aligner_.skews(set), every_present, now_, aligner_.unresponsive());
-    align_now_ = true;
-  } else {
-    genlock_.on_set(set, open.skews, every_present, now_);
-  }
-  set.sync.state = genlock_.state();
+  pace_.on_set(set, open.skews, every_present, now_);
+  set.sync.state = pace_.state();
   if (log_) log_->note(SetClosed{set.number, set.mid_exposure, set.mask, set.sync});
   assembly_.offer(open.set);
   open.set = {};
   assembly_.collect();  // returns the frames at once if no outlet took the set
-}
-
-/// Aligns free-running heads, after every set and after every requested exposure. Nudge and exposure are requested in
-/// the same step, so that both take effect in the same frame.
-void Capture::align() {
-  if (!std::exchange(align_now_, false) || !genlock_.aligning()) return;
-  std::array<FreeHead, kMaxHeads> free;
-  for (std::size_t i = 0; i < heads_.size(); ++i) {
-    if (!heads_[i].streaming()) continue;
-    free[i] = {true, heads_[i].starts(), heads_[i].report().limits->nudge, heads_[i].pending_exposure()};
-  }
-  const bool in_step = genlock_.state() == GenlockState::kLocked || genlock_.state() == GenlockState::kHoldover;
-  const Aligner::Nudges nudges = aligner_.plan(free, in_step, now_);
-  for (std::size_t i = 0; i < heads_.size(); ++i) {
-    if (nudges[i] != Duration()) heads_[i].nudge(nudges[i]);
-  }
 }
 
 }  // namespace nodal::firmware

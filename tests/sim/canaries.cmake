@@ -66,7 +66,7 @@ canary(creeping_head_unnoticed SETS firmware/sync/genlock.cpp
 canary(jumping_head_unnoticed SETS firmware/sync/genlock.cpp
   "return raw.width() <= kSafeLimit && estimates_in_step" "return estimates_in_step")
 canary(set_waits_for_ever SETS firmware/capture/capture_sets.cpp
-  "if (now < due(assembly_.oldest())) break\;" "if (now < due(assembly_.oldest()) + Duration::seconds(10)) break\;")
+  "if (now < due()) break\;" "if (now < due() + Duration::seconds(10)) break\;")
 canary(head_not_looked_for SETS firmware/capture/capture_head.cpp
   "constexpr Duration kRetry = Duration::milliseconds(200)\;" "constexpr Duration kRetry = Duration::milliseconds(2600)\;")
 canary(calibration_not_synced SETS firmware/storage/durable_file.cpp "if (done) done = disk.sync(handle)\;" "")
