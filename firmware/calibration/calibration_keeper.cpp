@@ -4,7 +4,6 @@
 #include <new>
 
 #include "firmware/calibration/rehearsal.h"
-#include "firmware/frame/drain.h"
 #include "protocol/base/try.h"
 #include "stitch/sets/rig_heads.h"
 
@@ -17,6 +16,33 @@ Error out_of_memory(const Sha256& id) {
   return {Errc::kOverload,
           "the board has not enough memory to compile the table of calibration " + short_id(id) +
               "; make the raymap in rig.toml smaller, or raise nodald's limit (ulimit -v, MemoryMax=)"};
+}
+
+Result<CalibrationAnswer::Document> document_of(const std::string& id_prefix, const PermittedStore& store,
+                                                const std::optional<Sha256>& in_force, const CalibrationTrial& trial) {
+  if (id_prefix.empty() && !in_force) return fail(Errc::kNotFound, "no calibration is in force");
+  Sha256 id{};
+  if (id_prefix.empty()) {
+    id = *in_force;
+  } else {
+    NODAL_TRY_ASSIGN(const auto found, store.contents().find(id_prefix));
+    id = found.id;
+  }
+  if (trial.running() && id == trial.report().id)
+    return CalibrationAnswer::Document{id, canonical_json(trial.calibration())};
+  NODAL_TRY_ASSIGN(auto json, store.contents().read(id));
+  return CalibrationAnswer::Document{id, std::move(json)};
+}
+
+CalibrationAnswer::Listed list_of(const PermittedStore& store, const KeeperReport& report,
+                                  const CalibrationTrial& trial) {
+  CalibrationAnswer::Listed listed{store.contents().entries(), report.in_force, std::nullopt,
+                                   store.signed_generation()};
+  if (trial.running()) {
+    listed.on_trial.emplace(
+        CalibrationStore::Entry{0, trial.report().id, report.name, trial.calibration().heads.size(), ""});
+  }
+  return listed;
 }
 
 }  // namespace
@@ -43,60 +69,56 @@ CalibrationKeeper::CalibrationKeeper(const RigConfig& config, hal::DiskPort& dis
                                      hal::ConfinedPort* rehearsal)
     : config_(config),
       disk_(disk),
-      tables_out_(tables_out),
-      tables_back_(tables_back),
+      tables_(tables_out, tables_back),
       requests_(kRequests),
       answers_(kRequests),
-      rehearsal_(rehearsal) {
+      rehearsal_(rehearsal),
+      store_(config_.signers, config_.name) {
   report_.activity = "reading the calibration store";  // before the first step(), for hosts that connect early
-  publish();
+  snapshot_.publish(report_);
 }
 
 bool CalibrationKeeper::step(Instant now) {
   now_ = now;
-  bool busy = drain(tables_back_, [](auto) {});  // frees old tables here, outside the frame path
+  bool busy = tables_.free_old();
   if (!started_) {
     started_ = true;
     load_at_start();
     busy = true;
   } else if (installing_) {
-    busy |= compile_within_memory();
+    try {
+      busy |= compile_some();
+    } catch (const std::bad_alloc&) {  // only this request fails; the calibration in force stays
+      end(fail(out_of_memory(installing_->id)));
+      busy = true;
+    }
   } else if (!to_try_.empty()) {
     start_next_good();
     busy = true;
   }
-  busy |= watch_trial();
+  if (!installing_ && trial_.overdue(now)) {
+    go_back(std::nullopt);
+    busy = true;
+  }
   busy |= take_requests();
-  if (busy) publish();
+  if (busy) snapshot_.publish(report_);
   return busy;
 }
 
-/// When the allocation of a new table fails, only its request fails; the calibration in force stays.
-bool CalibrationKeeper::compile_within_memory() {
-  try {
-    return compile_some();
-  } catch (const std::bad_alloc&) {
-    end(fail(out_of_memory(installing_->id)));
-    return true;
-  }
-}
-
 void CalibrationKeeper::load_at_start() {
-  auto opened = CalibrationStore::open(disk_);
-  if (!opened) {
-    store_status_ = fail(opened.error().in("calibration store"));
-    report_.problem = store_status_.error().message;
+  if (const Status opened = store_.open(disk_); !opened) {
+    report_.problem = opened.error().message;
     report_.activity.clear();
     report_.ready = true;
     return;
   }
-  store_.emplace(std::move(*opened));
-  report_.problem = store_->note();
-  const auto in_force = store_->in_force();
-  for (auto entry = store_->entries().rbegin(); entry != store_->entries().rend(); ++entry) {
+  const CalibrationStore& stored = store_.contents();
+  report_.problem = stored.note();
+  const auto in_force = stored.in_force();
+  for (auto entry = stored.entries().rbegin(); entry != stored.entries().rend(); ++entry) {
     if (entry->id != in_force) to_try_.push_back(*entry);
   }
-  for (const CalibrationStore::Entry& entry : store_->entries()) {
+  for (const CalibrationStore::Entry& entry : stored.entries()) {
     if (entry.id == in_force) to_try_.push_back(entry);
   }
   report_.ready = to_try_.empty();
@@ -107,7 +129,7 @@ void CalibrationKeeper::load_at_start() {
 void CalibrationKeeper::start_next_good() {
   const CalibrationStore::Entry entry = to_try_.back();
   to_try_.pop_back();
-  auto loaded = load_permitted(*store_, signature_rules(), entry.id);
+  auto loaded = store_.load(entry.id, true);
   Status begun =
       loaded ? begin(std::nullopt, std::move(loaded->calibration), entry.id, false, {}) : Status(fail(loaded.error()));
   if (!begun) end(begun);
@@ -135,12 +157,12 @@ bool CalibrationKeeper::take_requests() {
 bool CalibrationKeeper::answer_at_once(const CalibrationRequest& request) {
   if (request.host.gone()) {
     answer(request.ticket, fail(Presence::error()));
-  } else if (!store_) {
-    answer(request.ticket, fail(store_status_.error()));
+  } else if (!store_.status()) {
+    answer(request.ticket, fail(store_.status().error()));
   } else if (std::holds_alternative<CalibrationRequest::List>(request.what)) {
-    answer(request.ticket, list());
+    answer(request.ticket, list_of(store_, report_, trial_));
   } else if (const auto* wanted = std::get_if<CalibrationRequest::Get>(&request.what)) {
-    answer(request.ticket, get(wanted->id_prefix));
+    answer(request.ticket, document_of(wanted->id_prefix, store_, report_.in_force, trial_));
   } else {
     return false;
   }
@@ -157,50 +179,43 @@ Status CalibrationKeeper::start(const CalibrationRequest& request) {
   }
   if (std::holds_alternative<CalibrationRequest::Install>(request.what))
     return rehearsal_ ? rehearse(request) : install(request);
+  Sha256 id{};
+  bool allow_older = true;  // a rollback is to an older one
   if (const auto* wanted = std::get_if<CalibrationRequest::Use>(&request.what)) {
-    const auto found = store_->find(wanted->id_prefix);
-    return found ? use(request, found->id, wanted->allow_older) : Status(fail(found.error()));
+    NODAL_TRY_ASSIGN(const auto found, store_.contents().find(wanted->id_prefix));
+    id = found.id;
+    allow_older = wanted->allow_older;
+  } else if (const auto before = store_.contents().before()) {
+    id = *before;
+  } else {
+    return fail(Errc::kNotFound, "no earlier calibration is stored that the rig could go back to");
   }
-  if (store_->before()) return use(request, Sha256(*store_->before()), true);  // a rollback is to an older one
-  return fail(Errc::kNotFound, "no earlier calibration is stored that the rig could go back to");
+  NODAL_TRY_ASSIGN(auto loaded, store_.load(id, allow_older));
+  return begin(request.ticket, std::move(loaded.calibration), id, false, request.heads, loaded.permitted.generation);
 }
 
 Status CalibrationKeeper::install(const CalibrationRequest& request) {
   const auto& upload = std::get<CalibrationRequest::Install>(request.what);
-  const auto permitted = check_signature(signature_rules(), {upload.signature, upload.json});
-  if (!permitted) return fail(permitted.error().in("calibration"));
-  auto calibration = parse_calibration(upload.json);
-  if (!calibration) return fail(calibration.error().in("calibration"));
-  const Sha256 id = calibration_id(*calibration);
-  const bool known = store_->read(id).has_value();
-  const bool had = has_signature(*store_, signature_rules(), id, *permitted);
-  if (Status newest = check_generation(signature_rules(), *permitted, had); !newest && !upload.allow_older) {
-    return fail(newest.error().in("calibration"));
+  NODAL_TRY_ASSIGN(auto accepted, store_.accept({upload.signature, upload.json}, upload.allow_older));
+  const Sha256 id = accepted.id;
+  NODAL_TRY(fit_to_rig(accepted.calibration, config_.heads, request.heads));
+  if (upload.trial) {
+    const sets::BlendSetup& before = tables_.newest();
+    if (!before) {
+      return fail(Errc::kWrongState,
+                  "no calibration is in force that the rig could go back to after a trial; upload without a trial");
+    }
+    if (id == before.plan->id) return fail(Errc::kExists, "calibration " + short_id(id) + " is in force already");
+    NODAL_TRY(begin(request.ticket, accepted.calibration, id, false, request.heads));
+    installing_->on_trial = true;
+    trial_.prepare(std::move(accepted.calibration), std::move(accepted.original), before, *upload.trial);
+    return {};
   }
-  NODAL_TRY(fit_to_rig(*calibration, config_.heads, request.heads));
-  std::optional<SignedDocument> original;
-  if (config_.signers) original = SignedDocument{upload.signature, upload.json};
-  if (upload.trial) return install_on_trial(request, std::move(*calibration), std::move(original), *upload.trial);
-  if (auto stored = store_->put(*calibration, original); !stored) {
-    return fail(stored.error().in("storing calibration " + short_id(id)));
-  }
-  Status begun = begin(request.ticket, std::move(*calibration), id, !known, request.heads, permitted->generation);
-  if (!begun && !known) store_->remove(id);
+  NODAL_TRY(store_.put(accepted.calibration, accepted.original));
+  Status begun =
+      begin(request.ticket, std::move(accepted.calibration), id, !accepted.stored, request.heads, accepted.generation);
+  if (!begun && !accepted.stored) store_.remove(id);
   return begun;
-}
-
-Status CalibrationKeeper::install_on_trial(const CalibrationRequest& request, Calibration calibration,
-                                           std::optional<SignedDocument> original, Duration trial) {
-  const Sha256 id = calibration_id(calibration);
-  if (!running_) {
-    return fail(Errc::kWrongState,
-                "no calibration is in force that the rig could go back to after a trial; upload without a trial");
-  }
-  if (id == running_.plan->id) return fail(Errc::kExists, "calibration " + short_id(id) + " is in force already");
-  NODAL_TRY(begin(request.ticket, calibration, id, false, request.heads));
-  installing_->on_trial = true;
-  trial_.prepare(std::move(calibration), std::move(original), running_, trial);
-  return {};
 }
 
 /// Keeping fails when the disk fails; then the trial continues, and at its end the rig goes back.
@@ -216,29 +231,12 @@ Status CalibrationKeeper::end_trial(const CalibrationRequest& request, const Cal
     go_back(request.ticket);
     return {};
   }
-  const bool known = store_->read(id).has_value();
-  if (auto stored = store_->put(trial_.calibration(), trial_.original()); !stored) {
-    return fail(stored.error().in("storing calibration " + short_id(id)));
-  }
-  const auto permitted = check_signature(signature_rules(), trial_.original().value_or(SignedDocument{}));
-  Status kept = permitted ? store_->note_signed(permitted->generation) : Status(fail(permitted.error()));
-  if (kept) kept = store_->set_in_force(id);
-  if (!kept) {
-    if (!known) store_->remove(id);
-    return fail(kept.error().in("putting calibration " + short_id(id) + " in force"));
-  }
+  NODAL_TRY(store_.keep(trial_.calibration(), trial_.original()));
   trial_.keep();
   report_.trial.reset();
   report_.problem.clear();
   answer(request.ticket, CalibrationAnswer::Done{});
   return {};
-}
-
-/// Goes back to the old calibration when the time of a trial is over.
-bool CalibrationKeeper::watch_trial() {
-  if (installing_ || !trial_.overdue(now_)) return false;
-  go_back(std::nullopt);
-  return true;
 }
 
 /// Gives the old calibration to the blend. A ticket is answered when the blend has taken it.
@@ -248,26 +246,12 @@ void CalibrationKeeper::go_back(std::optional<std::uint64_t> ticket) {
   report_.name = before.plan->name;
   report_.document = document_before_trial_;
   report_.trial.reset();
-  hand_over(std::move(before));
+  tables_.give(std::move(before));
   Installation back;
   back.ticket = ticket;
-  back.id = running_.plan->id;
+  back.id = tables_.newest().plan->id;
   back.handed_over = true;
   installing_.emplace(std::move(back));
-}
-
-void CalibrationKeeper::hand_over(sets::BlendSetup setup) {
-  running_ = setup;
-  const bool pushed = tables_out_.push(std::move(setup));
-  NODAL_ASSERT(pushed);
-}
-
-Status CalibrationKeeper::use(const CalibrationRequest& request, const Sha256& id, bool allow_older) {
-  NODAL_TRY_ASSIGN(auto loaded, load_permitted(*store_, signature_rules(), id));
-  if (const Status newest = check_generation(signature_rules(), loaded.permitted, true); !newest && !allow_older) {
-    return fail(newest.error().in("stored calibration " + short_id(id)));
-  }
-  return begin(request.ticket, std::move(loaded.calibration), id, false, request.heads, loaded.permitted.generation);
 }
 
 Status CalibrationKeeper::begin(std::optional<std::uint64_t> ticket, Calibration calibration, const Sha256& id,
@@ -294,7 +278,7 @@ bool CalibrationKeeper::compile_some() {
         "compiling the table of calibration " + short_id(now.id) + ": " + std::to_string(tables.percent()) + " %";
     return true;
   }
-  if (tables_out_.full() || answers_.full()) return false;  // the blend has not taken the table yet
+  if (!tables_.room() || answers_.full()) return false;  // the blend has not taken the table yet
   if (now.handed_over) {
     end({});
   } else if (const Status status = put_in_force(now); !status) {
@@ -309,9 +293,8 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
   // Allocates everything before the disk changes, so that a failed allocation leaves the disk as it was.
   sets::BlendSetup setup = sets::with_memory(std::move(*plan));
   // At start the pointer on the disk is right already, unless a damaged calibration was skipped; then it is rewritten.
-  if (!done.on_trial && (done.ticket || store_->in_force() != done.id || !store_->note().empty())) {
-    Status kept = store_->note_signed(done.signed_generation);
-    if (kept) kept = store_->set_in_force(done.id);
+  if (!done.on_trial && (done.ticket || store_.contents().in_force() != done.id || !store_.contents().note().empty())) {
+    const Status kept = store_.put_in_force(done.id, done.signed_generation);
     if (!kept) {
       if (done.ticket) return fail(kept.error().in("putting calibration " + short_id(done.id) + " in force"));
       report_.problem = kept.error().message;  // it stays in force, but only until the next start
@@ -325,7 +308,7 @@ Status CalibrationKeeper::put_in_force(Installation& done) {
     trial_.run(now_);
     report_.trial = trial_.report();
   }
-  hand_over(std::move(setup));
+  tables_.give(std::move(setup));
   done.handed_over = true;
   return {};
 }
@@ -342,7 +325,7 @@ void CalibrationKeeper::end(const Status& status) {
       report_.problem += status.error().message;
     }
   } else {
-    if (!status && installing_->newly_stored) store_->remove(installing_->id);
+    if (!status && installing_->newly_stored) store_.remove(installing_->id);
     if (!status && installing_->on_trial) trial_.give_up();
     if (status && !installing_->on_trial) report_.problem.clear();
     Result<Answered> result = CalibrationAnswer::Done{};
@@ -359,7 +342,5 @@ void CalibrationKeeper::answer(std::uint64_t ticket, Result<Answered> result) {
   const bool pushed = answers_.push(CalibrationAnswer{ticket, std::move(result)});
   NODAL_ASSERT(pushed);
 }
-
-void CalibrationKeeper::publish() { snapshot_.publish(report_); }
 
 }  // namespace nodal::firmware

@@ -8,8 +8,9 @@
 #include <variant>
 #include <vector>
 
-#include "firmware/calibration/calibration_signature.h"
 #include "firmware/calibration/calibration_store.h"
+#include "firmware/calibration/permitted_store.h"
+#include "firmware/calibration/table_handover.h"
 #include "firmware/calibration/trial.h"
 #include "firmware/config/config.h"
 #include "firmware/frame/frame_set.h"
@@ -127,7 +128,7 @@ class CalibrationKeeper {
     bool newly_stored = false;
     std::optional<sets::PlanJob> job;  ///< empty: the plan of this calibration is in memory already
     bool on_trial = false;
-    bool handed_over = false;                       ///< it is in tables_out_; the blend takes it between two sets
+    bool handed_over = false;                       ///< it is in tables_; the blend takes it between two sets
     std::shared_ptr<const std::string> document{};  ///< canonical form of the calibration
     std::uint64_t signed_generation = 0;            ///< generation of its signature; 0: none
     std::optional<CalibrationRequest> rehearsed{};  ///< an upload that is parsed and compiled elsewhere first
@@ -142,43 +143,30 @@ class CalibrationKeeper {
   Status rehearse(const CalibrationRequest& request);
   bool end_rehearsal();
   Status install(const CalibrationRequest& request);
-  Status install_on_trial(const CalibrationRequest& request, Calibration calibration,
-                          std::optional<SignedDocument> original, Duration trial);
-  Status use(const CalibrationRequest& request, const Sha256& id, bool allow_older);
   Status end_trial(const CalibrationRequest& request, const CalibrationRequest::EndTrial& how);
-  bool watch_trial();
   void go_back(std::optional<std::uint64_t> ticket);
-  void hand_over(sets::BlendSetup setup);
   Status begin(std::optional<std::uint64_t> ticket, Calibration calibration, const Sha256& id, bool newly_stored,
                const HeadShapes& heads, std::uint64_t generation = 0);
   bool compile_some();
-  bool compile_within_memory();
   Status put_in_force(Installation& done);
   void end(const Status& status);
-  Result<CalibrationAnswer::Listed> list() const;
-  Result<CalibrationAnswer::Document> get(const std::string& id_prefix) const;
   void answer(std::uint64_t ticket, Result<Answered> result);
-  SignatureRules signature_rules() const { return {config_.signers, config_.name, store_->signed_generation()}; }
-  void publish();
 
   const RigConfig config_;
   hal::DiskPort& disk_;
-  SpscRing<sets::BlendSetup>& tables_out_;
-  SpscRing<sets::BlendSetup>& tables_back_;
+  TableHandover tables_;
   SpscRing<CalibrationRequest> requests_;
   SpscRing<CalibrationAnswer> answers_;
   Snapshot<KeeperReport> snapshot_;
   KeeperReport report_;
 
   hal::ConfinedPort* const rehearsal_;
-  std::optional<CalibrationStore> store_;
-  Status store_status_;
+  PermittedStore store_;
   bool started_ = false;
   std::vector<CalibrationStore::Entry> to_try_;  ///< candidates at start; the next one is at the back
   std::optional<Installation> installing_;
   CalibrationTrial trial_;
   std::shared_ptr<const std::string> document_before_trial_;
-  sets::BlendSetup running_;                   ///< the calibration that the blend uses, or takes next
   Instant now_;                                ///< time of the current step
   std::optional<CalibrationRequest> waiting_;  ///< a change that waits until the current installation has ended
 };

@@ -71,7 +71,7 @@ canary(head_not_looked_for SETS firmware/capture/capture_head.cpp
   "constexpr Duration kRetry = Duration::milliseconds(200)\;" "constexpr Duration kRetry = Duration::milliseconds(2600)\;")
 canary(calibration_not_synced SETS firmware/storage/durable_file.cpp "if (done) done = disk.sync(handle)\;" "")
 canary(told_and_not_kept SETS firmware/calibration/calibration_keeper.cpp
-  "if (kept) kept = store_->set_in_force(done.id)\;" "")
+  "const Status kept = store_.put_in_force(done.id, done.signed_generation)\;" "const Status kept{}\;")
 canary(raymap_names_the_first SETS firmware/picture/blender.cpp
   "blend_.plan()->id, {}, {}}\;"
   "[this] { static const Sha256 first = blend_.plan()->id\; return first\; }(), {}, {}}\;")
