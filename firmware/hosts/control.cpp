@@ -1,7 +1,5 @@
 #include "firmware/hosts/control.h"
 
-#include <algorithm>
-
 #include "firmware/hosts/wire_commands.h"
 
 namespace nodal::firmware {
@@ -9,6 +7,16 @@ namespace {
 
 // A host that stays is in the log. One that asks something and leaves is not: the audit log has what it changed.
 constexpr Duration kLoggedAfter = Duration::seconds(10);
+
+/// Temporary settings end with the host that made them: when its link ends, and when it does not answer pings.
+void watch_leases(const Clients& clients, Operation& operation, Instant now) {
+  for (const auto& client : clients) {
+    const bool over = client->finished() || client->silence(now) > Client::kLeaseSilent;
+    if (!client->leases || !over) continue;
+    client->leases = false;
+    operation.end_lease(client->number(), client->who());
+  }
+}
 
 }  // namespace
 
@@ -25,7 +33,8 @@ Control::Control(const RigConfig& config, std::string software, const Stages& st
       operation_(config, stages, watchdog, panel, now),
       admission_(std::move(listeners)),
       started_(now),
-      scan_(scan),
+      replies_(config_, clients_),
+      devices_(scan),
       uploads_(UploadLimits{kMaxCalibrationBytes, kUploadsOfAClient * Admission::kMaxClients, kUploadsOfAClient}),
       publisher_(config.raymap, stages.encoder.published()),
       frame_sender_(config, frame_sets, stages.blender),
@@ -44,15 +53,21 @@ bool Control::step(Instant now) {
   busy |= serve_all(now);
   busy |= serve_turns(now);
   admission_.close_excess(clients_, now);
-  busy |= reply_to_commands(now);
-  busy |= reply_to_scans(now);
+  const std::vector<Answer> answers = operation_.take_answers(now);
+  for (const Answer& answer : answers) {
+    calibrations_.end(answer.ticket);
+    replies_.settle(answer, now);
+  }
+  busy |= !answers.empty();
+  NODAL_ASSERT(replies_.waiting() <= operation_.unanswered());  // else a request would wait for ever
+  busy |= devices_.step(clients_, replies_, now);
   stages_.encoder.set_wanted(Publisher::jpeg_wanted(clients_), Publisher::pixels_wanted(clients_));
   busy |= publisher_.step(clients_);
   for (const std::string& sentence : publisher_.take_news()) say(NewsKind::kHosts, sentence);
-  busy |= frame_sender_.step(clients_, frame_sets_.order.highest(), now);
+  busy |= frame_sender_.step(clients_, frame_sets_.highest(), now);
   busy |= take_sender_.step(clients_, now);
   for (const auto& client : clients_) busy |= client->pump_out(now);
-  watch_leases(now);
+  watch_leases(clients_, operation_, now);
   drop_finished();
   operation_.end_step(Publisher::lossless_wanted(clients_), now);
   end(now);
@@ -83,22 +98,12 @@ wire::Hello Control::hello(Access access) const {
         "genlock", "hosts", "raymap-jpeg", "raymap-raw", "temporary-settings"}) {
     hello.add_features(feature);
   }
-  if (scan_ != nullptr) hello.add_features("devices");
+  if (devices_.available()) hello.add_features("devices");
   if (stages_.takes != nullptr) hello.add_features("takes");
   if (config_.signers) hello.add_features("signed-calibrations");
   if (access == Access::kView) hello.add_features("view-only");
   if (const auto& in_force = operation_.keeper().in_force) hello.set_calibration_id(sha256_to_wire(*in_force));
   return hello;
-}
-
-/// Temporary settings end with the host that made them: when its link ends, and when it does not answer pings.
-void Control::watch_leases(Instant now) {
-  for (const auto& client : clients_) {
-    const bool over = client->finished() || client->silence(now) > Client::kLeaseSilent;
-    if (!client->leases || !over) continue;
-    client->leases = false;
-    operation_.end_lease(client->number(), client->who());
-  }
 }
 
 void Control::drop_finished() {
@@ -108,11 +113,9 @@ void Control::drop_finished() {
   std::erase_if(clients_, [&](const std::unique_ptr<Client>& client) {
     if (!client->finished()) return false;
     uploads_.leave(client->number());
-    for (Turns* turns : {&frame_sets_, &calibrations_}) {
-      turns->order.leave(client->number());
-      turns->requests.erase(client->number());
-    }
-    std::erase_if(scanning_, [&](const Waiting& waiting) { return waiting.client == client->number(); });
+    frame_sets_.leave(client->number());
+    calibrations_.leave(client->number());
+    devices_.leave(client->number());
     const bool left = client->why().code == Errc::kLinkClosed;
     if (!left) say(NewsKind::kHosts, client->name() + " was dropped: " + client->why().text());
     else if (!client->said_hello()) say(NewsKind::kHosts, client->name() + " left without saying hello");
@@ -186,44 +189,6 @@ void Control::handle(Client& client, Event& event, Instant now) {
     const auto pull = client.pulls.find(stopped->stream);
     if (pull != client.pulls.end()) pull->second.ended = true;
   }
-}
-
-bool Control::reply_to_commands(Instant now) {
-  const std::vector<Answer> answers = operation_.take_answers(now);
-  for (const Answer& answer : answers) {
-    if (calibration_ == answer.ticket) calibration_.reset();
-    const auto found = waiting_.find(answer.ticket);
-    if (found == waiting_.end()) continue;  // from the button or the stored settings
-    const Waiting waiting = found->second;
-    waiting_.erase(found);
-    Client* const client = find(waiting.client);
-    if (!client) continue;
-    --client->requests_open;
-    wire::Reply message = reply_of(answer, config_);
-    message.set_id(waiting.request);
-    reply(*client, message, now);
-  }
-  NODAL_ASSERT(waiting_.size() <= operation_.unanswered());  // an entry without a pending answer would never be erased
-  return !answers.empty();
-}
-
-Client* Control::find(std::uint64_t number) {
-  const auto found =
-      std::find_if(clients_.begin(), clients_.end(), [&](const auto& client) { return client->number() == number; });
-  return found == clients_.end() ? nullptr : found->get();
-}
-
-void Control::reply(Client& client, const wire::Reply& message, Instant now) {
-  if (client.session().error()) return;
-  if (const Status sent = client.session().send(message); !sent && !client.session().error()) {
-    client.end(sent.error(), now);  // the client sends requests and does not read the replies
-  }
-}
-
-void Control::refuse(Client& client, std::uint64_t request, const Error& error, Instant now) {
-  wire::Reply message = reply_of({0, fail(error)}, config_);
-  message.set_id(request);
-  reply(client, message, now);
 }
 
 }  // namespace nodal::firmware

@@ -3,7 +3,6 @@
 
 #include <atomic>
 #include <cstdint>
-#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -12,11 +11,12 @@
 #include "firmware/hosts/access.h"
 #include "firmware/hosts/admission.h"
 #include "firmware/hosts/client.h"
-#include "firmware/hosts/device_scan.h"
-#include "firmware/hosts/fair_queue.h"
+#include "firmware/hosts/device_listing.h"
 #include "firmware/hosts/frame_sender.h"
 #include "firmware/hosts/publisher.h"
+#include "firmware/hosts/replies.h"
 #include "firmware/hosts/take_sender.h"
+#include "firmware/hosts/turns.h"
 #include "firmware/operate/operation.h"
 #include "hal/link.h"
 #include "hal/watchdog.h"
@@ -26,7 +26,7 @@ namespace nodal::firmware {
 
 /// Accepts hosts, answers their requests, receives their uploads, sends them raymaps. A request that another stage must
 /// carry out becomes a command of Operation, and is answered when that stage answers; meanwhile other hosts are served.
-/// A request for what only one host can have at a time (Turn) waits in a FairQueue, and is not refused.
+/// A request for what only one host can have at a time (Turn) waits in Turns, and is not refused.
 ///
 /// Threading: step() is thread-bound to control; set_resident_bytes(), ask_to_end() and ended() are for any thread.
 /// Ownership: owns the clients; listeners and stages outlive it.
@@ -73,42 +73,20 @@ class Control {
   static constexpr std::size_t kUploadsOfAClient = 2;  ///< incomplete uploads of one client
 
  private:
-  /// A host's request that is not answered yet.
-  struct Waiting {
-    std::uint64_t client = 0;
-    std::uint64_t request = 0;  ///< id of the request
-  };
-
-  /// Requests that wait for their turn, one of each host.
-  struct Turns {
-    FairQueue order;
-    std::map<std::uint64_t, wire::Request> requests;  ///< by host
-  };
-
   void drop_finished();
-  void watch_leases(Instant now);
   bool serve_all(Instant now);
   bool serve(Client& client, Instant now);
   bool has_room(const Client& client, const wire::Request& request) const;
   void handle(Client& client, Event& event, Instant now);
   void handle(Client& client, const wire::Request& request, Instant now);
+  bool serve_turns(Instant now);
+  void carry_out(Client& client, const wire::Request& request, Instant now);
   /// Answers a request at once. Returns the error to reply with, if any.
   Status answer(Client& client, const wire::Request& request, Instant now);
-  Turns* turns_for(const wire::Request& request);
-  bool serve_turns(Instant now);
-  bool serve_next(Turns& turns, Instant now);
-  void carry_out(Client& client, const wire::Request& request, Instant now);
+  /// Makes the request a command; the answer is sent when the command's stage has answered.
   Status command(Client& client, const wire::Request& request, Instant now);
-  Result<Command> commit_command(const wire::UploadCommit& commit);
   Result<StreamId> start_work(Client& client, const wire::Request& request, Instant now);
   Status end_host(Client& client, const wire::Request& request, Instant now);
-  void await(Client& client, const wire::Request& request, Ticket ticket);
-  Status list_devices(Client& client, std::uint64_t request);
-  bool reply_to_scans(Instant now);
-  void reply(Client& client, const wire::Reply& reply, Instant now);
-  void refuse(Client& client, std::uint64_t request, const Error& error, Instant now);
-  bool reply_to_commands(Instant now);
-  Client* find(std::uint64_t number);
   void end(Instant now);
   wire::Hello hello(Access access) const;
   void say(NewsKind kind, std::string sentence) { operation_.news().say(kind, std::move(sentence)); }
@@ -123,12 +101,10 @@ class Control {
 
   Clients clients_;
   std::size_t first_served_ = 0;  ///< index of the client that is served first; rises by one each step
-  std::map<Ticket, Waiting> waiting_;
+  Replies replies_;
   Turns frame_sets_;
   Turns calibrations_;
-  std::optional<Ticket> calibration_;  ///< the change of a calibration that the keeper works on
-  DeviceScan* scan_;
-  std::vector<Waiting> scanning_;  ///< requests that the scan in progress will answer
+  DeviceListing devices_;
   UploadReceiver uploads_;
   Publisher publisher_;
   FrameSender frame_sender_;

@@ -7,11 +7,20 @@
 #include "protocol/base/try.h"
 
 namespace nodal::firmware {
-
 namespace {
 
 Requester requester_of(const Client& client) {
   return {Requester::Kind::kHost, client.number(), client.who(), client.party(), client.presence()};
+}
+
+Result<Command> commit_command(const wire::UploadCommit& commit, const RigConfig& config, UploadReceiver& uploads) {
+  NODAL_TRY_ASSIGN(const auto name, sha256_from_wire(commit.sha256()));
+  NODAL_TRY_ASSIGN(auto install, install_of(commit));
+  // Checked before the document is taken, so that a host can correct and repeat a refused commit.
+  NODAL_TRY(check(CalibrationCommand(install), config));
+  NODAL_TRY_ASSIGN(auto document, uploads.take(name));
+  install.json.assign(document.begin(), document.end());
+  return CalibrationCommand(std::move(install));
 }
 
 }  // namespace
@@ -23,12 +32,12 @@ bool Control::has_room(const Client& client, const wire::Request& request) const
   const std::uint64_t host = client.number();
   const RequestKind& kind = kind_of(request);
   const bool recorded = kind.important || changes_rig(request) || kind.turn == Turn::kTakeReads;
-  if (recorded && !operation_.may_change(requester_of(client), kind.important, now_)) return false;
+  if (recorded && !operation_.audit().may_change(requester_of(client), kind.important, now_)) return false;
   switch (kind.turn) {
-    case Turn::kFrameSets: return !client.frame_set && !frame_sets_.order.waits(host);
+    case Turn::kFrameSets: return !client.frame_set && !frame_sets_.waits(host);
     case Turn::kTakeReads: return !client.take_file;
     case Turn::kCalibrations:
-      if (calibrations_.order.waits(host)) return false;
+      if (calibrations_.waits(host)) return false;
       break;
     case Turn::kNone:
     case Turn::kDiskTest: break;
@@ -42,45 +51,31 @@ bool Control::has_room(const Client& client, const wire::Request& request) const
 void Control::handle(Client& client, const wire::Request& request, Instant now) {
   if (Status permitted = check_access(client.access(), request); !permitted) {
     say(NewsKind::kHosts, client.who() + ": " + permitted.error().text());
-    return refuse(client, request.id(), permitted.error(), now);
+    return replies_.refuse(client, request.id(), permitted.error(), now);
   }
-  Turns* const turns = turns_for(request);
-  if (!turns) return carry_out(client, request, now);
-  turns->order.add({client.number(), client.access(), client.identity()});
-  turns->requests[client.number()] = request;
-  ++client.requests_open;
-}
-
-/// Null: the request is carried out at once. TakeSender and TakeKeeper share their turns themselves.
-Control::Turns* Control::turns_for(const wire::Request& request) {
-  const Turn turn = kind_of(request).turn;
-  if (turn == Turn::kFrameSets) return &frame_sets_;
-  return turn == Turn::kCalibrations ? &calibrations_ : nullptr;
+  const Turn turn = kind_of(request).turn;  // TakeSender and TakeKeeper share their turns themselves
+  if (turn == Turn::kFrameSets) frame_sets_.add(client, request);
+  else if (turn == Turn::kCalibrations) calibrations_.add(client, request);
+  else carry_out(client, request, now);
 }
 
 /// Carries out the requests whose turn has come.
 bool Control::serve_turns(Instant now) {
+  const auto serve_next = [&](Turns& turns) {
+    const auto next = turns.next(clients_);
+    if (next && next->client && !next->client->ending()) carry_out(*next->client, next->request, now);
+    return next.has_value();
+  };
   bool busy = false;
-  while (frame_sender_.has_room() && serve_next(frame_sets_, now)) busy = true;
-  while (!calibration_ && serve_next(calibrations_, now)) busy = true;
+  while (frame_sender_.has_room() && serve_next(frame_sets_)) busy = true;
+  while (!calibrations_.working() && serve_next(calibrations_)) busy = true;
   return busy;
-}
-
-bool Control::serve_next(Turns& turns, Instant now) {
-  const auto host = turns.order.next();
-  if (!host) return false;
-  const wire::Request request = std::move(turns.requests.extract(*host).mapped());
-  Client* const client = find(*host);
-  if (!client) return true;
-  --client->requests_open;
-  if (!client->ending()) carry_out(*client, request, now);
-  return true;
 }
 
 void Control::carry_out(Client& client, const wire::Request& request, Instant now) {
   const bool later = changes_rig(request) || kind_of(request).slow_stage;  // another stage carries it out
   const Status done = later ? command(client, request, now) : answer(client, request, now);
-  if (!done) refuse(client, request.id(), done.error(), now);
+  if (!done) replies_.refuse(client, request.id(), done.error(), now);
 }
 
 Status Control::answer(Client& client, const wire::Request& request, Instant now) {
@@ -113,89 +108,41 @@ Status Control::answer(Client& client, const wire::Request& request, Instant now
       answer.mutable_done();
       break;
     case wire::Request::kAuditLog:
-      fill_audit(operation_.audit_log(), request.audit_log(), started_, now, stages_.utc(),
+      fill_audit(operation_.audit().log(), request.audit_log(), started_, now, stages_.utc(),
                  *answer.mutable_audit_log());
       break;
     case wire::Request::kHosts: fill_hosts(clients_, client, now, *answer.mutable_hosts()); break;
     case wire::Request::kHostEnd: return end_host(client, request, now);
-    case wire::Request::kDevices: return list_devices(client, request.id());
+    case wire::Request::kDevices:
+      if (!devices_.available()) return fail(Errc::kUnsupported, "this rig (" + software_ + ") has no devices to list");
+      devices_.ask(client, request.id());
+      return {};
     default: return fail(Errc::kUnsupported, "this rig (" + software_ + ") does not support that request");
   }
-  reply(client, answer, now);
+  replies_.send(client, answer, now);
   return {};
 }
 
-/// reply_to_scans() sends the answer.
-Status Control::list_devices(Client& client, std::uint64_t request) {
-  if (!scan_) return fail(Errc::kUnsupported, "this rig (" + software_ + ") has no devices to list");
-  scan_->begin();
-  scanning_.push_back({client.number(), request});
-  ++client.requests_open;
-  return {};
-}
-
-bool Control::reply_to_scans(Instant now) {
-  if (scanning_.empty()) return false;
-  const auto listed = scan_->take();
-  if (!listed) return false;
-  wire::Reply answer;
-  std::optional<Error> error;
-  if (!*listed) {
-    error = listed->error();
-  } else if ((*listed)->text.size() > kMaxDeviceListBytes || (*listed)->json.size() > kMaxDeviceListBytes) {
-    error = Error{Errc::kTooLarge, "the list of devices is longer than " + std::to_string(kMaxDeviceListBytes / 1024) +
-                                       " KiB; on the board, `nodald --scan` prints it"};
-  } else {
-    fill_devices(**listed, *answer.mutable_devices());
-  }
-  for (const Waiting& waiting : std::exchange(scanning_, {})) {
-    Client* const client = find(waiting.client);
-    if (!client) continue;
-    --client->requests_open;
-    answer.set_id(waiting.request);
-    if (error) refuse(*client, waiting.request, *error, now);
-    else reply(*client, answer, now);
-  }
-  return true;
-}
-
-/// Makes the request a command; reply_to_commands() sends the answer.
 Status Control::command(Client& client, const wire::Request& request, Instant now) {
   const Requester requester = requester_of(client);
-  Result<Command> wanted = request.has_upload_commit() ? commit_command(request.upload_commit())
+  Result<Command> wanted = request.has_upload_commit() ? commit_command(request.upload_commit(), config_, uploads_)
                                                        : command_of(request, config_, client.number());
   if (!wanted) {
-    if (changes_rig(request)) operation_.note_refused(requester, kind_of(request).name, wanted.error(), now);
+    if (changes_rig(request)) operation_.audit().note_refused(requester, kind_of(request).name, wanted.error(), now);
     return fail(wanted.error());
   }
   if (request.has_take_delete()) {
     const Status unread = take_sender_.check_unread(clients_, client, request.take_delete().take());
-    if (!unread) operation_.note_refused(requester, kind_of(request).name, unread.error(), now);
+    if (!unread) operation_.audit().note_refused(requester, kind_of(request).name, unread.error(), now);
     if (!unread) return unread;
   }
   const auto* change = std::get_if<CaptureCommand>(&*wanted);
   const bool ends_lease = change && std::holds_alternative<LeaseEnd>(*change);
   NODAL_TRY_ASSIGN(const auto ticket, operation_.ask(requester, std::move(*wanted), now));
   if (request.has_head_set() && request.head_set().temporary()) client.leases = !ends_lease;
-  if (kind_of(request).turn == Turn::kCalibrations) calibration_ = ticket;
-  await(client, request, ticket);
+  if (kind_of(request).turn == Turn::kCalibrations) calibrations_.begin(ticket);
+  replies_.await(client, request.id(), ticket);
   return {};
-}
-
-/// reply_to_commands() sends the answer.
-void Control::await(Client& client, const wire::Request& request, Ticket ticket) {
-  waiting_[ticket] = Waiting{client.number(), request.id()};
-  ++client.requests_open;
-}
-
-Result<Command> Control::commit_command(const wire::UploadCommit& commit) {
-  NODAL_TRY_ASSIGN(const auto name, sha256_from_wire(commit.sha256()));
-  NODAL_TRY_ASSIGN(auto install, install_of(commit));
-  // Checked before the document is taken, so that a host can correct and repeat a refused commit.
-  NODAL_TRY(check(CalibrationCommand(install), config_));
-  NODAL_TRY_ASSIGN(auto document, uploads_.take(name));
-  install.json.assign(document.begin(), document.end());
-  return CalibrationCommand(std::move(install));
 }
 
 Result<StreamId> Control::start_work(Client& client, const wire::Request& request, Instant now) {
@@ -203,7 +150,7 @@ Result<StreamId> Control::start_work(Client& client, const wire::Request& reques
   if (request.has_frame_set()) return frame_sender_.start(client, operation_.head_shapes(), operation_.period(), now);
   if (request.has_take_read()) {
     auto begun = take_sender_.start(client, request.take_read(), now);
-    if (begun) operation_.note_take_read(requester_of(client), request.take_read().take(), now);
+    if (begun) operation_.audit().note_take_read(requester_of(client), request.take_read().take(), now);
     return begun;
   }
   NODAL_TRY(Admission::may_work(clients_, client, now));
@@ -217,17 +164,17 @@ Result<StreamId> Control::start_work(Client& client, const wire::Request& reques
   return publisher_.start(clients_, client, request.pull());
 }
 
-/// reply_to_commands() sends the answer, when the audit log has the entry.
+/// The answer is sent when the audit log has the entry.
 Status Control::end_host(Client& client, const wire::Request& request, Instant now) {
   const std::uint64_t number = request.host_end().number();
-  Client* const ended = find(number);
+  Client* const ended = find_client(clients_, number);
   if (!ended || ended->ending()) {
     return fail(Errc::kNotFound, "there is no host " + std::to_string(number) + "; `nodal hosts` lists them");
   }
   if (ended == &client) return fail(Errc::kBadValue, "this host cannot close itself");
   ended->end(Error{Errc::kCancelled, client.name() + " closed this connection"}, now);
   say(NewsKind::kHosts, client.name() + " closed " + ended->name());
-  await(client, request, operation_.note_host_end(requester_of(client), ended->who(), now));
+  replies_.await(client, request.id(), operation_.note_host_end(requester_of(client), ended->who(), now));
   return {};
 }
 

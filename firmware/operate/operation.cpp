@@ -27,8 +27,8 @@ Operation::Operation(const RigConfig& config, const Stages& stages, hal::Watchdo
                      Instant now)
     : config_(config),
       stages_(stages),
-      audit_(stages.audit, stages.utc),
       news_(now),
+      audit_(stages.audit, stages.utc, news_),
       settings_(stages.settings, config.text_id),
       take_watch_(stages, config.takes && config.takes->at_start),
       watch_(config_, stages, news_, watchdog, now),
@@ -57,7 +57,7 @@ std::vector<Answer> Operation::take_answers(Instant now) {
   take_keeper_answers(answers, now);
   take_takes_answers(answers, now);
   settings_.take_answers(news_);
-  step_audit(answers, now);
+  audit_.step(asked_to_end(), answers, now);
   settings_.write(now);
   // An answer waits for the result of the write, unless the write takes too long or is not due yet.
   if (!settings_.worth_waiting(now)) {
@@ -144,6 +144,19 @@ Operation::Open Operation::close(Ticket ticket) {
   return open;
 }
 
+AuditLog::Receipt Operation::audit(const Open& open, const std::optional<Sha256>& in_force, const Status& done,
+                                   Instant now) {
+  if (!changes_rig(open.command)) return 0;
+  return audit_.note_change(open.requester, open.command, open.before, values_after(open.command, config_, in_force),
+                            done, now);
+}
+
+Ticket Operation::note_host_end(const Requester& requester, const std::string& host, Instant now) {
+  const Ticket ticket = next_ticket_++;
+  audit_.answer_when_recorded({ticket, Outcome(CommandDone{})}, audit_.note_host_end(requester, host, now));
+  return ticket;
+}
+
 void Operation::take_capture_answers(std::vector<Answer>& answers, Instant now) {
   drain(stages_.capture.answers(), [&](CaptureAnswer answer) {
     Open open = close(answer.ticket);
@@ -187,7 +200,7 @@ void Operation::take_keeper_answers(std::vector<Answer>& answers, Instant now) {
     Outcome outcome = CommandDone{};
     if (auto* listed = std::get_if<CalibrationAnswer::Listed>(&*answer.result)) outcome = std::move(*listed);
     else if (auto* document = std::get_if<CalibrationAnswer::Document>(&*answer.result)) outcome = std::move(*document);
-    answer_when_recorded({answer.ticket, std::move(outcome)}, receipt);
+    audit_.answer_when_recorded({answer.ticket, std::move(outcome)}, receipt);
   });
 }
 
@@ -200,7 +213,7 @@ void Operation::take_takes_answers(std::vector<Answer>& answers, Instant now) {
       answers.push_back({answer.ticket, fail(answer.result.error())});
       return;
     }
-    answer_when_recorded(
+    audit_.answer_when_recorded(
         {answer.ticket, std::visit([](auto& what) { return Outcome(std::move(what)); }, *answer.result)}, receipt);
   });
 }
@@ -225,12 +238,8 @@ void Operation::watch_trial(Instant now) {
   news_.say(NewsKind::kRig, kept ? "the calibration on trial stays in force"
                                  : "the trial has ended; calibration '" + keeper().name + "' is in force again");
   if (!kept && now >= on_trial_->until) {
-    AuditEntry entry;
-    entry.who = "timeout of the trial";
-    entry.what = command_name(Command(CalibrationRequest::EndTrial{}));
-    entry.before = calibration_text(on_trial_->id) + " on trial";
-    entry.after = calibration_text(keeper().in_force);
-    audit_.record(std::move(entry), "the rig", true, now);
+    audit_.note_own_change("timeout of the trial", command_name(Command(CalibrationRequest::EndTrial{})),
+                           calibration_text(on_trial_->id) + " on trial", calibration_text(keeper().in_force), now);
   }
   on_trial_.reset();
 }

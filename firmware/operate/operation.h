@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "firmware/config/config.h"
-#include "firmware/operate/audit_log.h"
+#include "firmware/operate/change_audit.h"
 #include "firmware/operate/commands.h"
 #include "firmware/operate/news.h"
 #include "firmware/operate/panel.h"
@@ -48,20 +48,17 @@ class Operation {
   /// Passes a command to its stage. Errors: check()'s, and kBusy when the stage's queue is full. A failed change is
   /// audited.
   Result<Ticket> ask(const Requester& requester, Command command, Instant now);
-  /// Whether the audit log takes a change of this requester now; otherwise it must wait.
-  bool may_change(const Requester& requester, bool important, Instant now) const;
   /// Audits the end of a host's connection. The answer comes when the entry is on the disk.
   Ticket note_host_end(const Requester& requester, const std::string& host, Instant now);
-  /// Audits a read of a take.
-  void note_take_read(const Requester& requester, std::uint64_t take, Instant now);
-  /// Audits a requested change that could not be mapped to a command.
-  void note_refused(const Requester& requester, std::string_view what, const Error& why, Instant now);
+  /// For what is no command of a stage.
+  ChangeAudit& audit() { return audit_; }
+  const ChangeAudit& audit() const { return audit_; }
   /// Number of unanswered commands of a host at a stage.
   std::size_t open(std::uint64_t host, CommandStage stage) const;
   /// Whether the stage's queue takes another command now; otherwise it must wait.
   bool has_room(CommandStage stage) const;
   /// Number of all commands whose answers take_answers() has not returned yet.
-  std::size_t unanswered() const { return open_.size() + unstored_.size() + unrecorded_.size(); }
+  std::size_t unanswered() const { return open_.size() + unstored_.size() + audit_.waiting(); }
 
   /// The host's session ended or fell silent: its temporary settings are undone. `name`: for the audit log.
   void end_lease(std::uint64_t host, const std::string& name);
@@ -79,7 +76,6 @@ class Operation {
   const TakeReport* takes() const { return reports_.takes; }
   const RigWatch& watch() const { return watch_; }
   const Health& health() const { return watch_.health(); }
-  const AuditLog& audit_log() const { return audit_; }
   News& news() { return news_; }
   /// Period of the frame rate in force.
   Duration period() const { return capture().genlock.rate.period(); }
@@ -110,9 +106,6 @@ class Operation {
   void take_keeper_answers(std::vector<Answer>& answers, Instant now);
   void take_takes_answers(std::vector<Answer>& answers, Instant now);
   AuditLog::Receipt audit(const Open& open, const std::optional<Sha256>& in_force, const Status& done, Instant now);
-  void note_finding(const std::string& finding, Instant now);
-  void answer_when_recorded(Answer answer, AuditLog::Receipt receipt);
-  void step_audit(std::vector<Answer>& answers, Instant now);
   void watch_trial(Instant now);
   void watch_takes(Instant now);
   void end_leases(Instant now);
@@ -129,17 +122,9 @@ class Operation {
   std::map<Ticket, Open> open_;
   std::map<std::uint64_t, std::string> leases_to_end_;  ///< by host; who ends it, for the audit log
   std::vector<Answer> unstored_;  ///< answers about settings that wait for the result of the write
-  /// Answers about important changes that wait until their entries are on the disk.
-  struct Unrecorded {
-    Answer answer;
-    AuditLog::Receipt receipt = 0;
-  };
-  std::vector<Unrecorded> unrecorded_;
-  std::string audit_problem_;  ///< as last logged
-  bool findings_told_ = false;
   std::optional<Trial> on_trial_;
-  AuditLog audit_;
   News news_;
+  ChangeAudit audit_;
 
   SettingsKeeper settings_;
   TakeWatch take_watch_;
