@@ -48,8 +48,9 @@ ClientList of_heaviest_user(const ClientList& some) {
 
 /// Null when there is none.
 Client* idle_longest(const ClientList& some) {
-  const auto found = std::min_element(
-      some.begin(), some.end(), [](const Client* a, const Client* b) { return a->idle_since() < b->idle_since(); });
+  const auto found = std::min_element(some.begin(), some.end(), [](const Client* a, const Client* b) {
+    return a->activity().idle_since() < b->activity().idle_since();
+  });
   return found == some.end() ? nullptr : *found;
 }
 
@@ -60,11 +61,12 @@ constexpr Duration kLongIdle = Duration::seconds(10);
 Client* host_to_close(const ClientList& hosts, Instant now) {
   const ClientList some = of_heaviest_user(hosts);
   const auto first = [&](auto condition) { return idle_longest(select(some, condition)); };
-  if (Client* one = first([&](const Client& c) { return !c.active(now) && now - c.idle_since() > kLongIdle; }))
+  if (Client* one =
+          first([&](const Client& c) { return !c.active(now) && now - c.activity().idle_since() > kLongIdle; }))
     return one;
   // Among hosts that send requests all the time, the newest host would be the one idle longest, so new hosts are
   // spared. In a flood of new hosts, these are closed and no older one.
-  const auto fresh = [&](const Client& c) { return !c.has_work() && now - c.since() < Admission::kSpared; };
+  const auto fresh = [&](const Client& c) { return !c.has_work() && now - c.activity().since() < Admission::kSpared; };
   if (const ClientList young = select(some, fresh); young.size() > Admission::kMaxSpared) {
     const ClientList silent = select(young, [](const Client& c) { return !c.has_requested(); });
     return idle_longest(silent.size() > Admission::kMaxSpared ? silent : young);
@@ -138,7 +140,7 @@ Status Admission::may_work(const Clients& clients, const Client& client, Instant
   if (client.has_work() || working.size() < most) return {};
   if (Client* one = idle_longest(select(working, [&](const Client& c) { return !c.active(now); }))) {
     one->end(displaced("this host's link has made no progress for " +
-                       std::to_string(Client::kStalledAfter.ms() / 1000) + " s"),
+                       std::to_string(HostActivity::kStalledAfter.ms() / 1000) + " s"),
              now);
     return {};
   }

@@ -1,6 +1,5 @@
 #include "firmware/hosts/client.h"
 
-#include <algorithm>
 #include <array>
 #include <utility>
 
@@ -12,8 +11,6 @@ constexpr int kReadsAStep = 4;  ///< leaves time for other clients when one send
 constexpr int kWritesAStep = 16;
 constexpr Duration kFarewellWithin = Duration::seconds(1);
 
-std::string seconds(Duration duration) { return std::to_string(duration.ms() / 1000) + " s"; }
-
 }  // namespace
 
 Client::Client(std::uint64_t number, std::unique_ptr<hal::LinkPort> link, Access access, const wire::Hello& mine,
@@ -23,12 +20,7 @@ Client::Client(std::uint64_t number, std::unique_ptr<hal::LinkPort> link, Access
       access_(access),
       name_("host " + std::to_string(number) + " at " + link_->peer()),
       session_(Role::kRig, mine),
-      since_(now),
-      used_(now),
-      received_at_(now),
-      moved_(now),
-      pinged_(now),
-      frame_since_(now) {}
+      activity_(now) {}
 
 std::string Client::who() const {
   const auto identity = this->identity();
@@ -64,24 +56,7 @@ bool Client::active(Instant now) const {
   bool pending = (frame_set && waits_for_link(*frame_set)) || (take_file && waits_for_link(*take_file));
   for (const auto& [stream, pull] : pulls) pending |= pull.ended || waits_for_link(stream);
   const bool takes = !pulls.empty() || frame_set || take_file;
-  return (takes && !pending) || (has_work() && now - moved_ < kStalledAfter);
-}
-
-std::optional<Error> Client::overdue(Instant now) const {
-  if (!said_hello() && now - since_ > kHelloWithin) {
-    return Error{Errc::kTimeout,
-                 "no hello arrived within " + seconds(kHelloWithin) + " of the connection; a host must send it first"};
-  }
-  const std::size_t under_way = session_.bytes_under_way();
-  const auto more = Duration::seconds(static_cast<std::int64_t>(under_way / kSlowestBytes));
-  // While the session does not accept input, the rest of the frame may have arrived and not been read.
-  if (under_way > 0 && session_.wants_input() && now - frame_since_ > kFrameWithin + more) {
-    return Error{Errc::kTimeout, "a frame that began " + seconds(now - frame_since_) + " ago is still incomplete"};
-  }
-  if (session_.version() >= kProtocolPing && now - std::max(received_at_, moved_) > kSilentFor) {
-    return Error{Errc::kTimeout, "the host sent nothing for " + seconds(kSilentFor) + ", not even answers to pings"};
-  }
-  return std::nullopt;
+  return (takes && !pending) || (has_work() && !activity_.stalled(now));
 }
 
 bool Client::pump_in(Instant now) {
@@ -96,32 +71,19 @@ bool Client::pump_in(Instant now) {
     }
     if (*read == 0) break;
     any = true;
-    bytes_in_ += *read;
-    received_at_ = now;
-    const bool fresh = session_.bytes_under_way() == 0;
+    activity_.on_read(*read, session_, now);
     if (!session_.receive(std::span(bytes).first(*read))) {
       ending_since_ = now;
       return true;
     }
-    if (fresh || session_.frames_received() != frames_) frame_since_ = now;
-    frames_ = session_.frames_received();
-    note_moves(now);
+    activity_.on_received(session_, now);
   }
-  if (const auto late = overdue(now)) {
+  if (const auto late = activity_.overdue(session_, now)) {
     end(*late, now);
     return true;
   }
-  const Duration ping_every = leases ? kLeasePingEvery : kPingEvery;
-  if (now - received_at_ > ping_every && now - pinged_ > ping_every) {
-    session_.ping();
-    pinged_ = now;
-  }
+  if (activity_.ping_due(leases, now)) session_.ping();
   return any;
-}
-
-void Client::note_moves(Instant now) {
-  const std::uint64_t bytes = session_.bulk_taken() + session_.bulk_received();
-  if (std::exchange(bulk_, bytes) != bytes) moved_ = used_ = now;
 }
 
 bool Client::pump_out(Instant now) {
@@ -140,8 +102,8 @@ bool Client::pump_out(Instant now) {
     }
     if (*wrote == 0) break;
     session_.sent(*wrote);
-    bytes_out_ += *wrote;
-    note_moves(now);
+    activity_.on_written(*wrote);
+    activity_.on_moved(session_, now);
     any = true;
   }
   if (session_.error() && ending_since_ && now - *ending_since_ > kFarewellWithin) finish(*session_.error());

@@ -9,6 +9,7 @@
 
 #include "firmware/frame/presence.h"
 #include "firmware/hosts/access.h"
+#include "firmware/hosts/host_activity.h"
 #include "hal/link.h"
 #include "protocol/base/units.h"
 #include "protocol/session.h"
@@ -45,17 +46,17 @@ class Client {
   /// Closes the connection; the farewell with the reason is still sent.
   void end(const Error& why, Instant now);
   /// Call on a hello: resets the idle time.
-  void on_hello(Instant now) { used_ = now; }
+  void on_hello(Instant now) { activity_.on_message(now); }
   /// Call on a request: resets the idle time.
   void on_request(Instant now) {
-    used_ = now;
+    activity_.on_message(now);
     has_requested_ = true;
   }
 
   /// Call when it opens a stream for an upload.
   void on_upload(StreamId stream, Instant now) {
     uploads[stream];
-    moved_ = now;
+    activity_.on_upload(now);
   }
 
   Session& session() { return session_; }
@@ -68,11 +69,7 @@ class Client {
   bool has_work() const { return !pulls.empty() || !uploads.empty() || frame_set || take_file; }
   /// It waits for an answer, or its bytes move: it is not closed for another host.
   bool active(Instant now) const;
-  /// When it last sent a request, or bytes of its streams and uploads last moved.
-  Instant idle_since() const { return used_; }
-  Instant since() const { return since_; }
-  /// How long nothing was received from it.
-  Duration silence(Instant now) const { return now - received_at_; }
+  const HostActivity& activity() const { return activity_; }
   bool has_requested() const { return has_requested_; }
   std::uint64_t number() const { return number_; }
   const std::string& peer() const { return link_->peer(); }
@@ -87,8 +84,6 @@ class Client {
   const Presence& presence() const { return presence_; }
   /// "user 1000 at the control socket".
   std::string party() const;
-  std::uint64_t bytes_in() const { return bytes_in_; }
-  std::uint64_t bytes_out() const { return bytes_out_; }
 
   std::map<StreamId, UploadStream> uploads;
   std::map<StreamId, Pull> pulls;
@@ -99,30 +94,10 @@ class Client {
   std::optional<wire::Request> held;  ///< its next request, while its stage has the most commands of this host
   std::uint64_t dropped = 0;          ///< raymaps dropped on streams that have ended
   std::uint64_t lossless_ended = 0;   ///< lossless pulls that ended because they were too slow
-  bool leases = false;                ///< it may have temporary settings, which end when it is silent for kLeaseSilent
-
-  static constexpr Duration kHelloWithin = Duration::seconds(2);  ///< from the connection to the hello
-  /// The deadline of a protocol frame, from its first byte to its last: this, and one second more for each
-  /// kSlowestBytes of it that have arrived (a bulk frame has 64 KiB). It allows a slow link, and not one that has
-  /// stopped.
-  static constexpr Duration kFrameWithin = Duration::seconds(10);
-  static constexpr std::size_t kSlowestBytes = 512;
-  /// A host whose streams' own bytes do not move for this time is closed when another needs its place.
-  static constexpr Duration kStalledAfter = Duration::seconds(10);
-  /// A silent host is pinged, and closed when it does not answer. Long, because `nodal` may compute between requests. A
-  /// host whose streams move is not silent: its pong comes after it has read all that its link holds.
-  static constexpr Duration kPingEvery = Duration::seconds(30);
-  static constexpr Duration kSilentFor = Duration::seconds(300);
-  /// Longest silence of a host with temporary settings; it is pinged before.
-  static constexpr Duration kLeaseSilent = Duration::seconds(10);
-  static constexpr Duration kLeasePingEvery = kLeaseSilent / 4;
+  bool leases = false;                ///< it may have temporary settings, which end when it is silent
 
  private:
   void finish(const Error& why);
-  /// Notes whether bytes of its streams have moved.
-  void note_moves(Instant now);
-  /// The deadline that has passed, if any.
-  std::optional<Error> overdue(Instant now) const;
 
   const std::uint64_t number_;
   std::unique_ptr<hal::LinkPort> link_;
@@ -130,17 +105,8 @@ class Client {
   std::string name_;
   const Presence presence_ = Presence::of_host();
   Session session_;
-  const Instant since_;
-  Instant used_;
+  HostActivity activity_;
   bool has_requested_ = false;
-  Instant received_at_;     ///< when bytes were last received
-  Instant moved_;           ///< when bytes of its streams and uploads last moved
-  std::uint64_t bulk_ = 0;  ///< so many bytes of them had moved then
-  Instant pinged_;
-  Instant frame_since_;       ///< when the first byte of the current protocol frame arrived
-  std::uint32_t frames_ = 0;  ///< frames_received() when frame_since_ was set
-  std::uint64_t bytes_in_ = 0;
-  std::uint64_t bytes_out_ = 0;
   std::optional<Instant> ending_since_;
   bool gone_ = false;
   Error why_;

@@ -11,7 +11,7 @@ constexpr Duration kLoggedAfter = Duration::seconds(10);
 /// Temporary settings end with the host that made them: when its link ends, and when it does not answer pings.
 void watch_leases(const Clients& clients, Operation& operation, Instant now) {
   for (const auto& client : clients) {
-    const bool over = client->finished() || client->silence(now) > Client::kLeaseSilent;
+    const bool over = client->finished() || client->activity().silence(now) > HostActivity::kLeaseSilent;
     if (!client->leases || !over) continue;
     client->leases = false;
     operation.end_lease(client->number(), client->who());
@@ -135,7 +135,7 @@ bool Control::serve_all(Instant now) {
 }
 
 bool Control::serve(Client& client, Instant now) {
-  if (!client.logged && client.said_hello() && now - client.since() >= kLoggedAfter) {
+  if (!client.logged && client.said_hello() && now - client.activity().since() >= kLoggedAfter) {
     client.logged = true;
     say(NewsKind::kHosts, client.name() + " is connected");
   }

@@ -24,8 +24,8 @@ void fill_hosts(const Clients& clients, const Client& asking, Instant now, wire:
     host.set_peer(client->peer());
     if (client->said_hello())
       host.set_software(printable(client->session().peer_hello()->software(), kLongestSoftware));
-    host.set_connected_ns(since(client->since()));
-    host.set_idle_ns(since(client->idle_since()));
+    host.set_connected_ns(since(client->activity().since()));
+    host.set_idle_ns(since(client->activity().idle_since()));
     for (const auto& [stream, pull] : client->pulls) {
       const bool jpeg = pull.coding == wire::PullRequest::JPEG;
       const bool raw = pull.coding == wire::PullRequest::RAW;
@@ -44,8 +44,8 @@ void fill_hosts(const Clients& clients, const Client& asking, Instant now, wire:
     }
     if (client->frame_set) host.add_streams("pulls a frame set");
     for (std::size_t i = 0; i < client->uploads.size(); ++i) host.add_streams("uploads");
-    host.set_bytes_in(client->bytes_in());
-    host.set_bytes_out(client->bytes_out());
+    host.set_bytes_in(client->activity().bytes_in());
+    host.set_bytes_out(client->activity().bytes_out());
     host.set_dropped(Publisher::dropped(*client));
     host.set_asking(client.get() == &asking);
   }

@@ -13,10 +13,10 @@
 #include "firmware/frame/outlet.h"
 #include "firmware/frame/raymap.h"
 #include "firmware/picture/encoder.h"
-#include "firmware/record/head_coder.h"
+#include "firmware/record/head_streams.h"
 #include "firmware/record/picture_ring.h"
+#include "firmware/record/still.h"
 #include "firmware/record/take_row.h"
-#include "protocol/base/frame_time.h"
 #include "protocol/base/spsc_ring.h"
 
 namespace nodal::firmware {
@@ -73,11 +73,6 @@ class Recorder {
   /// The quality is that of [takes], lower by this for each full quarter of the ring, but at least kMinQuality.
   static constexpr int kQualityStep = 15;
   static constexpr int kMinQuality = 30;
-  /// Until this time after a head's first picture, a picture of another format is replaced by a placeholder; later it
-  /// starts a segment.
-  static constexpr Duration kFormatStays = Duration::seconds(1);
-  /// A still waits this long for a set with all heads, and again for its raymaps; then it ends without them.
-  static constexpr FrameTime kStillWaits{Duration::seconds(2), 3};
 
  private:
   bool run_orders();
@@ -86,21 +81,11 @@ class Recorder {
   void record(const Raymap& raymap);
   bool open_row();
   void close_row(bool last);
-  bool changes_streams(const FrameSet& set);
   bool changes_rate(const FrameSet& set);
-  struct HeadFormat;
-  HeadFormat& format_of(const hal::FrameView& frame, std::size_t head);
-  static std::size_t most_bytes(const hal::FrameView& frame, const take::Stream& stored);
-  /// False if the ring has no room.
-  bool store(const hal::FrameView& view, std::size_t head, RecordedFrame& to);
-  bool not_for_still(const FrameSet& set);
   void begin_end();
 
   const std::size_t heads_;
-  const int raymaps_a_set_;
-  const PixelFormat raymap_format_;
-  const TakesConfig takes_;
-  std::array<TakeMode, kMaxHeads> modes_{};
+  const int quality_;  ///< of JPEGs, from rig.toml
   Outlet<SetLoan>& sets_in_;
   EncodeStage& encoder_;
   Outlet<Raymap>& raymaps_in_;
@@ -112,26 +97,9 @@ class Recorder {
 
   std::optional<std::uint64_t> take_;
   bool ending_ = false;  ///< the last row waits for a place in rows()
-  bool raymaps_ = false;
-  bool still_ = false;
-  /// The set of a still, while its raymaps are awaited.
-  struct Still {
-    std::uint64_t set = 0;
-    int raymaps = 0;  ///< raymaps that have not arrived yet
-  };
-  std::optional<Still> still_taken_;
-  /// Time of the first set offered for the still; once it is recorded, time of its set.
-  std::optional<Instant> still_since_;
-  std::array<std::optional<take::Stream>, kMaxHeads> streams_;
-  std::array<Instant, kMaxHeads> stream_since_;
+  Still still_;
+  HeadStreams streams_;
   FrameRate rate_;
-  /// What a head's newest picture is, and how it is stored.
-  struct HeadFormat {
-    take::Stream delivered;
-    take::Stream stored;
-    std::optional<HeadCoder> coder;  ///< used for stored pictures that differ; made when the first is stored
-  };
-  std::array<std::optional<HeadFormat>, kMaxHeads> formats_;
   std::vector<std::unique_ptr<TakeRow>> spare_;
   std::unique_ptr<TakeRow> row_;  ///< the row that sets are added to
   std::array<std::size_t, kMaxHeads> row_bytes_{};

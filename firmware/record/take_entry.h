@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "protocol/base/gaps.h"
+#include "protocol/base/result.h"
 #include "protocol/base/units.h"
 
 namespace nodal::take {
@@ -50,6 +51,7 @@ struct TakeEntry {
   std::uint64_t version = 0;    ///< version of the take's folder (hal::FolderEntry) when this entry was read
 
   void complete(const take::Manifest& manifest);
+  void set_damaged(const Error& why);
 };
 
 }  // namespace nodal::firmware

@@ -30,6 +30,18 @@ std::optional<std::uint64_t> number_of(const std::string& folder) {
   return number;
 }
 
+/// Bytes that load() reads, at most.
+std::uint64_t document_bytes(hal::DiskPort& disk, const std::string& folder) {
+  const auto bytes = [&](const std::string& name, std::uint64_t most) {
+    return std::min(disk.size(folder + "/" + name).value_or(0), most);
+  };
+  return bytes(take::kManifestFile, take::kMaxManifestBytes) + bytes(take::kTakeFile, take::kMaxTakeJsonBytes);
+}
+
+bool being_deleted(hal::DiskPort& disk, std::uint64_t take) {
+  return disk.size(take::take_folder(take) + "/" + take::kDeletedFile).has_value();
+}
+
 }  // namespace
 
 std::string_view take_state_name(TakeState state) {
@@ -60,6 +72,11 @@ void TakeEntry::complete(const take::Manifest& manifest) {
   problem.clear();
 }
 
+void TakeEntry::set_damaged(const Error& why) {
+  state = TakeState::kDamaged;
+  problem = printable(why.message, TakeShelf::kMaxProblemBytes);
+}
+
 /// Makes the list that of these entries of the disk's root. `fresh`: of a disk that was not there before.
 void TakeShelf::follow(const std::vector<hal::FolderEntry>& entries, bool fresh) {
   std::map<std::uint64_t, const hal::FolderEntry*> found;
@@ -67,7 +84,7 @@ void TakeShelf::follow(const std::vector<hal::FolderEntry>& entries, bool fresh)
     if (const auto number = number_of(entry.name)) found[*number] = &entry;
   }
   leftover_ |= fresh && std::ranges::count(entries, DiskTest::kFile, &hal::FolderEntry::name) > 0;
-  highest_ = found.empty() ? 0 : found.rbegin()->first;
+  numbers_.set_highest(found.empty() ? 0 : found.rbegin()->first);
   std::erase_if(takes_, [&](const auto& each) {
     const bool gone = !found.contains(each.first) && !recovery_.is_running(each.first);
     if (gone) recovery_.forget(each.first);
@@ -83,7 +100,7 @@ void TakeShelf::follow(const std::vector<hal::FolderEntry>& entries, bool fresh)
         recovery_.is_running(number) || (known != takes_.end() && known->second.state == TakeState::kRecording);
     const bool same = known != takes_.end() && known->second.version == entry->version;
     if (recording || same) continue;
-    const std::uint64_t bytes = document_bytes(entry->name);
+    const std::uint64_t bytes = document_bytes(disk_, entry->name);
     if (read > 0 && read + bytes > kMaxBytesAStep) {
       leave_unread(number, *entry, fresh);
       continue;
@@ -93,19 +110,6 @@ void TakeShelf::follow(const std::vector<hal::FolderEntry>& entries, bool fresh)
     load(number, *entry, waited ? waited.mapped() : fresh);
   }
   if (!has_work()) contested_.clear();
-}
-
-void TakeShelf::set_damaged(TakeEntry& entry, const Error& why) {
-  entry.state = TakeState::kDamaged;
-  entry.problem = printable(why.message, kMaxProblemBytes);
-}
-
-/// Bytes that load() reads, at most.
-std::uint64_t TakeShelf::document_bytes(const std::string& folder) {
-  const auto bytes = [&](const std::string& name, std::uint64_t most) {
-    return std::min(disk_.size(folder + "/" + name).value_or(0), most);
-  };
-  return bytes(take::kManifestFile, take::kMaxManifestBytes) + bytes(take::kTakeFile, take::kMaxTakeJsonBytes);
 }
 
 void TakeShelf::leave_unread(std::uint64_t number, const hal::FolderEntry& folder, bool fresh) {
@@ -127,7 +131,7 @@ void TakeShelf::load(std::uint64_t number, const hal::FolderEntry& folder, bool 
   entry.number = number;
   entry.version = folder.version;
   if (folder.kind != hal::EntryKind::kFolder) {
-    return set_damaged(entry, {Errc::kIo, folder.name + " is not a folder, so it is left alone; remove it by hand"});
+    return entry.set_damaged({Errc::kIo, folder.name + " is not a folder, so it is left alone; remove it by hand"});
   }
   entry.is_protected = disk_.size(folder.name + "/" + take::kProtectedFile).has_value();
   if (const auto about = stored_take_json(disk_, folder.name)) {
@@ -137,14 +141,14 @@ void TakeShelf::load(std::uint64_t number, const hal::FolderEntry& folder, bool 
     entry.rate = about->rate;
     entry.rates = 1;
   }
-  const bool half_deleted = being_deleted(number);
+  const bool half_deleted = being_deleted(disk_, number);
   const auto manifest = stored_manifest(disk_, folder.name);
   if (half_deleted || (!manifest && manifest.error().code == Errc::kNotFound)) {
     return load_unfinished(entry, before, half_deleted, fresh);
   }
   recovery_.forget(number);
   if (manifest) entry.complete(*manifest);
-  else set_damaged(entry, manifest.error());
+  else entry.set_damaged(manifest.error());
 }
 
 /// One that comes to a disk that nodald uses already may still be copied there by somebody, or recorded by another
@@ -215,15 +219,11 @@ bool TakeShelf::note(const TakeRecovery::Done& done) {
     case TakeRecovery::Outcome::kRecovered: {
       const auto manifest = stored_manifest(disk_, take::take_folder(done.take));
       if (manifest) entry.complete(*manifest);
-      else set_damaged(entry, manifest.error());
+      else entry.set_damaged(manifest.error());
       return manifest.has_value();
     }
   }
   return false;
-}
-
-bool TakeShelf::being_deleted(std::uint64_t take) {
-  return disk_.size(take::take_folder(take) + "/" + take::kDeletedFile).has_value();
 }
 
 /// Deletes what is left of a take that was being deleted.

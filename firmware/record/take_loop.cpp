@@ -43,7 +43,7 @@ Result<std::uint64_t> TakeShelf::deletable(std::uint64_t enough, const TakeWrite
     if (!room) {
       const Errc code = room.error().code;
       if (code == Errc::kDeviceGone || code == Errc::kDiskFull) return fail(room.error());
-      set_damaged(entry, room.error());
+      entry.set_damaged(room.error());
       continue;
     }
     entry.all_near_marks = room->bytes == 0 && entry.sets != 0;
@@ -74,7 +74,7 @@ Result<std::optional<std::uint64_t>> TakeShelf::delete_oldest(TakeWriter* writin
     if (!trimmed) {
       const Errc code = trimmed.error().code;
       if (code == Errc::kDeviceGone || code == Errc::kDiskFull) return fail(trimmed.error());
-      set_damaged(entry, trimmed.error());
+      entry.set_damaged(trimmed.error());
       continue;
     }
     entry.all_near_marks = !*trimmed && entry.sets != 0;

@@ -2,9 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <charconv>
-
 #include "firmware/record/stored_documents.h"
 #include "firmware/storage/durable_file.h"
 #include "protocol/base/try.h"
@@ -27,6 +24,33 @@ Error ejected_error() {
           "or another one, anew"};
 }
 
+/// Removes the files of a take and its folder. Symbolic links are removed, not what they lead to.
+Status empty_folder(hal::DiskPort& disk, std::uint64_t take) {
+  const std::string folder = take::take_folder(take);
+  NODAL_TRY_ASSIGN(const auto entries, disk.entries(folder));
+  for (const hal::FolderEntry& entry : entries) {
+    if (entry.kind != hal::EntryKind::kFolder) continue;
+    return fail(
+        Errc::kWrongState,
+        fmt::format("take {} holds a folder, {}/{}, which is no part of a take, so nothing is deleted; move it away",
+                    take, folder, entry.name));
+  }
+  // While this file is there, the next start goes on. On a disk without room for it, the take is deleted as well.
+  const std::string mark = folder + "/" + take::kDeletedFile;
+  const Status marked = write_durably(disk, folder, mark, "");
+  if (!marked && marked.error().code != Errc::kDiskFull) return marked;
+  for (const hal::FolderEntry& entry : entries) {
+    if (entry.name == take::kDeletedFile) continue;
+    const Status removed = disk.remove(folder + "/" + entry.name);
+    if (!removed && removed.error().code != Errc::kNotFound) return removed;
+  }
+  if (marked) {
+    NODAL_TRY(disk.sync_folder(folder));
+    NODAL_TRY(disk.remove(mark));
+  }
+  return disk.remove(folder);
+}
+
 }  // namespace
 
 Result<TakeShelf::Hold> TakeShelf::hold() {
@@ -45,7 +69,7 @@ void TakeShelf::forget() {
   unread_.clear();
   recovery_.forget_all();
   half_deleted_.clear();
-  highest_ = 0;
+  numbers_.set_highest(0);
   leftover_ = false;
 }
 
@@ -60,8 +84,8 @@ bool TakeShelf::watch() {
   const bool first = !std::exchange(looked_, true);
   const auto now = disk_.identity();
   if (ejected_) {
-    if (!now) ejected_disk_.reset();  // it was removed: when it comes again, it is a new disk
-    if (!now || *now == ejected_disk_) return first;
+    if (!now) ejected_->disk.reset();  // it was removed: when it comes again, it is a new disk
+    if (!now || *now == ejected_->disk) return first;
     use_again();
   }
   if (!now) {
@@ -86,15 +110,13 @@ Status TakeShelf::eject() {
   }
   forget();
   identity_.reset();
-  ejected_ = true;
-  ejected_disk_ = now;
+  ejected_ = Ejected{now};
   problem_.clear();
   return {};
 }
 
 void TakeShelf::use_again() {
-  ejected_ = false;
-  ejected_disk_.reset();
+  ejected_.reset();
   in_use_.set_ejected(false);
 }
 
@@ -122,33 +144,8 @@ Status TakeShelf::refresh() {
   }
   problem_.clear();
   follow(*entries, fresh);
-  read_counter();
+  numbers_.read_counter();
   return {};
-}
-
-void TakeShelf::read_counter() {
-  const auto text = disk_.read(kNextTakeFile, 64);
-  counter_read_ = text || text.error().code == Errc::kNotFound ? Status() : fail(text.error());
-  if (!text) return;
-  std::uint64_t next = 0;
-  const char* const begin = reinterpret_cast<const char*>(text->data());
-  std::from_chars(begin, begin + text->size(), next);
-  next_take_ = std::max(next_take_, std::min(next, kMaxTakeNumber));
-}
-
-/// Also behind the takes that are beyond the list's limit, and behind what this program counted on other disks.
-Result<std::uint64_t> TakeShelf::new_number() {
-  if (!counter_read_) return fail(counter_read_.error());  // a number could be used again
-  const std::uint64_t number = std::max(next_take_, highest_ + 1);
-  if (number >= kMaxTakeNumber) {
-    return fail(Errc::kTooLarge,
-                fmt::format("the disk has a take with the number {}, the highest there may be; move its "
-                            "folder away, and the file {}",
-                            number, kNextTakeFile));
-  }
-  NODAL_TRY(write_durably(disk_, "", kNextTakeFile, std::to_string(number + 1)));
-  next_take_ = number + 1;
-  return number;
 }
 
 void TakeShelf::begin(TakeEntry entry) {
@@ -220,37 +217,10 @@ Status TakeShelf::remove(std::uint64_t take, const std::optional<Sha256>& manife
                               take));
     }
   }
-  NODAL_TRY(empty_folder(take));
+  NODAL_TRY(empty_folder(disk_, take));
   takes_.erase(take);
   recovery_.forget(take);
   return disk_.sync_folder("");
-}
-
-/// Removes the files of a take and its folder. Symbolic links are removed, not what they lead to.
-Status TakeShelf::empty_folder(std::uint64_t take) {
-  const std::string folder = take::take_folder(take);
-  NODAL_TRY_ASSIGN(const auto entries, disk_.entries(folder));
-  for (const hal::FolderEntry& entry : entries) {
-    if (entry.kind != hal::EntryKind::kFolder) continue;
-    return fail(
-        Errc::kWrongState,
-        fmt::format("take {} holds a folder, {}/{}, which is no part of a take, so nothing is deleted; move it away",
-                    take, folder, entry.name));
-  }
-  // While this file is there, the next start goes on. On a disk without room for it, the take is deleted as well.
-  const std::string mark = folder + "/" + take::kDeletedFile;
-  const Status marked = write_durably(disk_, folder, mark, "");
-  if (!marked && marked.error().code != Errc::kDiskFull) return marked;
-  for (const hal::FolderEntry& entry : entries) {
-    if (entry.name == take::kDeletedFile) continue;
-    const Status removed = disk_.remove(folder + "/" + entry.name);
-    if (!removed && removed.error().code != Errc::kNotFound) return removed;
-  }
-  if (marked) {
-    NODAL_TRY(disk_.sync_folder(folder));
-    NODAL_TRY(disk_.remove(mark));
-  }
-  return disk_.remove(folder);
 }
 
 }  // namespace nodal::firmware

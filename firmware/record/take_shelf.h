@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "firmware/record/take_entry.h"
+#include "firmware/record/take_numbers.h"
 #include "firmware/record/take_recovery.h"
 #include "firmware/record/takes_in_use.h"
 #include "hal/confined.h"
@@ -50,7 +51,7 @@ class TakeShelf {
   /// `loop`: [takes] when_full = "loop".
   /// `confined`: where takes are recovered; null: in recover_some().
   TakeShelf(hal::DiskPort& disk, bool loop, hal::ConfinedPort* confined)
-      : disk_(disk), loop_(loop), recovery_(disk, confined) {}
+      : disk_(disk), loop_(loop), numbers_(disk), recovery_(disk, confined) {}
 
   // --- The disk.
   Result<Hold> hold();
@@ -65,7 +66,7 @@ class TakeShelf {
   /// kBusy while a file is being read; no further file is read from then on, so a later call succeeds.
   Status eject();
   void use_again();
-  bool ejected() const { return ejected_; }
+  bool ejected() const { return ejected_.has_value(); }
   TakesInUse& in_use() { return in_use_; }
 
   // --- The list.
@@ -89,7 +90,7 @@ class TakeShelf {
 
   // --- The take that is being recorded. The caller has a hold from the first to the last of these calls.
   /// A number that no take has had. It is stored before it is used, so that it is never used again.
-  Result<std::uint64_t> new_number();
+  Result<std::uint64_t> new_number() { return numbers_.new_number(); }
   void begin(TakeEntry entry);
   /// Errors: the disk is no longer there, or another one is, or the take's folder was removed.
   Status check_recording(std::uint64_t take);
@@ -110,7 +111,7 @@ class TakeShelf {
   static constexpr std::size_t kMaxProblemBytes = 512;
   /// Bytes of documents that one refresh() reads; further takes wait for the next one. At least one take is read.
   static constexpr std::uint64_t kMaxBytesAStep = std::uint64_t{32} << 20;
-  static constexpr std::uint64_t kMaxTakeNumber = std::uint64_t{1} << 40;
+  static constexpr std::uint64_t kMaxTakeNumber = TakeNumbers::kMax;
   static constexpr Duration kTryAgainAfter = Duration::seconds(1);
 
  private:
@@ -119,20 +120,15 @@ class TakeShelf {
   void follow(const std::vector<hal::FolderEntry>& entries, bool fresh);
   void load(std::uint64_t number, const hal::FolderEntry& folder, bool fresh);
   void leave_unread(std::uint64_t number, const hal::FolderEntry& folder, bool fresh);
-  std::uint64_t document_bytes(const std::string& folder);
   void load_unfinished(TakeEntry& entry, const std::optional<TakeEntry>& before, bool half_deleted, bool fresh);
   bool has_work() const { return !recovery_.idle() || !half_deleted_.empty() || leftover_; }
   bool note(const TakeRecovery::Done& done);
   bool remove_rest(std::uint64_t take);
-  void read_counter();
   Result<TakeEntry*> finished(std::uint64_t take);
   bool recover(TakeEntry& entry);
-  bool being_deleted(std::uint64_t take);
-  Status empty_folder(std::uint64_t take);
   bool may_go(TakeEntry& entry);
   Result<std::uint64_t> deletable(std::uint64_t enough, const TakeWriter* writing);
   Result<std::optional<std::uint64_t>> delete_oldest(TakeWriter* writing);
-  void set_damaged(TakeEntry& entry, const Error& why);
 
   hal::DiskPort& disk_;
   const bool loop_;
@@ -140,16 +136,17 @@ class TakeShelf {
   std::size_t holds_ = 0;
   bool looked_ = false;                    ///< the disk has been read
   std::optional<std::uint64_t> identity_;  ///< identity of the disk that the list describes; empty: no disk is present
-  bool ejected_ = false;                   ///< the disk is left alone until another comes, or the same one again
-  std::optional<std::uint64_t> ejected_disk_;  ///< its identity, until it is removed
+  /// The disk is left alone until another comes, or the same one again.
+  struct Ejected {
+    std::optional<std::uint64_t> disk;  ///< its identity, until it is removed
+  };
+  std::optional<Ejected> ejected_;
   std::uint64_t disks_ = 0;
   std::string problem_;
   std::string contested_;  ///< why recovery waits: another nodald has claimed the disk; empty: it does not
-  Status counter_read_;    ///< result of reading kNextTakeFile
   std::map<std::uint64_t, TakeEntry> takes_;
   std::map<std::uint64_t, bool> unread_;  ///< takes that later steps read; true: they were on the disk when it came
-  std::uint64_t highest_ = 0;             ///< highest number on the disk, also of takes that are not listed
-  std::uint64_t next_take_ = 1;
+  TakeNumbers numbers_;
   TakeRecovery recovery_;
   std::optional<Hold> recovering_;  ///< claims the disk while takes are recovered
   std::vector<std::uint64_t> half_deleted_;
@@ -158,8 +155,5 @@ class TakeShelf {
   Instant try_again_at_;
   std::uint64_t deleted_segments_ = 0;
 };
-
-/// A file in the root of the takes' disk with the number of the next take, so that no number is used twice.
-inline const std::string kNextTakeFile = "next-take";
 
 }  // namespace nodal::firmware

@@ -148,7 +148,7 @@ TEST(Hosts, LinksThatSayNoHello_KeepNobodyOut) {
   }
   EXPECT_EQ(stand.connect().status().state(), "no-calibration");
   EXPECT_LE(stand.rig->control().clients(), firmware::Admission::kMaxStrangers + 1);
-  stand.run(firmware::Client::kHelloWithin + Duration::milliseconds(200));
+  stand.run(firmware::HostActivity::kHelloWithin + Duration::milliseconds(200));
   EXPECT_EQ(stand.rig->control().clients(), 1u);
 }
 
@@ -165,9 +165,9 @@ TEST(Hosts, AFrameThatIsNotWholeInTime_EndsItsHost) {
   TestHost* const half = &host;
   const std::unique_ptr<TestHost> apart = std::move(stand.hosts.front());  // it writes nothing more
   stand.hosts.clear();
-  stand.run(firmware::Client::kFrameWithin * 3 / 4);
+  stand.run(firmware::HostActivity::kFrameWithin * 3 / 4);
   EXPECT_EQ(stand.rig->control().clients(), 1u);
-  stand.run(firmware::Client::kFrameWithin / 2);
+  stand.run(firmware::HostActivity::kFrameWithin / 2);
   EXPECT_EQ(stand.rig->control().clients(), 0u);
   half->reading = true;
   half->pump();

@@ -63,12 +63,12 @@ TEST_F(Lease, TheHostsLinkEnds_TheSettingIsUndoneAndAudited) {
 
 TEST_F(Lease, TheHostFallsSilent_TheSettingIsUndoneAfterThePingsThatItDoesNotAnswer) {
   borrower.reading = false;
-  EXPECT_EQ(after_a_moment(firmware::Client::kLeaseSilent / 2), kTemporary);
-  EXPECT_EQ(after_a_moment(firmware::Client::kLeaseSilent), kKept);
+  EXPECT_EQ(after_a_moment(firmware::HostActivity::kLeaseSilent / 2), kTemporary);
+  EXPECT_EQ(after_a_moment(firmware::HostActivity::kLeaseSilent), kKept);
 }
 
 TEST_F(Lease, TheHostOnlyAnswersPings_TheSettingStays) {
-  EXPECT_EQ(after_a_moment(firmware::Client::kLeaseSilent * 3), kTemporary);
+  EXPECT_EQ(after_a_moment(firmware::HostActivity::kLeaseSilent * 3), kTemporary);
   EXPECT_TRUE(borrower.ask(end_of_temporary()).has_done());
   EXPECT_EQ(after_a_moment(), kKept);
 }

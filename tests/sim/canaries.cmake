@@ -91,7 +91,8 @@ canary(stuck_reader_holds_the_publisher SETS firmware/picture/encoder.cpp "if (p
 canary(idle_hosts_stay HOSTILE firmware/hosts/admission.cpp "all.size() > most_hosts\;" "all.size() > most_hosts + 100\;")
 canary(silent_links_stay HOSTILE firmware/hosts/admission.cpp
   "all.size() > most_strangers\;" "all.size() > most_strangers + 100\;"
-  firmware/hosts/client.cpp "if (!said_hello() && now - since_ > kHelloWithin)" "if (!said_hello() && now - since_ > kSilentFor)")
+  firmware/hosts/host_activity.cpp "if (session.peer_hello() == nullptr && now - since_ > kHelloWithin)"
+  "if (session.peer_hello() == nullptr && now - since_ > kSilentFor)")
 canary(lossless_pull_holds_the_rig HOSTILE firmware/hosts/publisher.cpp
   "const auto raymap = raymaps_in_.take()\;"
   "for (const auto& client : clients) { for (const auto& [stream, pull] : client->pulls) { const auto counts = client->session().counts(stream)\; if (pull.lossless && counts && counts->pending >= 2) return false\; } } const auto raymap = raymaps_in_.take()\;")
@@ -100,7 +101,7 @@ canary(lossless_pull_has_gaps HOSTILE firmware/hosts/publisher.cpp "if (!client.
 canary(log_without_limit HOSTILE firmware/operate/news.cpp "if (bucket.bytes <= 0)" "if (bucket.left_out > 0)")
 
 canary(take_overwritten TAKES
-  firmware/record/take_shelf.cpp "std::max(next_take_, highest_ + 1)" "next_take_"
+  firmware/record/take_numbers.cpp "std::max(next_take_, highest_ + 1)" "next_take_"
   firmware/record/take_writer.cpp "Status good = disk.make_folder(place.folder)\;"
   "Status good = disk.make_folder(place.folder)\; if (!good && good.error().code == Errc::kExists) { for (const std::string& name : disk.list(place.folder).value_or(std::vector<std::string>())) (void)disk.remove(place.folder + \"/\" + name)\; good = {}\; }")
 canary(two_owners TAKES firmware/record/take_shelf.cpp

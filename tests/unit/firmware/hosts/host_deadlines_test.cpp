@@ -55,11 +55,11 @@ TEST(HostDeadlines, AFrameThatComesByteByByte_HasTenSecondsFromItsFirstByte) {
   const Instant begun = after_start(Duration::seconds(5));
   for (int k = 0; k <= 4; ++k) {
     connected.host_writes(1);
-    connected.rig().pump_in(begun + Client::kFrameWithin / 4 * k);
+    connected.rig().pump_in(begun + HostActivity::kFrameWithin / 4 * k);
     ASSERT_FALSE(connected.rig().ending()) << "after byte " << k;
   }
   connected.host_writes(1);
-  connected.rig().pump_in(begun + Client::kFrameWithin + kTick);
+  connected.rig().pump_in(begun + HostActivity::kFrameWithin + kTick);
   ASSERT_TRUE(connected.rig().ending());
   EXPECT_EQ(connected.rig().session().error()->code, Errc::kTimeout);
 }
@@ -75,7 +75,7 @@ TEST(HostDeadlines, AFrameAfterOthers_HasItsOwnTenSeconds) {
     ASSERT_TRUE(connected.host.send(request));
     connected.host_writes(connected.host.output().size() - 1);
     connected.rig().pump_in(now);
-    now = now + Client::kFrameWithin / 4 * 3;
+    now = now + HostActivity::kFrameWithin / 4 * 3;
     connected.host_writes(1);
     ASSERT_FALSE(connected.rig().ending()) << "frame " << k;
   }
@@ -111,7 +111,7 @@ TEST(HostDeadlines, AFarewellThatTheHostReads_EndsTheConnectionAtOnce) {
 TEST(HostDeadlines, OfAHostThatIsBeingClosed_NothingIsReadAndNothingIsToDo) {
   ConnectedHost silent;
   silent.rig().end({Errc::kLinkClosed, "the rig stops"}, Instant());
-  EXPECT_FALSE(silent.rig().pump_in(after_start(Client::kHelloWithin + kTick)));
+  EXPECT_FALSE(silent.rig().pump_in(after_start(HostActivity::kHelloWithin + kTick)));
   ConnectedHost gone;
   gone.host_link.reset();
   EXPECT_TRUE(gone.rig().pump_in(Instant())) << "it finds the link closed";
@@ -138,7 +138,7 @@ TEST(ActiveHosts, AreThoseWhoseFrameSetOrFileMovesOrHasNothingToSend) {
     const auto stream = session.open_stream(StreamPolicy::kLossless);
     ASSERT_TRUE(stream);
     (set ? connected.rig().frame_set : connected.rig().take_file) = *stream;
-    const Instant stalled = after_start(Client::kStalledAfter);
+    const Instant stalled = after_start(HostActivity::kStalledAfter);
     EXPECT_TRUE(connected.rig().active(stalled)) << "nothing waits for its link";
     ASSERT_TRUE(session.offer(*stream, BulkItem{"a picture", {}, 0}));
     EXPECT_FALSE(connected.rig().active(stalled));
@@ -183,10 +183,10 @@ TEST(ActiveHosts, AreThoseThatReadAKilobyteASecond) {
     now = after_start(Duration::seconds(k));
     slow.host_reads(now);
     ASSERT_TRUE(slow.connected.rig().active(now)) << k;
-    ASSERT_EQ(slow.connected.rig().idle_since(), now) << k;
+    ASSERT_EQ(slow.connected.rig().activity().idle_since(), now) << k;
   }
-  EXPECT_TRUE(slow.connected.rig().active(now + Client::kStalledAfter - kTick));
-  EXPECT_FALSE(slow.connected.rig().active(now + Client::kStalledAfter));
+  EXPECT_TRUE(slow.connected.rig().active(now + HostActivity::kStalledAfter - kTick));
+  EXPECT_FALSE(slow.connected.rig().active(now + HostActivity::kStalledAfter));
 }
 
 TEST(ActiveHosts, AreNotThoseThatReadOnlyAnswersAndGiveTheirFileNoCredit) {
@@ -197,7 +197,7 @@ TEST(ActiveHosts, AreNotThoseThatReadOnlyAnswersAndGiveTheirFileNoCredit) {
     const Instant now = after_start(Duration::seconds(k));
     ASSERT_TRUE(connected.rig().session().send(wire::Reply()));
     picky.rig_steps(now);
-    taken = connected.rig().bytes_out();
+    taken = connected.rig().activity().bytes_out();
     std::vector<std::uint8_t> bytes(1U << 20);
     const auto read = connected.host_link->read(bytes);
     ASSERT_TRUE(read && connected.host.receive(std::span(bytes).first(*read)));
@@ -210,7 +210,7 @@ TEST(ActiveHosts, AreNotThoseThatReadOnlyAnswersAndGiveTheirFileNoCredit) {
 
 TEST(HostDeadlines, AHostWhoseFileMovesAndWhosePongWaitsBehindIt_IsNotSilent) {
   SlowReader slow(1000);
-  const int long_ago = static_cast<int>(Client::kSilentFor.ms() / 1000);
+  const int long_ago = static_cast<int>(HostActivity::kSilentFor.ms() / 1000);
   slow.host_reads(Instant());
   slow.host_reads(Instant());  // it has given credit
   for (int k = 0; k < long_ago + 100; ++k) {
