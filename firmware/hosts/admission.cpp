@@ -68,7 +68,7 @@ Client* host_to_close(const ClientList& hosts, Instant now) {
   // spared. In a flood of new hosts, these are closed and no older one.
   const auto fresh = [&](const Client& c) { return !c.has_work() && now - c.activity().since() < Admission::kSpared; };
   if (const ClientList young = select(some, fresh); young.size() > Admission::kMaxSpared) {
-    const ClientList silent = select(young, [](const Client& c) { return !c.has_requested(); });
+    const ClientList silent = select(young, [](const Client& c) { return !c.activity().has_requested(); });
     return idle_longest(silent.size() > Admission::kMaxSpared ? silent : young);
   }
   if (Client* one = first([&](const Client& c) { return !fresh(c) && !c.active(now); })) return one;

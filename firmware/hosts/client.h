@@ -45,14 +45,8 @@ class Client {
   void add_wake_ups(hal::WakeUps& to);
   /// Closes the connection; the farewell with the reason is still sent.
   void end(const Error& why, Instant now);
-  /// Call on a hello: resets the idle time.
-  void on_hello(Instant now) { activity_.on_message(now); }
-  /// Call on a request: resets the idle time.
-  void on_request(Instant now) {
-    activity_.on_message(now);
-    has_requested_ = true;
-  }
-
+  void on_hello(Instant now) { activity_.on_hello(now); }
+  void on_request(Instant now) { activity_.on_request(now); }
   /// Call when it opens a stream for an upload.
   void on_upload(StreamId stream, Instant now) {
     uploads[stream];
@@ -70,7 +64,6 @@ class Client {
   /// It waits for an answer, or its bytes move: it is not closed for another host.
   bool active(Instant now) const;
   const HostActivity& activity() const { return activity_; }
-  bool has_requested() const { return has_requested_; }
   std::uint64_t number() const { return number_; }
   const std::string& peer() const { return link_->peer(); }
   std::optional<hal::PeerIdentity> identity() const { return link_->identity(); }
@@ -106,7 +99,6 @@ class Client {
   const Presence presence_ = Presence::of_host();
   Session session_;
   HostActivity activity_;
-  bool has_requested_ = false;
   std::optional<Instant> ending_since_;
   bool gone_ = false;
   Error why_;

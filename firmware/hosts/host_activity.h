@@ -36,8 +36,12 @@ class HostActivity {
   static constexpr Duration kLeaseSilent = Duration::seconds(10);
   static constexpr Duration kLeasePingEvery = kLeaseSilent / 4;
 
-  /// A hello, or a request: resets the idle time.
-  void on_message(Instant now) { used_ = now; }
+  /// A hello resets the idle time, and so does a request.
+  void on_hello(Instant now) { used_ = now; }
+  void on_request(Instant now) {
+    used_ = now;
+    has_requested_ = true;
+  }
   /// It opened a stream for an upload.
   void on_upload(Instant now) { moved_ = now; }
   /// Bytes came over the link. Call it before the session receives them, and then on_received().
@@ -63,12 +67,14 @@ class HostActivity {
   Duration silence(Instant now) const { return now - received_at_; }
   /// Bytes of its streams and uploads have not moved for long.
   bool stalled(Instant now) const { return now - moved_ >= kStalledAfter; }
+  bool has_requested() const { return has_requested_; }
   std::uint64_t bytes_in() const { return bytes_in_; }
   std::uint64_t bytes_out() const { return bytes_out_; }
 
  private:
   const Instant since_;
   Instant used_;
+  bool has_requested_ = false;
   Instant received_at_;     ///< when bytes were last received
   Instant moved_;           ///< when bytes of its streams and uploads last moved
   std::uint64_t bulk_ = 0;  ///< so many bytes of them had moved then
