@@ -33,11 +33,12 @@ GpioTrigger::~GpioTrigger() { runner_.reset(); }
 
 Status GpioTrigger::claim() {
   const EdgeKind active = lines_.active_high ? EdgeKind::kRising : EdgeKind::kFalling;
-  const auto claim_in = [&](const std::optional<LineName>& name, Bias bias, std::unique_ptr<Line>& into) -> Status {
+  const auto claim_in = [&](const std::optional<LineName>& name, Bias bias,
+                            std::optional<EventReader>& into) -> Status {
     if (!name) return {};
     Claim claimed = system_.claim_input(*name, {false, bias, active});
     if (!claimed.line) return fail(explain_claim(system_, *name, claimed.error));
-    into = std::move(claimed.line);
+    into.emplace(system_, *name, std::move(claimed.line));
     return {};
   };
   for (const TriggerLines::Output& output : lines_.outputs) {
@@ -142,19 +143,13 @@ Instant GpioTrigger::step(Instant now) {
 
 Status GpioTrigger::start(const TriggerSettings& settings) {
   NODAL_TRY(check(settings));
-  for (Line* line : {input_.get(), read_back_line_.get()}) {
-    if (line == nullptr) continue;
-    // Edges from before the start: as many as the kernel keeps.
-    if (const int count = line->read_events(events_); count < 0) {
-      return fail(
-          explain_use(line == input_.get() ? *lines_.input : *lines_.read_back, "reading", -count).in("trigger"));
-    }
+  for (std::optional<EventReader>* line : {&input_, &read_back_line_}) {  // edges from before the start
+    if (*line) NODAL_TRY((*line)->discard());
   }
   const Instant now = system_.now();
   ++id_;
   running_ = true;
   following_ = settings.follow;
-  events_left_ = 0;
   read_back_.start(settings.rate.period());
   Train train;
   train.active_high = lines_.active_high;
@@ -189,9 +184,8 @@ void GpioTrigger::stop() {
 
 void GpioTrigger::add_wake_ups(WakeUps& to) const {
   if (!running_) return;
-  for (const Line* line : {following_ ? input_.get() : read_back_line_.get()}) {
-    if (line != nullptr) to.on({line->descriptor(), true, false});
-  }
+  const std::optional<EventReader>& line = following_ ? input_ : read_back_line_;
+  if (line) to.on({line->descriptor(), true, false});
 }
 
 Result<std::optional<TriggerEdge>> GpioTrigger::take_edge() {
@@ -200,30 +194,11 @@ Result<std::optional<TriggerEdge>> GpioTrigger::take_edge() {
   return following_ ? take_followed() : take_sent();
 }
 
-/// Reads the next events when none are left. False when there are none; an error when the line does not work.
-Result<bool> GpioTrigger::read(Line& line, const LineName& name) {
-  if (events_left_ > 0) return true;
-  const int count = line.read_events(events_);
-  if (count < 0) return fail(explain_use(name, "reading", -count).in("trigger"));
-  events_read_ = 0;
-  events_left_ = static_cast<std::size_t>(count);
-  // Before Linux 5.7 the timestamps are of the wall clock, which is decades ahead.
-  constexpr Duration kDoubt = Duration::seconds(60);
-  if (count > 0 && events_[0].at.ns() - kDoubt.ns() > system_.now().ns()) {
-    return fail(Errc::kUnsupported, "trigger: line " + name.text() +
-                                        ": the kernel's timestamps are not of CLOCK_MONOTONIC; Linux 5.7 or newer is "
-                                        "needed");
-  }
-  return count > 0;
-}
-
 Result<std::optional<TriggerEdge>> GpioTrigger::take_followed() {
   for (;;) {
-    NODAL_TRY_ASSIGN(const auto some, read(*input_, *lines_.input));
-    if (!some) return std::optional<TriggerEdge>{};
-    --events_left_;
-    const LineEvent& event = events_[events_read_++];
-    if (auto pulse = sync_.add(event.at, event.after_gap)) return pulse;
+    NODAL_TRY_ASSIGN(const auto event, input_->next());
+    if (!event) return std::optional<TriggerEdge>{};
+    if (auto pulse = sync_.add(event->at, event->after_gap)) return pulse;
   }
 }
 
@@ -232,10 +207,9 @@ Result<std::optional<TriggerEdge>> GpioTrigger::take_sent() {
   if (!read_back_line_) return log_.take(id_);
   while (const auto sent = log_.take(id_)) read_back_.add_pulse(*sent);
   for (;;) {
-    NODAL_TRY_ASSIGN(const auto some, read(*read_back_line_, *lines_.read_back));
-    if (!some) break;
-    --events_left_;
-    read_back_.add_edge(events_[events_read_++].at - read_back_delay_);
+    NODAL_TRY_ASSIGN(const auto event, read_back_line_->next());
+    if (!event) break;
+    read_back_.add_edge(event->at - read_back_delay_);
   }
   return read_back_.take(system_.now());
 }

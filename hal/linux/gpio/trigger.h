@@ -1,7 +1,6 @@
 // The trigger on GPIO lines: pulses that a thread sends, or those of another device.
 #pragma once
 
-#include <array>
 #include <atomic>
 #include <memory>
 #include <mutex>
@@ -10,6 +9,7 @@
 #include <vector>
 
 #include "hal/linux/gpio/edge_log.h"
+#include "hal/linux/gpio/event_reader.h"
 #include "hal/linux/gpio/output_line.h"
 #include "hal/linux/gpio/pulse_train.h"
 #include "hal/linux/gpio/read_back.h"
@@ -68,7 +68,6 @@ class GpioTrigger final : public TriggerPort {
   Status check_delays(const TriggerSettings& settings) const;
   void post(Train train);
   Instant step(Instant now);
-  Result<bool> read(Line& line, const LineName& name);
   Result<std::optional<TriggerEdge>> take_sent();
   Result<std::optional<TriggerEdge>> take_followed();
 
@@ -76,7 +75,7 @@ class GpioTrigger final : public TriggerPort {
   const TriggerLines lines_;
   const std::string who_;  ///< the trigger's name in messages
   std::vector<std::unique_ptr<OutputLine>> outputs_;
-  std::unique_ptr<Line> input_, read_back_line_;
+  std::optional<EventReader> input_, read_back_line_;
   EdgeLog log_;
   PulseTrain pulses_;
   std::atomic<bool> safe_{false};
@@ -93,8 +92,6 @@ class GpioTrigger final : public TriggerPort {
   SyncInput sync_;
   ReadBack read_back_;
   Duration read_back_delay_;  ///< delay of the first output after the trigger
-  std::array<LineEvent, kKernelQueue> events_;
-  std::size_t events_read_ = 0, events_left_ = 0;
 
   std::string notice_;
   std::unique_ptr<Runner> runner_;
