@@ -7,9 +7,9 @@
 #include "firmware/picture/blender.h"
 #include "firmware/picture/encoder.h"
 #include "protocol/base/raymap_rate.h"
-#include "protocol/base/stops.h"
 #include "protocol/base/try.h"
 #include "protocol/upload.h"
+#include "stitch/sets/full_exposure.h"
 
 namespace nodal::firmware {
 namespace {
@@ -153,7 +153,7 @@ BulkItem Publisher::item(const Raymap& raymap, wire::PullRequest::Coding coding)
     header.set_parity(std::string(field_parity_name(info.field->parity)));
   }
   if (info.linear && info.linear->full) {
-    header.set_full_exposure_ns(exp2_stops(std::clamp(*info.linear->full, -9 * kStop, 40 * kStop), 1000));
+    header.set_full_exposure_ns(sets::full_exposure_ns(*info.linear->full));
   }
   fill_sync(info, header);
   const SharedBytes body = jpeg ? shared_bytes(raymap.jpeg) : raw ? shared_bytes(raymap.pixels) : SharedBytes();

@@ -19,12 +19,12 @@
 #include "host_tool/input/calibration_file.h"
 #include "host_tool/output/raymap_sink.h"
 #include "protocol/base/file_ending.h"
-#include "protocol/base/stops.h"
 #include "protocol/base/try.h"
 #include "stitch/media/gpano.h"
 #include "stitch/media/jpeg_writer.h"
 #include "stitch/parallel/workers.h"
 #include "stitch/render/take_render.h"
+#include "stitch/sets/full_exposure.h"
 #include "stitch/sets/shown_raymap.h"
 
 namespace nodal::host {
@@ -97,7 +97,7 @@ media::RaymapMeta meta_of(const render::RenderedRaymap& rendered, const media::T
     meta.parity = field_parity_name(rendered.parity);
   }
   if (rendered.linear && rendered.linear->full) {
-    meta.full_exposure_ns = exp2_stops(std::clamp(*rendered.linear->full, -9 * kStop, 40 * kStop), 1000);
+    meta.full_exposure_ns = sets::full_exposure_ns(*rendered.linear->full);
   }
   return meta;
 }

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "stitch/media/xml_text.h"
+
 namespace nodal::host {
 namespace {
 
@@ -132,17 +134,7 @@ std::string grid(const Axis& x, const Axis& y, bool log_y) {
 
 }  // namespace
 
-std::string html_escaped(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '&') out += "&amp;";
-    else if (c == '<') out += "&lt;";
-    else if (c == '>') out += "&gt;";
-    else if (c == '"') out += "&quot;";
-    else out += c;
-  }
-  return out;
-}
+std::string html_escaped(std::string_view text) { return media::xml_escaped(text); }
 
 HtmlReport::HtmlReport(std::string_view title, std::string_view summary) : title_(html_escaped(title)) {
   if (!title_.empty()) body_ = "<h1>" + title_ + "</h1>\n<p class=\"summary\">" + html_escaped(summary) + "</p>\n";

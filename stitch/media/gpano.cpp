@@ -4,24 +4,10 @@
 #include <cmath>
 
 #include "protocol/base/limits.h"
+#include "stitch/media/xml_text.h"
 
 namespace nodal::media {
 namespace {
-
-/// For text between double quotes.
-std::string escaped(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&': out += "&amp;"; break;
-      case '<': out += "&lt;"; break;
-      case '>': out += "&gt;"; break;
-      case '"': out += "&quot;"; break;
-      default: out += c;
-    }
-  }
-  return out;
-}
 
 std::int64_t slack(std::int64_t whole) { return std::max(kAreaSlack, whole / kAreaSlackPart); }
 
@@ -102,7 +88,7 @@ std::string xmp_packet(const XmpProperties& properties) {
     packet += " xmlns:" + std::string(space.prefix) + "=\"" + std::string(space.uri) + "\"";
   }
   for (const XmpProperty& property : properties)
-    packet += "\n   " + property.name + "=\"" + escaped(property.value) + "\"";
+    packet += "\n   " + property.name + "=\"" + xml_escaped(property.value) + "\"";
   packet +=
       "/>\n"
       " </rdf:RDF>\n"

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <filesystem>
 
-#include "rig_process.h"
+#include "picture_command.h"
 #include "smooth_scene.h"
 #include "stitch/media/image_file.h"
 #include "tests/support/layouts.h"
@@ -14,18 +14,7 @@
 namespace nodal::command_line {
 namespace {
 
-class RotateCommand : public RigTest {
- protected:
-  void expect_refused(const Words& words, const std::string& says) const {
-    const Finished run = nodal(words);
-    EXPECT_NE(run.code, 0) << says;
-    EXPECT_NE(run.err.find(says), std::string::npos) << run.err;
-  }
-  double psnr_of(const std::string& a, const std::string& b) const {
-    return test::psnr(media::read_image(path(a), PixelFormat::kRgb24).value().bytes,
-                      media::read_image(path(b), PixelFormat::kRgb24).value().bytes);
-  }
-};
+using RotateCommand = PictureCommand;
 
 /// The scene as an equirectangular raymap of a camera that is turned right by yaw, up by pitch, then clockwise by roll.
 std::vector<std::uint8_t> scene_from(int width, double yaw, double pitch, double roll) {

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <sstream>
 
-#include "rig_process.h"
+#include "picture_command.h"
 #include "stitch/media/image_file.h"
 #include "tests/support/layouts.h"
 #include "tests/support/pictures.h"
@@ -13,7 +13,7 @@
 namespace nodal::command_line {
 namespace {
 
-class ViewCommand : public RigTest {
+class ViewCommand : public PictureCommand {
  protected:
   /// A smooth equirectangular raymap that does not jump at its left and right edge, without metadata.
   void write_sphere(const std::string& name, int width) const {
@@ -28,15 +28,6 @@ class ViewCommand : public RigTest {
       }
     }
     test::write_bytes(path(name), test::png_of(rgb, width, width / 2, 3));
-  }
-  void expect_refused(const Words& words, const std::string& says) const {
-    const Finished run = nodal(words);
-    EXPECT_NE(run.code, 0) << says;
-    EXPECT_NE(run.err.find(says), std::string::npos) << run.err;
-  }
-  double psnr_of(const std::string& a, const std::string& b) const {
-    return test::psnr(media::read_image(path(a), PixelFormat::kRgb24).value().bytes,
-                      media::read_image(path(b), PixelFormat::kRgb24).value().bytes);
   }
 };
 

@@ -31,6 +31,23 @@ wire::Takes takes_of(TestHost& host) {
   return host.ask(request).takes();
 }
 
+/// Records a take of two seconds. True: it was recorded.
+bool record_a_take(Stand& stand, TestHost& host) {
+  if (!start_take(host).has_take()) return false;
+  stand.run(Duration::seconds(2));
+  wire::Request stop;
+  stop.mutable_take_stop();
+  return host.ask(stop).has_take();
+}
+
+/// A request for the first file of take 1.
+wire::Request read_of_take_1() {
+  wire::Request request;
+  request.mutable_take_read()->set_take(1);
+  request.mutable_take_read()->set_file("cam0-0000.mkv");
+  return request;
+}
+
 /// What the log says of takes.
 std::vector<std::string> take_news(Stand& stand) {
   std::vector<std::string> found;
@@ -245,16 +262,9 @@ TEST(TakeDisk, EjectedAndRemoved_TheRigIsNotDegradedAndSaysThatItWasEjectedUntil
 TEST(TakeDisk, AHostCopiesATake_AnotherMayDeleteItOnlyWhenTheCopyIsDone) {
   Stand stand(rig_with_disk());
   TestHost& host = stand.bring_up();
-  ASSERT_TRUE(start_take(host).has_take());
-  stand.run(Duration::seconds(2));
-  wire::Request stop;
-  stop.mutable_take_stop();
-  ASSERT_TRUE(host.ask(stop).has_take());
+  ASSERT_TRUE(record_a_take(stand, host));
   TestHost& copies = stand.connect();
-  wire::Request read;
-  read.mutable_take_read()->set_take(1);
-  read.mutable_take_read()->set_file("cam0-0000.mkv");
-  ASSERT_TRUE(copies.ask(read).has_pull());
+  ASSERT_TRUE(copies.ask(read_of_take_1()).has_pull());
   wire::Request remove;
   remove.mutable_take_delete()->set_take(1);
   const wire::Reply refused = host.ask(remove);
@@ -270,22 +280,15 @@ TEST(TakeDisk, AHostCopiesATake_AnotherMayDeleteItOnlyWhenTheCopyIsDone) {
 TEST(TakeDisk, AHostReadsAKilobyteEveryHalfMinute_ItsStreamGoesOnAndItKeepsNobodyFromDeleting) {
   Stand stand(rig_with_disk());
   TestHost& host = stand.bring_up();
-  ASSERT_TRUE(start_take(host).has_take());
-  stand.run(Duration::seconds(2));
-  wire::Request stop;
-  stop.mutable_take_stop();
-  ASSERT_TRUE(host.ask(stop).has_take());
+  ASSERT_TRUE(record_a_take(stand, host));
   TestHost& slow = stand.connect();
   slow.link().in().capacity = 1000;
-  wire::Request read;
-  read.mutable_take_read()->set_take(1);
-  read.mutable_take_read()->set_file("cam0-0000.mkv");
   const auto read_a_kilobyte = [&] {
     slow.reading = true;
     slow.pump();
     slow.reading = false;
   };
-  const std::uint64_t id = slow.post(read);
+  const std::uint64_t id = slow.post(read_of_take_1());
   slow.pump();
   slow.reading = false;
   stand.run(stand.tick);

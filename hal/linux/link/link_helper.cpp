@@ -58,40 +58,43 @@ std::optional<Error> receive_error(int socket, int flags) {
   return Error{static_cast<Errc>(byte(0) | byte(1) << 8), std::string(message.data() + 2, message.data() + got)};
 }
 
-/// The two descriptors of a link: its bytes, and its messages.
-bool send_descriptors(int socket, int bytes, int messages) {
-  const std::array<int, 2> both{bytes, messages};
+/// A message of one byte and the two descriptors of a link: its bytes, and its messages.
+struct DescriptorMessage {
+  using Both = std::array<int, 2>;
+  DescriptorMessage() {
+    header.msg_iov = &part;
+    header.msg_iovlen = 1;
+    header.msg_control = space.data();
+    header.msg_controllen = space.size();
+  }
+  DescriptorMessage(const DescriptorMessage&) = delete;
+  DescriptorMessage& operator=(const DescriptorMessage&) = delete;
+
   char nothing = 0;
   iovec part{&nothing, 1};
-  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof both)> space{};
-  msghdr about{};
-  about.msg_iov = &part;
-  about.msg_iovlen = 1;
-  about.msg_control = space.data();
-  about.msg_controllen = space.size();
-  cmsghdr* const head = CMSG_FIRSTHDR(&about);
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(Both))> space{};
+  msghdr header{};
+};
+
+bool send_descriptors(int socket, int bytes, int messages) {
+  const DescriptorMessage::Both both{bytes, messages};
+  DescriptorMessage message;
+  cmsghdr* const head = CMSG_FIRSTHDR(&message.header);
   head->cmsg_level = SOL_SOCKET;
   head->cmsg_type = SCM_RIGHTS;
   head->cmsg_len = CMSG_LEN(sizeof both);
   std::memcpy(CMSG_DATA(head), both.data(), sizeof both);
-  return ::sendmsg(socket, &about, MSG_NOSIGNAL) == 1;
+  return ::sendmsg(socket, &message.header, MSG_NOSIGNAL) == 1;
 }
 
 std::optional<Pair> receive_descriptors(int socket) {
-  char nothing = 0;
-  iovec part{&nothing, 1};
-  std::array<int, 2> both{-1, -1};
-  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof both)> space{};
-  msghdr about{};
-  about.msg_iov = &part;
-  about.msg_iovlen = 1;
-  about.msg_control = space.data();
-  about.msg_controllen = space.size();
+  DescriptorMessage::Both both{-1, -1};
+  DescriptorMessage message;
   ssize_t got = -1;
   do {
-    got = ::recvmsg(socket, &about, MSG_CMSG_CLOEXEC);
+    got = ::recvmsg(socket, &message.header, MSG_CMSG_CLOEXEC);
   } while (got < 0 && errno == EINTR);
-  const cmsghdr* const head = CMSG_FIRSTHDR(&about);
+  const cmsghdr* const head = CMSG_FIRSTHDR(&message.header);
   if (got != 1 || head == nullptr || head->cmsg_len != CMSG_LEN(sizeof both)) return std::nullopt;
   std::memcpy(both.data(), CMSG_DATA(head), sizeof both);
   return Pair{Descriptor(both[0]), Descriptor(both[1])};
