@@ -116,6 +116,8 @@ std::size_t lines_between(const std::string& text, std::size_t from, std::size_t
 
 }  // namespace
 
+std::string brackets_of(const TextFile& file) { return code_of(file).brackets; }
+
 std::vector<Function> functions_in(const TextFile& file) {
   const Code code = code_of(file);
   std::vector<Function> functions;

@@ -17,6 +17,9 @@ struct Function {
   std::string shape;      ///< the body with each name replaced by the index of its first use
 };
 
+/// The text with blanks for comments and for what is in literals, so that its brackets can be counted.
+std::string brackets_of(const TextFile& file);
+
 /// Functions and lambdas, also nested ones; no control statements.
 std::vector<Function> functions_in(const TextFile& file);
 
