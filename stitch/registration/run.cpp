@@ -29,7 +29,29 @@ constexpr double kClearAgreement = 0.4;  // agreement of a head with all others,
 // Spread of the shared rays' squared radii, relative to the edge's, that determines a fall-off.
 constexpr double kMinFallOffSeen = 0.4;
 
+Held held_on(const LevelPlan& plan, const std::vector<std::string>& why_not, bool geometry,
+             const std::vector<bool>& own_vignetting) {
+  Held held;
+  held.geometry.resize(why_not.size());
+  held.light.resize(why_not.size());
+  held.first = -1;
+  for (std::size_t h = 0; h < why_not.size(); ++h) {
+    held.light[h] = !why_not[h].empty();
+    held.geometry[h] = held.light[h] || !geometry;
+    if (held.first < 0 && !held.geometry[h]) held.first = static_cast<int>(h);
+  }
+  held.share_lens = plan.share_lens;
+  held.own_vignetting = own_vignetting;
+  return held;
+}
+
 }  // namespace
+
+std::vector<bool> placed_heads(const std::vector<std::string>& why_not) {
+  std::vector<bool> placed;
+  for (const std::string& why : why_not) placed.push_back(why.empty());
+  return placed;
+}
 
 Status Run::prepare(const LitFrames& frames) {
   NODAL_TRY_ASSIGN(Prepared ready, registration::prepare(prior_, frames, options_));
@@ -39,11 +61,7 @@ Status Run::prepare(const LitFrames& frames) {
   why_not_.resize(heads_.size());
   loose_sigma_.resize(heads_.size());
   loose_.resize(heads_.size());
-  work_all_ = 0;
-  for (const LevelPlan& plan : plans_) {
-    const bool twice = lenses_far_off() && !is_coarse(plan) && &plan != &plans_.back();
-    work_all_ += (twice ? 2.0 : 1.0) * plan.width * plan.width;
-  }
+  work_ = RunWork(plans_, options_);
   const std::vector<double> seen = fall_off_seen(heads_);
   std::vector<bool> tells;
   tells.reserve(seen.size());
@@ -72,60 +90,19 @@ void Run::unplace(std::size_t head, std::string why) {
   why_not_[head] = std::move(why);
 }
 
-std::vector<bool> Run::used() const {
-  std::vector<bool> used;
-  for (const std::string& why : why_not_) used.push_back(why.empty());
-  return used;
-}
-
-Held Run::held(const LevelPlan& plan) const {
-  Held held;
-  held.geometry.resize(heads_.size());
-  held.light.resize(heads_.size());
-  held.first = -1;
-  for (std::size_t h = 0; h < heads_.size(); ++h) {
-    held.light[h] = !why_not_[h].empty();
-    held.geometry[h] = held.light[h] || !options_.geometry;
-    if (held.first < 0 && !held.geometry[h]) held.first = static_cast<int>(h);
-  }
-  held.share_lens = plan.share_lens;
-  held.own_vignetting = own_vignetting_;
-  return held;
-}
-
-Sought Run::sought_of(const LevelPlan& plan) const {
-  Sought sought;
-  sought.rotation = options_.geometry;
-  sought.focal = plan.focal && options_.geometry;
-  sought.lens = plan.lens && options_.geometry;
-  sought.nearness = options_.distance && options_.geometry;
-  sought.gain = options_.gains;
-  sought.vignetting = options_.vignetting != VignettingModel::kFixed;
-  sought.channels = channels();
-  return sought;
-}
-
-void Run::tell(const LevelPlan& plan, int iteration, double objective, double turn) {
-  report_.steps.push_back({plan.width, plan.level, iteration, objective, turn * kDegreesPerRadian});
-  if (!options_.progress) return;
-  const double level = static_cast<double>(plan.width) * plan.width;
-  const double within = std::min(1.0, iteration / 6.0);
-  options_.progress(report_.steps.back(), std::min(1.0, (work_done_ + within * level) / work_all_));
-}
-
 Status Run::descend_level(const LevelPlan& plan) {
   // A coarse level may still turn heads by tens of degrees.
   const double slack = plan.level >= 3 ? 0.5 : 0.1;
   NODAL_TRY_ASSIGN(std::unique_ptr<Level> level,
                    Level::make(plan, Level::Pictures::kLight, *frames_.pyramids, heads_, options_, slack, workers_));
   Objective& objective = level->objective();
-  objective.set_used(used());
-  const Sought sought = sought_of(plan);
+  objective.set_used(placed_heads(why_not_));
+  const Sought sought = sought_of(plan, options_);
   NODAL_TRY_ASSIGN(const Normal start, objective.evaluate(heads_, sought, false));
   if (start.measure <= 0) {
     // A narrow overlap may lie within a coarse level's margin; only the finest level has to contain it.
     if (plan.level == plans_.back().level) return fail(Errc::kNoCoverage, nothing_shared(prior_));
-    work_done_ += static_cast<double>(plan.width) * plan.width;
+    work_.end_level(plan);
     return {};
   }
   huber_ = static_cast<float>(huber_share_ * std::sqrt(start.objective()));
@@ -134,17 +111,21 @@ Status Run::descend_level(const LevelPlan& plan) {
   descent.curvature = plan.curvature;
   descent.most_iterations = plan.most_iterations;
   descent.turn_rad = plan.turn_rad;
-  if (!lenses_far_off() && soft_priors_) descent.lens_noise = start.objective() * level->pixels_a_sample();
-  descent.accepted = [&](int iteration, double value, double turn) { tell(plan, iteration, value, turn); };
-  NODAL_TRY_ASSIGN(Descended found, descend(objective, heads_, sought, held(plan), descent));
+  if (!lenses_far_off(options_) && soft_priors_) descent.lens_noise = start.objective() * level->pixels_a_sample();
+  descent.accepted = [&](int iteration, double value, double turn) {
+    report_.steps.push_back({plan.width, plan.level, iteration, value, turn * kDegreesPerRadian});
+    if (options_.progress) options_.progress(report_.steps.back(), work_.share(plan, iteration));
+  };
+  NODAL_TRY_ASSIGN(Descended found, descend(objective, heads_, sought,
+                                            held_on(plan, why_not_, options_.geometry, own_vignetting_), descent));
   heads_ = std::move(found.heads);
-  work_done_ += static_cast<double>(plan.width) * plan.width;
+  work_.end_level(plan);
   return {};
 }
 
 Status Run::find_dull_heads() {
-  NODAL_TRY_ASSIGN(const Detail detail,
-                   measure_detail(detail_plan(), *frames_.pyramids, heads_, used(), options_, workers_));
+  NODAL_TRY_ASSIGN(const Detail detail, measure_detail(detail_plan(plans_), *frames_.pyramids, heads_,
+                                                       placed_heads(why_not_), options_, workers_));
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     const HeadDetail& head = detail.heads[h];
     loose_sigma_[h] = std::numeric_limits<double>::infinity();
@@ -163,14 +144,17 @@ Status Run::find_dull_heads() {
 Status Run::check_agreement() {
   std::optional<Detail> best;
   std::vector<double> pairs;
-  coarse_sigma_.assign(heads_.size(), std::nullopt);
+  agreement_.coarse_sigma.assign(heads_.size(), std::nullopt);
   for (const LevelPlan& plan : plans_) {
-    if (&plan != &detail_plan() && (plan.level <= detail_plan().level || plan.width < kAgreementWidth)) continue;
-    NODAL_TRY_ASSIGN(Detail detail, measure_detail(plan, *frames_.pyramids, heads_, used(), options_, workers_));
+    if (&plan != &detail_plan(plans_) && (plan.level <= detail_plan(plans_).level || plan.width < kAgreementWidth))
+      continue;
+    NODAL_TRY_ASSIGN(Detail detail,
+                     measure_detail(plan, *frames_.pyramids, heads_, placed_heads(why_not_), options_, workers_));
     for (std::size_t h = 0; h < heads_.size(); ++h) {
       const HeadDetail& head = detail.heads[h];
       if (!(head.agreement >= kClearAgreement && head.sigma_rad < std::numeric_limits<double>::infinity())) continue;
-      coarse_sigma_[h] = CoarseSigma{head.sigma_rad, plan.width / (2 * std::numbers::pi)};  // levels come coarse first
+      agreement_.coarse_sigma[h] =
+          Agreement::CoarseSigma{head.sigma_rad, plan.width / (2 * std::numbers::pi)};  // levels come coarse first
     }
     for (std::size_t h = 0; best && h < heads_.size(); ++h) {
       detail.heads[h].agreement = std::max(detail.heads[h].agreement, best->heads[h].agreement);
@@ -178,24 +162,24 @@ Status Run::check_agreement() {
     pairs.resize(detail.pairs.size(), -1);
     for (std::size_t p = 0; p < pairs.size(); ++p) {
       const PairSums& pair = detail.pairs[p];
-      const bool tells = pair.solid_angle > kSmallOverlapSr * channels() && pair.least_rms() >= kDullRms;
+      const bool tells = pair.solid_angle > kSmallOverlapSr * channels_of(options_) && pair.least_rms() >= kDullRms;
       pairs[p] = std::max(pairs[p], tells ? pair.correlation() : 1);
     }
     best = std::move(detail);
   }
-  apart_ = std::ranges::count_if(pairs, [](double agreement) { return agreement < kMinPairAgreement; });
-  wrong_ = disagreeing(*best, why_not_);
-  little_detail_ = with_little_detail(*best, used());
-  agreement_.clear();
-  for (const auto& head : best->heads) agreement_.push_back(head.agreement);
-  return registration::check_agreement(prior_, wrong_,
+  agreement_.apart = std::ranges::count_if(pairs, [](double agreement) { return agreement < kMinPairAgreement; });
+  agreement_.wrong = disagreeing(*best, why_not_);
+  agreement_.little_detail = with_little_detail(*best, placed_heads(why_not_));
+  agreement_.of_head.clear();
+  for (const auto& head : best->heads) agreement_.of_head.push_back(head.agreement);
+  return registration::check_agreement(prior_, agreement_.wrong,
                                        static_cast<std::size_t>(std::ranges::count(why_not_, std::string())));
 }
 
 Status Run::check_placed(bool& changed) {
   changed = false;
-  NODAL_TRY_ASSIGN(const Detail detail,
-                   measure_detail(detail_plan(), *frames_.pyramids, heads_, used(), options_, workers_));
+  NODAL_TRY_ASSIGN(const Detail detail, measure_detail(detail_plan(plans_), *frames_.pyramids, heads_,
+                                                       placed_heads(why_not_), options_, workers_));
   NODAL_TRY(check_agreement());
   double per_radian = pixels_per_radian(heads_);
   if (options_.width > 0) per_radian = std::min(per_radian, options_.width / (2 * std::numbers::pi));
@@ -204,11 +188,11 @@ Status Run::check_placed(bool& changed) {
     if (!why_not_[h].empty()) continue;
     loose_sigma_[h] = detail.heads[h].sigma_rad;
     double precision = per_radian;
-    if (loose_sigma_[h] == std::numeric_limits<double>::infinity() && coarse_sigma_[h]) {
+    if (loose_sigma_[h] == std::numeric_limits<double>::infinity() && agreement_.coarse_sigma[h]) {
       // Fine detail does not line up, because of a wrong lens or close objects; coarser detail does. No seam can be
       // better than that, so the head is as precise as its pixels there.
-      loose_sigma_[h] = coarse_sigma_[h]->rad;
-      precision = std::min(precision, coarse_sigma_[h]->per_radian);
+      loose_sigma_[h] = agreement_.coarse_sigma[h]->rad;
+      precision = std::min(precision, agreement_.coarse_sigma[h]->per_radian);
     }
     off_px[h] = loose_sigma_[h] * precision;
   }
@@ -216,12 +200,12 @@ Status Run::check_placed(bool& changed) {
   const double loosest = std::ranges::max(off_px);
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     if (!(off_px[h] > kLooseSigmaPx) || off_px[h] < kMuchLooser * loosest) continue;
-    unplace(h, little_detail_[h]
+    unplace(h, agreement_.little_detail[h]
                    ? std::string("it shows much less detail than the other heads, too little for a rotation")
                    : std::string("the detail it shares with other heads does not determine its rotation in "
                                  "every direction") +
                          (options_.width > 0 ? "; a wider raymap shows more of it" : ""));
-    loose_[h] = !little_detail_[h];
+    loose_[h] = !agreement_.little_detail[h];
     changed = true;
   }
   return check_enough_placed(prior_, why_not_);
@@ -230,12 +214,12 @@ Status Run::check_placed(bool& changed) {
 // Heads that are not placed were ignored so far. This estimates their light, with the prior's rotations.
 Status Run::light_unplaced_heads() {
   if (!options_.gains || std::ranges::all_of(why_not_, &std::string::empty)) return {};
-  const LevelPlan& plan = detail_plan();
+  const LevelPlan& plan = detail_plan(plans_);
   NODAL_TRY_ASSIGN(std::unique_ptr<Level> level,
                    Level::make(plan, Level::Pictures::kLight, *frames_.pyramids, heads_, options_, 0.02, workers_));
   Sought gains;
   gains.rotation = gains.vignetting = false;
-  gains.channels = channels();
+  gains.channels = channels_of(options_);
   NODAL_TRY_ASSIGN(const Normal start, level->objective().evaluate(heads_, gains, false));
   level->objective().set_huber(static_cast<float>(kHuberShare * std::sqrt(start.objective())));
   Held held;
@@ -259,10 +243,11 @@ Status Run::light_unplaced_heads() {
 }
 
 Result<Certainty> Run::certainty(Level& level, const LevelPlan& plan) const {
-  level.objective().set_used(used());
+  level.objective().set_used(placed_heads(why_not_));
   level.objective().set_huber(huber_);
-  return certainty_of(level.objective(), heads_, sought_of(plan), held(plan), level.pixels_a_sample(),
-                      options_.gauge == Gauge::kFirstHead ? std::vector<bool>() : used(), workers_);
+  return certainty_of(level.objective(), heads_, sought_of(plan, options_),
+                      held_on(plan, why_not_, options_.geometry, own_vignetting_), level.pixels_a_sample(),
+                      options_.gauge == Gauge::kFirstHead ? std::vector<bool>() : placed_heads(why_not_), workers_);
 }
 
 Result<Report> Run::report() {
@@ -273,8 +258,8 @@ Result<Report> Run::report() {
   }
   NODAL_TRY_ASSIGN(std::unique_ptr<Level> level, Level::make(finest, Level::Pictures::kLight, *frames_.pyramids, start_,
                                                              options_, farthest + 0.02, workers_));
-  const Result<Normal> before = level->objective().evaluate(start_, sought_of(finest), false);
-  const Result<Normal> after = level->objective().evaluate(heads_, sought_of(finest), false);
+  const Result<Normal> before = level->objective().evaluate(start_, sought_of(finest, options_), false);
+  const Result<Normal> after = level->objective().evaluate(heads_, sought_of(finest, options_), false);
   if (!before) return fail(before.error());
   if (!after) return fail(after.error());
   report_.objective_before = before->objective();
@@ -284,9 +269,9 @@ Result<Report> Run::report() {
   level.reset();  // what follows makes levels of its own
   const std::vector<bool> all(heads_.size(), true);
   NODAL_TRY_ASSIGN(const Detail detail,
-                   measure_detail(detail_plan(), *frames_.pyramids, heads_, all, options_, workers_));
+                   measure_detail(detail_plan(plans_), *frames_.pyramids, heads_, all, options_, workers_));
   NODAL_TRY_ASSIGN(const Explanation explanation, check_cause(certainty));
-  const std::vector<bool> little_detail = with_little_detail(detail, used());
+  const std::vector<bool> little_detail = with_little_detail(detail, placed_heads(why_not_));
   report_.calibration = prior_;
   if (options_.distance) {
     const double nearness = heads_.front().nearness;
@@ -321,7 +306,7 @@ Result<Report> Run::report() {
     for (int b = h + 1; b < n; ++b) {
       const std::size_t p = after->pair(h, b);
       if (after->pairs[p].measure <= 0) continue;
-      report_.pairs.push_back({h, b, after->pairs[p].solid_angle / static_cast<double>(channels()),
+      report_.pairs.push_back({h, b, after->pairs[p].solid_angle / static_cast<double>(channels_of(options_)),
                                before->pairs[p].rms(), after->pairs[p].rms(), detail.pairs[p].correlation()});
       const auto j = static_cast<std::size_t>(b);
       const bool both = why_not_[i].empty() && why_not_[j].empty();
@@ -351,14 +336,15 @@ Status Run::descend_coarse() {
   Status done = descend_all();
   if (!options_.search) return done;
   const bool agreed = done && check_agreement();
-  if (agreed && apart_ == 0) return {};
+  if (agreed && agreement_.apart == 0) return {};
   const std::vector<HeadState> unsearched = heads_;
-  const std::ptrdiff_t apart = apart_;
-  work_done_ = 0;
-  NODAL_TRY_ASSIGN(std::vector<HeadState> found, search_rotations(*frames_.pyramids, start_, used(), workers_));
+  const std::ptrdiff_t apart = agreement_.apart;
+  work_.restart();
+  NODAL_TRY_ASSIGN(std::vector<HeadState> found,
+                   search_rotations(*frames_.pyramids, start_, placed_heads(why_not_), workers_));
   heads_ = std::move(found);
   Status again = descend_all();
-  if (!agreed || (again && check_agreement() && apart_ < apart)) return again;
+  if (!agreed || (again && check_agreement() && agreement_.apart < apart)) return again;
   heads_ = unsearched;
   return {};
 }
@@ -381,7 +367,7 @@ Result<Report> Run::run(const LitFrames& frames) {
     NODAL_TRY(descend_level(plans_.back()));
   }
   // The head that held the rig may have been found not to be placed, after it had turned all others.
-  hold_together(options_.gauge, start_, used(), heads_);
+  hold_together(options_.gauge, start_, placed_heads(why_not_), heads_);
   NODAL_TRY(light_unplaced_heads());
   return report();
 }

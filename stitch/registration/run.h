@@ -12,6 +12,7 @@
 #include "stitch/registration/observability.h"
 #include "stitch/registration/pyramid.h"
 #include "stitch/registration/registration.h"
+#include "stitch/registration/run_plan.h"
 
 namespace nodal::registration {
 
@@ -23,6 +24,9 @@ inline constexpr double kSmallOverlapSr = 0.02;
 /// Why heads do not agree everywhere.
 enum class Cause : std::uint8_t { kNone, kNearThings, kFocals, kLenses };
 
+/// The heads without a reason not to be placed.
+std::vector<bool> placed_heads(const std::vector<std::string>& why_not);
+
 /// Threading: thread-bound; starts threads of its own. Ownership: the prior outlives it. Errors: as register_heads().
 class Run {
  public:
@@ -32,11 +36,11 @@ class Run {
   void leave_out(std::size_t head, std::string why);
   Result<Report> run(const LitFrames& frames);
   /// The heads that disagreed with the others when run() failed.
-  const std::vector<std::size_t>& wrong() const { return wrong_; }
+  const std::vector<std::size_t>& wrong() const { return agreement_.wrong; }
   /// Whether one of them shows much less detail than the other heads, as out of focus.
-  bool little_detail(std::size_t head) const { return little_detail_[head]; }
+  bool little_detail(std::size_t head) const { return agreement_.little_detail[head]; }
   /// The correlation of one's detail with what the others show there.
-  double agreement(std::size_t head) const { return agreement_[head]; }
+  double agreement(std::size_t head) const { return agreement_.of_head[head]; }
   /// The cause that run() found, if it got as far as its report; also if that failed because of wrong lenses.
   Cause cause() const { return cause_; }
   /// Certainty::parts_px of the result.
@@ -52,7 +56,6 @@ class Run {
   Status descend_coarse();
   Status descend_fine();
   Status choose_valley(std::size_t first, std::size_t last);
-  Result<double> least_agreement() const;
   Status check_placed(bool& changed);
   Status light_unplaced_heads();
   Result<Certainty> certainty(Level& level, const LevelPlan& plan) const;
@@ -72,17 +75,6 @@ class Run {
   Result<Report> report();
 
   void unplace(std::size_t head, std::string why);
-  Held held(const LevelPlan& plan) const;
-  std::vector<bool> used() const;
-  static bool is_coarse(const LevelPlan& plan) { return plan.level >= 2; }
-  int channels() const { return options_.colour == Colour::kRgb ? 3 : 1; }
-  Sought sought_of(const LevelPlan& plan) const;
-  bool lenses_far_off() const { return options_.lens_far_off && options_.free == Free::kLens && options_.geometry; }
-  /// The level on which detail is measured: not the finest, because full-size pictures are noisy.
-  const LevelPlan& detail_plan() const {
-    return plans_[plans_.back().level == 0 && plans_.size() > 1 ? plans_.size() - 2 : plans_.size() - 1];
-  }
-  void tell(const LevelPlan& plan, int iteration, double objective, double turn);
 
   const Calibration& prior_;
   Options options_;
@@ -93,24 +85,28 @@ class Run {
   std::vector<LevelPlan> plans_;
   std::vector<bool> own_vignetting_;
   std::vector<std::string> why_not_;  // empty: placed
-  struct CoarseSigma {
-    double rad = 0;
-    double per_radian = 0;  // pixels of the level
+  std::vector<double> loose_sigma_;   // rad; by head, infinite if not placed
+  /// What the latest check_agreement() found.
+  struct Agreement {
+    std::vector<std::size_t> wrong;  // heads that disagree
+    std::ptrdiff_t apart = 0;        // pairs of heads whose common detail does not agree
+    std::vector<double> of_head;
+    std::vector<bool> little_detail;  // heads with much less detail than the others
+    struct CoarseSigma {
+      double rad = 0;
+      double per_radian = 0;  // pixels of the level
+    };
+    // By head, from the finest level on which it agrees with others.
+    std::vector<std::optional<CoarseSigma>> coarse_sigma;
   };
-  // By head, from the finest level on which it agrees with others.
-  std::vector<std::optional<CoarseSigma>> coarse_sigma_;
-  std::vector<double> loose_sigma_;  // rad; by head, infinite if not placed
-  std::vector<std::size_t> wrong_;   // heads that disagreed in the latest check_agreement()
-  std::ptrdiff_t apart_ = 0;         // pairs of heads whose common detail did not agree in that check
+  Agreement agreement_;
   Cause cause_ = Cause::kNone;
   double displaced_px_ = 0;
-  bool soft_priors_ = true;          // the lenses have soft priors
-  std::vector<bool> loose_;          // heads whose detail does not determine their rotation
-  std::vector<double> agreement_;    // each head's agreement in the latest check_agreement()
-  std::vector<bool> little_detail_;  // heads with much less detail than the others, by the latest check_agreement()
-  float huber_ = 0;                  // Huber's threshold on the latest level
+  bool soft_priors_ = true;  // the lenses have soft priors
+  std::vector<bool> loose_;  // heads whose detail does not determine their rotation
+  float huber_ = 0;          // Huber's threshold on the latest level
   Report report_;
-  double work_done_ = 0, work_all_ = 1;
+  RunWork work_;
 };
 
 }  // namespace nodal::registration

@@ -30,7 +30,7 @@ Result<Run::Alternative> Run::attempt(bool lenses, bool distance) {
   options_.progress = nullptr;
   options_.distance = distance;
   soft_priors_ = false;
-  LevelPlan middle = detail_plan(), finest = plans_.back();
+  LevelPlan middle = detail_plan(plans_), finest = plans_.back();
   middle.focal = middle.lens = finest.focal = finest.lens = lenses;
   for (std::size_t h = 0; h < heads_.size() && !lenses; ++h) {
     heads_[h].lens = start_[h].lens;

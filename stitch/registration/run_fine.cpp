@@ -9,18 +9,16 @@ namespace {
 // Share of the rms difference; lowers the weight of close objects, which do not line up.
 constexpr double kStrictHuber = 0.3;
 
-}  // namespace
-
 // The agreement of the heads' detail at the worst seam.
-Result<double> Run::least_agreement() const {
-  NODAL_TRY_ASSIGN(const Detail detail,
-                   measure_detail(detail_plan(), *frames_.pyramids, heads_, used(), options_, workers_));
+double least_agreement(const Detail& detail, int channels) {
   double least = 1;
   for (const PairSums& pair : detail.pairs) {
-    if (pair.solid_angle > kSmallOverlapSr * channels()) least = std::min(least, pair.correlation());
+    if (pair.solid_angle > kSmallOverlapSr * channels) least = std::min(least, pair.correlation());
   }
   return least;
 }
+
+}  // namespace
 
 // With a data sheet's lenses the objective has many local minima, and objects close to the rig influence which one is
 // reached. Runs levels [first, last) twice, the second time with a lower weight for such objects, and keeps the result
@@ -41,8 +39,11 @@ Status Run::choose_valley(std::size_t first, std::size_t last) {
     done = {};
     for (std::size_t p = first; done && p < last; ++p) done = descend_level(plans_[p]);
     if (!done) continue;
-    const Result<double> agreement = least_agreement();
-    if (agreement && *agreement > best.agreement) best = {heads_, report_.steps, huber_share, *agreement};
+    const Result<Detail> detail =
+        measure_detail(detail_plan(plans_), *frames_.pyramids, heads_, placed_heads(why_not_), options_, workers_);
+    if (!detail) continue;
+    const double agreement = least_agreement(*detail, channels_of(options_));
+    if (agreement > best.agreement) best = {heads_, report_.steps, huber_share, agreement};
   }
   if (best.heads.empty()) return done;
   heads_ = std::move(best.heads);
@@ -53,7 +54,7 @@ Status Run::choose_valley(std::size_t first, std::size_t last) {
 
 Status Run::descend_fine() {
   auto p = static_cast<std::size_t>(std::ranges::find_if_not(plans_, is_coarse) - plans_.begin());
-  if (lenses_far_off() && p < plans_.size()) {
+  if (lenses_far_off(options_) && p < plans_.size()) {
     const std::size_t decided = std::max(p + 1, plans_.size() - 1);
     NODAL_TRY(choose_valley(p, decided));
     p = decided;
