@@ -85,7 +85,7 @@ class Recorder {
   void begin_end();
 
   const std::size_t heads_;
-  const int quality_;  ///< of JPEGs, from rig.toml
+  const int quality_;  ///< quality of JPEGs that rig.toml wants
   Outlet<SetLoan>& sets_in_;
   EncodeStage& encoder_;
   Outlet<Raymap>& raymaps_in_;

@@ -32,7 +32,7 @@ TEST(PermittedStore, AnAcceptedCalibration_IsStoredOnlyWhenItIsPut) {
 }
 
 TEST(PermittedStore, OneThatCannotBePutInForce_IsNotKeptAndTheOldOneStaysInForce) {
-  std::uint64_t operations = 0;  // of a keep() that succeeds
+  std::uint64_t operations = 0;  // how many a keep() that succeeds has
   for (std::uint64_t failing = 0; failing <= operations; ++failing) {
     SimDisk disk;
     PermittedStore store(kNoSigners, "rig");
