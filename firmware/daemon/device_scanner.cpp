@@ -40,7 +40,7 @@ std::vector<hal::v4l2::FoundDevice> MachineDevices::scan(std::chrono::millisecon
     camera.node = camera.port = hal::iidc::port_of(info.guid);
     camera.model = "IIDC camera";
     camera.driver = "libdc1394";
-    camera.listed_only = "an IIDC camera is only listed; RIG.md says what its entry in [[heads]] needs";
+    camera.listed_only = "an IIDC camera is only listed; RIG.md (IIDC cameras) says what its entry in [[heads]] needs";
     all.push_back(std::move(camera));
   }
   return all;

@@ -8,6 +8,7 @@
 #include <memory>
 #include <sstream>
 
+#include "firmware/daemon/rig_reference.h"
 #include "firmware/daemon/version.h"
 #include "protocol/base/fit_text.h"
 #include "protocol/command_line/plain_help.h"
@@ -18,7 +19,7 @@ namespace {
 
 constexpr const char* kAbout =
     "Runs a camera rig: sets the cameras' exposure, takes their pictures together, blends them into one and records.\n"
-    "A rig.toml describes the rig: nodald --scan writes one, and firmware/RIG.md explains every key.";
+    "A rig.toml describes the rig: nodald --scan writes one, and nodald --explain explains every key.";
 
 constexpr const char* kFooter =
     "\nExamples:\n"
@@ -26,10 +27,19 @@ constexpr const char* kFooter =
     "  nodald rig.toml --check                    check rig.toml, print the first error, and stop\n"
     "  nodald rig.toml --store ./store            store calibrations and settings in this folder\n"
     "  nodald --scan > rig.toml                   list the devices; begin a rig.toml with them\n"
+    "  nodald --explain takes.mode                explain a key of rig.toml; takes: a section and its keys\n"
     "  ssh rig nodald --bridge                    connect standard input and output to the nodald that runs on rig\n"
     "\n"
     "SIGTERM and SIGINT end it cleanly. Exit codes: 0 fine, 1 failed while running, 2 command line or rig.toml wrong, "
     "3 cannot start, 4 a stage hung at the end.";
+
+/// Prints what RIG.md says about a key or section, or that there is none; the exit code.
+int explain_key(const std::string& key) {
+  const Result<std::string> text = explain(kRigReference, key);
+  if (text) show(*text);
+  else std::cerr << "nodald: " << text.error().message << '\n';
+  return text ? kExitFine : kExitBadInput;
+}
 
 }  // namespace
 
@@ -41,6 +51,7 @@ void show(std::string_view text) {
 Parsed parse_options(int argc, char** argv) {
   Parsed parsed;
   Options& options = parsed.options;
+  std::string key;  // a key or section of rig.toml
   CLI::App app(kAbout, "nodald");
   app.formatter(std::make_shared<PlainHelp>());
   app.footer(kFooter);
@@ -75,11 +86,19 @@ Parsed parse_options(int argc, char** argv) {
                           ->excludes(check)
                           ->excludes("--bridge")
                           ->excludes("--safe-levels");
+  app.add_option("--explain", key, "Explain a key or a section of rig.toml: takes.mode, takes")
+      ->type_name("KEY")
+      ->excludes(check)
+      ->excludes("--bridge")
+      ->excludes("--safe-levels")
+      ->excludes(scan);
   app.add_flag("--json", options.json, "With --scan: as JSON")->needs(scan);
   app.add_option("--socket", options.socket, "The socket for --bridge, instead of rig.toml's")->type_name("PATH");
   try {
     app.parse(argc, argv);
-    if (options.config.empty() && !options.bridge && !options.scan) throw CLI::RequiredError("a rig.toml");
+    if (options.config.empty() && !options.bridge && !options.scan && key.empty())
+      throw CLI::RequiredError("a rig.toml");
+    if (!key.empty()) parsed.exit = explain_key(key);
   } catch (const CLI::Success& asked) {
     std::ostringstream out;
     app.exit(asked, out, std::cerr);

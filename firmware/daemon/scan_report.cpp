@@ -161,9 +161,8 @@ Status read_back(const std::string& toml, const RigProposal& proposal, const std
 Result<std::string> scan_text(const std::vector<FoundDevice>& devices, const RigPlaces& places) {
   const RigProposal proposal = propose_rig(devices);
   std::string text =
-      "# The V4L2 devices and IIDC cameras of this machine, and a rig.toml for the former (nodald --scan). RIG.md "
-      "explains every "
-      "key.\n";
+      "# The V4L2 devices and IIDC cameras of this machine, and a rig.toml for the V4L2 devices (nodald --scan).\n"
+      "# `nodald --explain KEY` explains a key, such as heads.port; RIG.md explains all of them.\n";
   for (std::size_t i = 0; i < devices.size(); ++i) {
     const auto left_out = proposal.left_out.find(i);
     add_device(text, devices[i], head_of(proposal, i), left_out == proposal.left_out.end() ? "" : left_out->second);

@@ -45,7 +45,7 @@ std::string rig_name(const std::string& calibration) {
 Result<std::string> replay_rig_toml(const Calibration& calibration, const std::vector<std::string>& pictures,
                                     const std::string& source, const std::string& file) {
   std::string text = fmt::format(
-      "# Heads that replay the pictures of {}. Every key is explained in firmware/RIG.md.\n"
+      "# Heads that replay the pictures of {}. `nodald --explain KEY` explains a key.\n"
       "[rig]\nname = {}\nrate = \"30000/1001\"\n\n"
       "[raymap]\nlayout = \"equirectangular\"\nwidth = 2048\nheight = 1024\nformat = \"I420\"\n\n"
       "[links]\nunix = \"nodal.sock\"\n\n[store]\nfolder = \"store\"\n",

@@ -18,6 +18,17 @@ std::set<std::string> options_in(const std::string& text) {
   return options;
 }
 
+TEST(NodaldExplain, AKey_PrintsWhatRigMdSaysAboutIt) {
+  const test::Finished known = test::Process({NODAL_BIN_DIR "/nodald", "--explain", "takes.mode"}).wait();
+  EXPECT_EQ(known.code, 0) << known.err;
+  EXPECT_TRUE(known.out.starts_with("takes.mode\n\nHow the heads' pictures are stored.\n")) << known.out;
+  EXPECT_NE(known.out.find("Default: `driver`."), std::string::npos) << known.out;
+  const test::Finished unknown = test::Process({NODAL_BIN_DIR "/nodald", "--explain", "takes.mod"}).wait();
+  EXPECT_EQ(unknown.code, 2);
+  EXPECT_EQ(unknown.out, "");
+  EXPECT_EQ(unknown.err, "nodald: rig.toml has no key 'takes.mod'; did you mean 'takes.mode'?\n");
+}
+
 TEST(NodaldManual, OptionsInItAndInHelp_AreTheSame) {
   const test::Finished help = test::Process({NODAL_BIN_DIR "/nodald", "--help"}).wait();
   ASSERT_EQ(help.code, 0);
