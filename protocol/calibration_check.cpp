@@ -184,7 +184,7 @@ Status check_lens_covers_region(const HeadCalibration& head) {
   const LensRange range = lens_range(head.lens);
   const double farthest = farthest_radius(head.region, head.center_x, head.center_y, head.aspect);
   if (farthest <= range.max_radius) return {};
-  return fail(Errc::kLensDomain, std::string("the lens ") + (range.turns ? "turns back" : "ends") + " at " +
+  return fail(Errc::kLensDomain, std::string("the lens ") + (range.turns ? "has its largest radius" : "ends") + " at " +
                                      degrees(range.max_angle) + ", " + six_digits(range.max_radius) +
                                      " px from its centre, and the region reaches " + six_digits(farthest) +
                                      " px: set max_angle to less than " + six_digits(range.max_angle) +
@@ -298,7 +298,7 @@ Status check_lens(const LensModel& lens, double max_angle) {
   const LensRange range = lens_range(lens);
   if (!(range.max_radius >= 1)) {
     return fail(Errc::kLensDomain,
-                "the lens turns back within a pixel of its centre: its coefficients are for another unit");
+                "the lens has its largest radius within a pixel of its centre: its coefficients are for another unit");
   }
   if (!(max_angle >= 0 && max_angle <= kPi)) {
     return fail(Errc::kBadValue,
@@ -306,8 +306,9 @@ Status check_lens(const LensModel& lens, double max_angle) {
   }
   if (max_angle > range.max_angle + 1e-9) {
     return fail(Errc::kLensDomain, "max_angle is " + degrees(max_angle) + ", but the lens " +
-                                       (range.turns ? "turns back" : "ends") + " at " + degrees(range.max_angle) +
-                                       ": set it to at most " + six_digits(range.max_angle) + " rad, or to 0");
+                                       (range.turns ? "has its largest radius" : "ends") + " at " +
+                                       degrees(range.max_angle) + ": set it to at most " + six_digits(range.max_angle) +
+                                       " rad, or to 0");
   }
   return {};
 }

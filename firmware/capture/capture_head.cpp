@@ -34,6 +34,13 @@ std::optional<LossReason> bad_fields(Fields came, Fields promised) {
   return whole(came) && whole(promised) ? LossReason::kFieldOrder : LossReason::kFieldParity;
 }
 
+/// The error of a value outside the head's limits. Limits of one value mean that the setting cannot be changed.
+Status refuse(const std::string& setting, const std::string& wanted, const std::string& lowest,
+              const std::string& highest) {
+  if (lowest == highest) return fail(Errc::kBadValue, setting + " cannot be changed; it is " + lowest);
+  return fail(Errc::kBadValue, setting + " cannot be " + wanted + "; allowed are " + lowest + " to " + highest);
+}
+
 /// Whether the requested settings are in effect, within 1/16 of the value, 400 mdB of gain (1/15 stop) or 0.05 of
 /// gamma: heads round requests to steps of their own, which are smaller than that.
 bool matches(const SettingsChange& wanted, const hal::HeadSettings& in_effect) {
@@ -254,12 +261,11 @@ Status CaptureHead::check(const SettingsChange& change) const {
   const hal::HeadLimits& limits = *report_.limits;
   const std::string head = "head '" + name_ + "': ";
   if (change.exposure && (*change.exposure < limits.exposure_min || *change.exposure > limits.exposure_max)) {
-    return fail(Errc::kBadValue, head + "an exposure of " + microseconds(*change.exposure) + " is outside " +
-                                     microseconds(limits.exposure_min) + " to " + microseconds(limits.exposure_max));
+    return refuse(head + "its exposure", microseconds(*change.exposure), microseconds(limits.exposure_min),
+                  microseconds(limits.exposure_max));
   }
   if (change.gain && (*change.gain < limits.gain_min || *change.gain > limits.gain_max)) {
-    return fail(Errc::kBadValue, head + "a gain of " + decibels(*change.gain) + " is outside " +
-                                     decibels(limits.gain_min) + " to " + decibels(limits.gain_max));
+    return refuse(head + "its gain", decibels(*change.gain), decibels(limits.gain_min), decibels(limits.gain_max));
   }
   if (change.white_balance && !limits.has_white_balance) {
     return fail(Errc::kUnsupported, head + "has no white balance to set");
@@ -267,8 +273,8 @@ Status CaptureHead::check(const SettingsChange& change) const {
   if (change.gamma && *change.gamma != hal::Gamma()) {
     if (limits.gamma_max == hal::Gamma()) return fail(Errc::kUnsupported, head + "has no gamma to set");
     if (*change.gamma < limits.gamma_min || *change.gamma > limits.gamma_max) {
-      return fail(Errc::kBadValue, head + "a gamma of " + thousandths(*change.gamma) + " is outside " +
-                                       thousandths(limits.gamma_min) + " to " + thousandths(limits.gamma_max));
+      return refuse(head + "its gamma", thousandths(*change.gamma), thousandths(limits.gamma_min),
+                    thousandths(limits.gamma_max));
     }
   }
   return {};

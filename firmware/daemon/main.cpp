@@ -101,7 +101,7 @@ void wait_for_signal(firmware::Rig& rig, const sigset_t& signals, EndDeadline& d
 void close(firmware::Rig& rig) noexcept {
   rig.close();
   const firmware::CaptureReport& capture = rig.capture().report();
-  log_line(LogLevel::kInfo, fmt::format("stopped: {} frames taken = {} in sets + {} lost; {} sets, {} raymaps",
+  log_line(LogLevel::kInfo, fmt::format("stopped: {} frames from the heads: {} in sets, {} lost; {} sets, {} raymaps",
                                         capture.frames.frames, capture.frames.in_sets, capture.frames.lost(),
                                         capture.sets, rig.blender().counts().blended.load()));
 }

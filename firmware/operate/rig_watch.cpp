@@ -49,8 +49,8 @@ void RigWatch::assess(const Input& input, Instant now) {
                     {"encoder", stages_.encoder.steps(), stages_.encoder.steps() == blended}},
                    found, now);
   if (health().state != before) {
-    news_.say(NewsKind::kRig,
-              "the rig is " + std::string(health().state) + (health().problem.empty() ? "" : ": " + health().problem));
+    news_.say(NewsKind::kRig, "the state of the rig is now '" + std::string(health().state) + "'" +
+                                  (health().problem.empty() ? "" : ": " + health().problem));
   }
   watch_frames(*input.reports.capture, found.condition, now);
 }

@@ -82,7 +82,7 @@ Status run_convert(Context& context, const ConvertArgs& args) {
 
 void add_convert(CLI::App& app, CommandLine& line) {
   CLI::App* command =
-      add_command(app, "convert", "Convert raymaps to another layout, or turn them; needs no rig",
+      add_command(app, "convert", "Convert spheres to another layout, or turn them; needs no rig",
                   "  nodal convert sphere.jpg -o cube.jpg --layout cube\n"
                   "  nodal convert cube.png --from cube:pad=2 -o sphere.jpg\n"
                   "  nodal convert sphere.jpg -o town.jpg --layout faces      town_right.jpg and five more\n"
@@ -104,11 +104,11 @@ void add_convert(CLI::App& app, CommandLine& line) {
   command
       ->add_option("--rotate", args->rotate,
                    "Turn the sphere: the middle of the result is what is YAW degrees to the right and PITCH above the\n"
-                   "middle of the raymap, looked at with ROLL clockwise; the pose in its metadata follows, and\n"
+                   "middle of the sphere, looked at with ROLL clockwise; the pose in its metadata follows, and\n"
                    "sphere.rig.json beside sphere.jpg is written for the result, turned likewise")
       ->type_name("YAW,PITCH,ROLL")
       ->check(checked_by(parse_place));
-  command->add_option("--width", args->width, "Its width; as fine as the raymap when not given")
+  command->add_option("--width", args->width, "Its width; as fine as the sphere when not given")
       ->type_name("PX")
       ->check(CLI::Range(16, geometry::kMaxRaymapSide));
   line.on(command, [args](Context& context) { return run_convert(context, *args); });

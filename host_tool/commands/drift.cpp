@@ -79,16 +79,16 @@ std::string verdict_on(const HeadDrift& head) {
 
 void tell(Console& console, const DriftReport& report) {
   using Align = Table::Align;
-  Table table({{"head"}, {"moved", Align::kRight}, {"", Align::kRight}, {"sure to", Align::kRight}, {""}});
+  Table table({{"head"}, {"moved", Align::kRight}, {"", Align::kRight}, {"±", Align::kRight}, {""}});
   for (const HeadDrift& head : report.heads) {
     const bool known = std::isfinite(head.sigma_deg);
     table.row({head.name, fmt::format("{:.3f}°", head.moved_deg), fmt::format("{:.2f} px", head.moved_px),
                known ? fmt::format("{:.2g}°", head.sigma_deg) : std::string("?"), verdict_on(head)});
   }
   for (const std::string& line : table.lines()) console.line(line);
-  console.line(
-      fmt::format("where they overlap the heads differ by {:.2f} levels; with the rotations found now, by {:.2f}",
-                  std::sqrt(report.objective_before), std::sqrt(report.objective_after)));
+  console.line(fmt::format(
+      "where they overlap, the heads differ by {:.2f} levels of 255; with the directions found now, by {:.2f}",
+      std::sqrt(report.objective_before), std::sqrt(report.objective_after)));
 }
 
 /// A sentence that names the heads for which the pictures do not determine it; empty if there are none.
@@ -161,7 +161,8 @@ void add_drift(CLI::App& app, CommandLine& line) {
       "  nodal drift rig.json cam*.png          the same from files; needs no rig\n"
       "  if nodal drift; [ $? = 8 ]; then nodal register --trial; fi      registers again only if a head has moved\n"
       "Exit code 0: all heads stand as calibrated; 8: a head has moved; 10: the pictures do not show whether one has.\n"
-      "What most heads agree on decides which one has moved; of two that moved apart each is given half.\n");
+      "A head has moved if it no longer fits to most of the others; if there are only two, each gets half of the "
+      "movement.\n");
   auto args = std::make_shared<DriftArgs>();
   command->add_option("INPUT", args->inputs, "A calibration and pictures taken since, instead of the running rig")
       ->type_name("");

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "host_tool/commands/command.h"
 #include "host_tool/commands/command_list.h"
@@ -21,7 +22,14 @@ struct ExposureArgs {
   std::string gain;
 };
 
-std::string stops(std::int64_t thousandths) { return fmt::format("{:+.2f}", static_cast<double>(thousandths) / 1000); }
+std::string stops(std::int64_t thousandths) {
+  return fmt::format("{:+.2f} stops", static_cast<double>(thousandths) / 1000);
+}
+/// Shutter and gain as the shutter time that gives the same light at 0 dB. Thousandths of log2(microseconds).
+std::string at_0_db(std::int64_t thousandths) {
+  const double ns = 1000 * std::exp2(std::clamp(static_cast<double>(thousandths) / 1000, -10.0, 40.0));
+  return show_duration(static_cast<std::uint64_t>(std::llround(ns)));
+}
 std::string in_stops(std::uint32_t thousandths) {
   return fmt::format("{} stop{}", thousandths / 1000.0, thousandths == 1000 ? "" : "s");
 }
@@ -38,18 +46,19 @@ void show(Console& console, const wire::ExposureState& state, const wire::Heads&
   if (settings.locked()) line += ", locked";
   else if (automatic)
     line += state.sets() == 0 ? ", nothing metered yet" : state.settled() ? ", settled" : ", settling";
-  line += fmt::format("; mean light {} below full, shutters to {}, gain to {}", in_stops(settings.target_below()),
-                      show_exposure(settings.longest_ns()), show_gain(settings.highest_gain_mdb()));
+  line += fmt::format("; target: mean light {} below white; shutter at most {}, gain at most {}",
+                      in_stops(settings.target_below()), show_exposure(settings.longest_ns()),
+                      show_gain(settings.highest_gain_mdb()));
   if (settings.program() == "joint") {
-    line += "; neighbours within " + in_stops(settings.difference());
-    if (settings.anchor() >= 0) line += ", anchored on " + name(static_cast<std::uint32_t>(settings.anchor()));
+    line += "; neighbours differ by at most " + in_stops(settings.difference());
+    if (settings.anchor() >= 0) line += ", relative to " + name(static_cast<std::uint32_t>(settings.anchor()));
   }
   for (const std::string& part : wrapped(line, kLineWidth)) console.line(part);
   using Align = Table::Align;
   Table table({{"head"},
-               {"exposure, stops", Align::kRight},
-               {"goal, stops", Align::kRight},
-               {"mean, stops", Align::kRight},
+               {"exposure at 0 dB", Align::kRight},
+               {"goal at 0 dB", Align::kRight},
+               {"mean light", Align::kRight},
                {"clipped", Align::kRight},
                {"black", Align::kRight}});
   for (const wire::HeadExposure& head : state.heads()) {
@@ -57,7 +66,7 @@ void show(Console& console, const wire::ExposureState& state, const wire::Heads&
       table.row({name(head.index()), "-", "-", "-", "-", "-"});
       continue;
     }
-    table.row({name(head.index()), stops(head.exposure()), automatic ? stops(head.goal()) : "-",
+    table.row({name(head.index()), at_0_db(head.exposure()), automatic ? at_0_db(head.goal()) : "-",
                stops(std::int64_t{head.light()} + head.exposure()), percent(head.clipped_ppm()),
                percent(head.black_ppm())});
   }

@@ -11,18 +11,18 @@ namespace nodal::host {
 
 /// Adds INPUT, --out, --from, --filter, --quality and --threads.
 inline void add_frame_options(CLI::App& command, FrameOptions& options) {
-  command.add_option("RAYMAP", options.inputs, "Raymaps of one size: JPEG, PNG, TIFF (8 or 16 bits), HEIF or WebP")
+  command.add_option("SPHERE", options.inputs, "Spheres of one size: JPEG, PNG, TIFF (8 or 16 bits), HEIF or WebP")
       ->required()
       ->type_name("");
   command
       .add_option("-o,--out", options.out,
-                  "The result, .png, .tif or .raw with the raymap's bits, or .jpg with 8; %04d numbers it;\n"
+                  "The result, .png, .tif or .raw with the sphere's bits, or .jpg with 8; %04d numbers it;\n"
                   "-: JPEGs on standard output, for | ffmpeg -f mjpeg -i - film.mp4")
       ->required()
       ->type_name("FILE");
   command
       .add_option("--from", options.from,
-                  "The raymaps' layout; as their metadata says when not given. Or pictures of an equidistant lens\n"
+                  "The spheres' layout; as their metadata says when not given. Or pictures of an equidistant lens\n"
                   "with a circle of so many degrees: fisheye:fov=DEGREES; two side by side, front and back:\n"
                   "dual_fisheye:fov=DEGREES. Or faces: six files of a cube, town_right.jpg, _left, _up, _down, _front\n"
                   "and _back")

@@ -170,7 +170,7 @@ Status run_set(Context& context, const SetArgs& args) {
   }
   NODAL_TRY_ASSIGN(const wire::Reply reply, rig->ask(request));
   const std::string whom = all ? fmt::format("all {} heads", heads.heads_size()) : names;
-  context.console().line(whom + ": set; takes effect with one of the next frames (see `nodal heads`)");
+  context.console().line(whom + ": set; in effect after a few frames, and `nodal heads` shows when");
   show_setting(context.console(), {{"heads", all ? Json("all") : Json(args.heads)}, {"done", true}}, reply);
   return {};
 }

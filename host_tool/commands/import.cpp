@@ -23,6 +23,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr double kMaxPointErrorDeg = 1;  // rms; a project with a larger error shows double edges at every seam
+
 struct ImportArgs {
   std::vector<std::string> files;
   std::string out = "calibration.json";
@@ -138,8 +140,14 @@ void tell(Console& console, const interchange::ImportResult& imported, const Cal
   for (const std::string& note : imported.notes) console.note("note: " + note);
   for (const std::string& warning : warnings) console.warning(warning);
   if (const Residual total = total_of(residuals); total.points != 0) {
-    console.line(fmt::format("  {} control points of {} pairs of heads agree within {:.3f}° rms, {:.3f}° at worst",
+    console.line(fmt::format("  {} control points of {} pairs of heads: error {:.3f}° rms, {:.3f}° at most",
                              total.points, residuals.size(), total.rms(), total.worst));
+    if (total.rms() > kMaxPointErrorDeg) {
+      console.warning(
+          fmt::format("control points that are off by {:.1f}° do not fit to the project's lenses and "
+                      "directions; optimize the project in the program that made it, and import it again",
+                      total.rms()));
+    }
   }
   console.line("wrote " + args.out + (args.rig_toml.empty() ? "" : " and " + args.rig_toml));
 }

@@ -14,6 +14,8 @@
 namespace nodal::host {
 namespace {
 
+constexpr double kExactDeg = 1e-6;  // a smaller error is rounding
+
 struct MeshArgs {
   std::string layout = "equirectangular";
   std::string size, out, texture;
@@ -46,9 +48,10 @@ Status run_mesh(Context& context, const MeshArgs& args) {
                     {"triangles", made->mesh.triangles.size()},
                     {"error_deg", error_deg},
                     {"edge_ratio", ratio}});
-  console.line(
-      fmt::format("{}: {} triangles, {} vertices, within {:.3g} degrees of the layout, longest edge / shortest {:.2f}",
-                  args.out, made->mesh.triangles.size(), made->mesh.vertices.size(), error_deg, ratio));
+  console.line(fmt::format(
+      "{}: {} triangles, {} vertices; directions are {}; the longest edge is {:.2f} times the shortest", args.out,
+      made->mesh.triangles.size(), made->mesh.vertices.size(),
+      error_deg < kExactDeg ? std::string("exact") : fmt::format("wrong by at most {:.3g}°", error_deg), ratio));
   return {};
 }
 
@@ -56,17 +59,17 @@ Status run_mesh(Context& context, const MeshArgs& args) {
 
 void add_mesh(CLI::App& app, CommandLine& line) {
   CLI::App* command =
-      add_command(app, "mesh", "Make the triangle mesh that shows raymaps of a layout in other programs; needs no rig",
+      add_command(app, "mesh", "Make the triangle mesh that shows spheres of a layout in other programs; needs no rig",
                   "  nodal mesh --size 3840x1920 -o sphere.glb --texture sphere.jpg\n"
                   "  nodal mesh --layout cube --size 3072x2048 -o cube.mshp --error 0.5\n"
                   "  nodal mesh --layout hammersley --size 256x128 -o points.obj --envelope hall.obj\n"
-                  "Its triangles say where in the raymap each direction is. `nodal view --mesh` reads it.\n");
+                  "Its triangles say where in the sphere each direction is. `nodal view --mesh` reads it.\n");
   auto args = std::make_shared<MeshArgs>();
   command->add_option("-o,--out", args->out, "The mesh: .obj, .glb (glTF 2.0), or .mshp (spherical video)")
       ->required()
       ->type_name("FILE");
-  add_layout_option(*command, args->layout, "Of the raymaps (equirectangular when not given)");
-  command->add_option("--size", args->size, "Of the raymaps, px")
+  add_layout_option(*command, args->layout, "Of the spheres (equirectangular when not given)");
+  command->add_option("--size", args->size, "Of the spheres, px")
       ->required()
       ->type_name("WIDTHxHEIGHT")
       ->check(checked_by([](const std::string& text) { return parse_size(text, geometry::kMaxRaymapSide); }));
@@ -74,7 +77,7 @@ void add_mesh(CLI::App& app, CommandLine& line) {
       ->type_name("DEGREES")
       ->check(CLI::Range(0.001, 45.0));
   add_envelope_option(*command, args->envelope, "The surface that the triangles are on (sphere:1 when not given)");
-  command->add_option("--texture", args->texture, "The name of the raymap's picture, which a .glb refers to")
+  command->add_option("--texture", args->texture, "The name of the sphere's picture, which a .glb refers to")
       ->type_name("NAME");
   line.on(command, [args](Context& context) { return run_mesh(context, *args); });
 }

@@ -11,20 +11,24 @@ namespace nodal::host {
 /// --nominal, --circle, --at, --lens and --roll. `words` must live as long as the command.
 inline void add_nominal_options(CLI::App& command, NominalWords& words) {
   CLI::Option* const nominal =
-      command.add_option("--nominal", words.rig, "Start from a rig by its data sheet: heads x field of view")
+      command
+          .add_option("--nominal", words.rig,
+                      "Start from the data sheet: number of heads x field of view, such as 2x190")
           ->type_name("NxDEGREES")
           ->check(checked_by(parse_nominal));
   command
       .add_option("--circle", words.circles,
-                  "Their picture circle, px, once for all or once a head; found in the pictures when not given")
+                  "Circle of a fisheye's picture, px: once for all heads, or once for each; found in the pictures when "
+                  "not given")
       ->type_name("X,Y,RADIUS")
       ->needs(nominal)
       ->allow_extra_args(false)
       ->check(checked_by(parse_circle));
   command
-      .add_option("--at", words.places,
-                  "Where a head looks, degrees right and up, and its roll; once a head; evenly around the horizon "
-                  "when not given")
+      .add_option(
+          "--at", words.places,
+          "Where a head looks: degrees right, degrees up, and its roll; once for each head; evenly around the horizon\n"
+          "when not given")
       ->type_name("YAW,PITCH[,ROLL]")
       ->needs(nominal)
       ->allow_extra_args(false)

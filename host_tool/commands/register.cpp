@@ -176,8 +176,8 @@ void tell(Console& console, const Report& report, const Verdict& verdict, bool f
           double seconds) {
   using Align = Table::Align;
   std::vector<Table::Column> columns{
-      {"head"}, {"turned", Align::kRight}, {"sure to", Align::kRight}, {"shares", Align::kRight}};
-  if (focals) columns.insert(columns.end(), {{"focal", Align::kRight}, {"sure to", Align::kRight}});
+      {"head"}, {"turned", Align::kRight}, {"±", Align::kRight}, {"overlap", Align::kRight}};
+  if (focals) columns.insert(columns.end(), {{"focal length", Align::kRight}, {"±", Align::kRight}});
   columns.push_back({""});
   Table table(columns);
   for (const registration::HeadReport& head : report.heads) {
@@ -187,16 +187,18 @@ void tell(Console& console, const Report& report, const Verdict& verdict, bool f
       row.push_back(fmt::format("{:+.3f} %", head.focal_change_percent));
       row.push_back(show_deviation(head.sigma_focal_percent, " %"));
     }
-    row.push_back(head.placed ? "" : "not placed, not changed");
+    row.push_back(head.placed ? "" : "not placed: not changed");
     table.row(row);
   }
   for (const std::string& line : table.lines()) console.line(line);
   if (report.sigma_nearness > 0) console.line(distance_line(report));
-  console.line(fmt::format("the heads differ by {:.2f} levels where they overlap, {:.2f} before ({:.1f} s)",
+  console.line(fmt::format("where they overlap, the heads differ by {:.2f} levels of 255; before, by {:.2f} ({:.1f} s)",
                            std::sqrt(report.objective_after), std::sqrt(report.objective_before), seconds));
   for (const std::string& warning : report.warnings) console.warning(warning);
   console.line(verdict.sentence);
-  if (const std::string poor = poor_pairs(report); !poor.empty()) console.warning(poor);
+  if (const std::string poor = poor_pairs(report); !poor.empty()) {
+    console.warning(poor + "; --report FILE.html shows their seams");
+  }
   console.line("wrote " + out);
 }
 
@@ -327,12 +329,16 @@ void add_register(CLI::App& app, CommandLine& line) {
                    "Fall-off: each head's own (when not given), shared by all, or fixed")
       ->type_name("own|shared|fixed")
       ->check(one_of(kVignetting));
-  add_layout_option(*command, args->options.layout, "The raymap that differences are summed on");
+  add_layout_option(*command, args->options.layout, "Layout of the raymap on which heads are compared");
   command
-      ->add_option("--width", args->options.width, "Its width at the end, px; as fine as the pictures when not given")
+      ->add_option("--width", args->options.width,
+                   "Largest width of that raymap, px; as fine as the pictures when not given")
       ->type_name("PX")
       ->check(CLI::Range(64, 32768));
-  command->add_option("--norm", args->norm, "Differences of all heads on a ray count, or the largest")
+  command
+      ->add_option(
+          "--norm", args->norm,
+          "What counts in each direction: sum, the differences of all heads (when not given); max, the largest one")
       ->type_name("sum|max")
       ->check(one_of(kNorm));
   command->add_option("--colour", args->colour, "Compare luminance, or red, green and blue with a gain each")
@@ -340,14 +346,18 @@ void add_register(CLI::App& app, CommandLine& line) {
       ->check(one_of(kColour));
   command
       ->add_option("--gauge", args->gauge,
-                   "What is fixed: the first head (for files), the heads' mean, what most heads agree on "
-                   "(for a rig)")
+                   "What does not turn: first, the first head (files, when not given); mean, the mean of all heads;\n"
+                   "most, the heads that most others agree with (a running rig, when not given)")
       ->type_name("first|mean|most")
       ->check(one_of(kGauge));
-  command->add_flag("--no-search", args->no_search, "Only descend from where the heads are; far-off heads are refused");
-  command->add_option("--pairs", args->pairs, "Start from where these point pairs put the heads: CSV, .pto, .pts, .ptv")
+  command->add_flag("--no-search", args->no_search,
+                    "Do not search: correct small errors of the directions only; heads that are far off are refused");
+  command
+      ->add_option("--pairs", args->pairs,
+                   "First turn the heads by the point pairs of this file: CSV, .pto, .pts, .ptv")
       ->type_name("FILE");
-  command->add_option("--report", args->report, "A page to look at: convergence, differences, seams, uncertainties")
+  command
+      ->add_option("--report", args->report, "Write a page to look at: the sphere, seams, differences, uncertainties")
       ->type_name("HTML");
   command->add_option("--rig-toml", args->rig_toml, "Write a rig.toml, too, with heads that replay the pictures")
       ->type_name("FILE");
@@ -357,10 +367,10 @@ void add_register(CLI::App& app, CommandLine& line) {
   command->add_option("--sets", args->sets, "Frame sets to take from a running rig (3 when not given)")
       ->type_name("N")
       ->check(CLI::Range(1, kMaxLiveSets));
-  CLI::Option* trial = command->add_flag("--trial", args->trial,
-                                         "Put it in force on trial; the rig keeps it if it is better "
-                                         "on frames taken then, and else goes back");
-  command->add_option("--limit", args->limit, "The rig goes back by itself after so long (60s when not given)")
+  CLI::Option* trial =
+      command->add_flag("--trial", args->trial,
+                        "Let the rig try the result: it keeps it if it is better on new frames, and else goes back");
+  command->add_option("--limit", args->limit, "Time after which the rig goes back by itself (60s when not given)")
       ->type_name("DURATION")
       ->needs(trial)
       ->check(checked_by(parse_duration));

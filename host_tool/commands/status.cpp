@@ -36,9 +36,13 @@ Colour colour_of(const std::string& state) {
   return Colour::kWarning;
 }
 
+/// The state's name in the protocol, as a person reads it.
+std::string state_text(const std::string& state) { return state == "no-calibration" ? "no calibration" : state; }
+
 std::string recording_text(const wire::Recording& takes) {
-  const std::string durable = takes.has_durable_ns() ? show_duration(takes.durable_ns()) + " ago" : "not yet";
-  return fmt::format("{} is being recorded: {}, {}; on the disk for certain: {}; buffer {} %, {} free{}", takes.take(),
+  const std::string durable =
+      takes.has_durable_ns() ? "all but the last " + show_duration(takes.durable_ns()) : "nothing yet";
+  return fmt::format("{} is being recorded: {}, {}; safe on the disk: {}; buffer {} % full, {} free{}", takes.take(),
                      show_duration(takes.length_ns()), counted(takes.sets(), "set"), durable, takes.buffer_percent(),
                      show_bytes(takes.free_bytes()), takes.loop() ? ", then the oldest is deleted" : "");
 }
@@ -53,7 +57,7 @@ void show(Console& console, const wire::RigStatus& status, const std::string& na
   };
   const wire::Genlock& genlock = status.genlock();
   console.line(fmt::format("{} at {}: {}", console.paint(Colour::kStrong, name), address,
-                           console.paint(colour_of(status.state()), status.state())));
+                           console.paint(colour_of(status.state()), state_text(status.state()))));
   if (!status.problem().empty()) row("problem", console.paint(Colour::kWarning, status.problem()));
   if (!status.activity().empty()) row("now", status.activity());
   row("up", show_duration(status.uptime_ns()));
@@ -91,8 +95,8 @@ void show(Console& console, const wire::RigStatus& status, const std::string& na
                                         seams.refused())));
     }
   }
-  row("frames", fmt::format("{} taken = {} in sets + {} lost + {} held", status.frames_taken(), status.frames_in_sets(),
-                            lost, status.frames_held()));
+  row("frames", fmt::format("{} from the heads: {} in sets, {} lost, {} waiting for their set", status.frames_taken(),
+                            status.frames_in_sets(), lost, status.frames_held()));
   if (sum != status.frames_taken()) {
     row("", console.paint(Colour::kBad, fmt::format("frames are not conserved: {} against {}; this is a bug of nodald",
                                                     status.frames_taken(), sum)));
@@ -104,8 +108,8 @@ void show(Console& console, const wire::RigStatus& status, const std::string& na
     row("encoding",
         console.paint(Colour::kBad, fmt::format("{} raymaps could not be encoded", status.encode_failures())));
   }
-  row("published", fmt::format("{} of {} raymaps; dropped for slow clients: {}", status.published(), status.raymaps(),
-                               list_of(status.publish_drops())));
+  row("published", fmt::format("{} of {} raymaps; not sent to clients that were too slow: {}", status.published(),
+                               status.raymaps(), list_of(status.publish_drops())));
   if (status.publish_shed() != 0) {
     row("", fmt::format("{} not published: the board had no time for it", status.publish_shed()));
   }

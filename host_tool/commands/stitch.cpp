@@ -172,7 +172,7 @@ Result<Stitched> stitch_sets(Console& console, StitchJob& job, Progress& bar) {
   };
   const auto compiled = [&](double done) { show(done, "compiling the blend table"); };
   for (std::size_t i = 0; i < count; ++i) {
-    if (interrupted()) return fail(Errc::kCancelled, fmt::format("stopped after {} of {} raymaps", i, count));
+    if (interrupted()) return fail(Errc::kCancelled, fmt::format("stopped after {} of {} spheres", i, count));
     const bool rgb = args.bits == 16 || best(args);
     NODAL_TRY_ASSIGN(auto pictures, interruptible(console, [&] { return take_set(job.rig, i, rgb); }));
     if (i == 0) tell_alpha(console, job.rig.sets[i], pictures);
@@ -275,8 +275,9 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       "The last line but one says how the first sphere looks at its seams: good, usable, or where to look.\n");
   auto args = std::make_shared<StitchArgs>();
   command
-      ->add_option("INPUT", args->inputs,
-                   "Pictures; or a calibration or project, then its pictures: one a head, in its order; or folders")
+      ->add_option(
+          "INPUT", args->inputs,
+          "Pictures; or a calibration or a project, then one picture for each of its heads, in its order; or folders")
       ->required()
       ->type_name("");
   command
@@ -314,19 +315,22 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       "Where heads overlap: two-band (when not given), sharp without a step in brightness; seam, sharp;\n"
       "feather, mixed over the overlap");
   transition->type_name("two-band|seam|feather")->check(CLI::IsMember({"two-band", "seam", "feather"}));
-  CLI::Option* const seam_width = command->add_option("--seam-width", args->seam_width_deg,
-                                                      "Of the ramp between two heads' detail (1 when not given)");
+  CLI::Option* const seam_width =
+      command->add_option("--seam-width", args->seam_width_deg,
+                          "How wide the change is from one head's detail to the next one's (1 when not given)");
   seam_width->type_name("DEGREES")->check(number_between(0, table::kWidestSeamDeg));
   CLI::Option* const feather = command->add_option(
       "--feather", args->feather,
-      "With two-band and feather: a head fades in over this part of half a picture (0.5 when not given)");
+      "With two-band and feather: from its edge to this part of half a picture, a head counts more and more\n"
+      "(0.5 when not given)");
   feather->type_name("PART")->check(number_between(0.01, 1));
   command->add_option("--threads", args->threads, "One a core when not given; the result is the same")
       ->type_name("N")
       ->check(CLI::Range(1, 256));
   command
-      ->add_option("--distance", args->distance,
-                   "Metres to where the pictures meet; needs a calibration in which heads have positions")
+      ->add_option(
+          "--distance", args->distance,
+          "Distance at which the heads' pictures fit, metres; needs a calibration in which heads have positions")
       ->type_name("M")
       ->check(number_between(0.01, kLongestDistance));
   command

@@ -25,7 +25,7 @@ constexpr int kMaxUsualSide = 16000;
 Status check_names(const std::string& out, const std::vector<std::vector<std::string>>& sets) {
   NODAL_TRY(check_output(out, sets, sets.size()));
   if (sets.size() == 1 || has_number(out)) return {};
-  return fail(Errc::kBadValue, fmt::format("--out {}: there are {} sets of pictures, and every raymap needs a name of "
+  return fail(Errc::kBadValue, fmt::format("--out {}: there are {} sets of pictures, and every sphere needs a name of "
                                            "its own; put %04d into it",
                                            out, sets.size()));
 }

@@ -77,10 +77,13 @@ void tell_verdict(Context& context, const TrialVerdict& verdict) {
   Console& console = context.console();
   console.document(
       {{"trial", {{"objective_before", verdict.before}, {"objective_after", verdict.after}, {"kept", verdict.kept}}}});
-  const std::string figures = fmt::format("on frames of the trial the heads differ by {:.3f} levels, {:.3f} before",
-                                          std::sqrt(verdict.after), std::sqrt(verdict.before));
+  const std::string figures = fmt::format(
+      "on frames taken during the trial, the heads differ by {:.3f} levels of 255 with it, by {:.3f} with the previous "
+      "one",
+      std::sqrt(verdict.after), std::sqrt(verdict.before));
   if (!verdict.kept) {
-    console.warning("the tried calibration is not better, and the rig uses the previous one again: " + figures);
+    console.warning("the calibration that was tried is not better, and the rig uses the previous one again: " +
+                    figures);
     context.answer = ExitCode::kJudged;
     return;
   }

@@ -152,7 +152,7 @@ Status run_view(Context& context, const ViewArgs& args) {
 
 void add_view(CLI::App& app, CommandLine& line) {
   CLI::App* command =
-      add_command(app, "view", "Look into raymaps with a virtual camera; needs no rig",
+      add_command(app, "view", "Look into spheres with a virtual camera; needs no rig",
                   "  nodal view sphere.jpg -o view.jpg --yaw 30 --pitch -10 --fov 75\n"
                   "  nodal view cube.png --from cube -o planet.png --camera stereographic --pitch -90 \\\n"
                   "      --fov 300 --size 1500x1500\n"
@@ -185,10 +185,10 @@ void add_view(CLI::App& app, CommandLine& line) {
   command->add_option("--size", args->size, "Of the view, px (1920x1080 when not given)")
       ->type_name("WIDTHxHEIGHT")
       ->check(checked_by(parse_view_size));
-  CLI::Option* const envelope = add_envelope_option(*command, args->envelope, "How far away what the raymap shows is");
+  CLI::Option* const envelope = add_envelope_option(*command, args->envelope, "How far away what the sphere shows is");
   command
       ->add_option("--mesh", args->mesh,
-                   "Draw the textured triangles of a mesh in place of the raymap's layout: .obj, .glb or .mshp")
+                   "Draw the textured triangles of a mesh in place of the sphere's layout: .obj, .glb or .mshp")
       ->type_name("FILE")
       ->excludes(envelope);
   command
@@ -197,7 +197,7 @@ void add_view(CLI::App& app, CommandLine& line) {
       ->check(checked_by(parse_eye));
   CLI::Option* const path =
       command->add_option("--path", args->path,
-                          "The camera moves. Lines picture,yaw,pitch,roll,fov; smooth between them. Of one raymap,\n"
+                          "The camera moves. Lines picture,yaw,pitch,roll,fov; smooth between them. Of one sphere,\n"
                           "pictures up to the last line's; of several, one each");
   path->type_name("FILE");
   for (CLI::Option* const fixed : {yaw, pitch, roll, fov}) path->excludes(fixed);

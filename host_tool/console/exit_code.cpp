@@ -30,13 +30,14 @@ const std::array<ExitCodeHelp, 15>& exit_code_help() {
       {ExitCode::kBadInput, "a file or a calibration is refused (1xx, 2xx)"},
       {ExitCode::kDevice, "a head or another device of the rig failed (4xx)"},
       {ExitCode::kStorage, "a file or a disk, here or on the rig (5xx)"},
-      {ExitCode::kNotNow, "the right request at the wrong moment (6xx, busy)"},
-      {ExitCode::kJudged, "the result of a check is negative: heads have moved, or a trial was no better"},
+      {ExitCode::kNotNow, "not possible now: the rig is in another state, or busy; later it may be (6xx)"},
+      {ExitCode::kJudged,
+       "the result of a check is negative: heads have moved, or the calibration that was tried is not better"},
       {ExitCode::kOutputLost, "standard output could not be written: full, or closed"},
-      {ExitCode::kCannotTell, "a check could not tell: what it was given does not determine the result"},
+      {ExitCode::kCannotTell, "a check has no result: the pictures do not show enough"},
       {ExitCode::kHungUp, "the terminal was closed (SIGHUP) before the work was done"},
       {ExitCode::kInterrupted, "Ctrl-C came before the work was done"},
-      {ExitCode::kReaderGone, "the reader of standard output went away, as | head does"},
+      {ExitCode::kReaderGone, "the program that read standard output ended, as | head does"},
       {ExitCode::kTerminated, "SIGTERM came before the work was done"},
   }};
   return help;

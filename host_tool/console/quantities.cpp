@@ -82,7 +82,8 @@ Result<Duration> parse_duration(std::string_view text) {
 
 Result<Exposure> parse_exposure(std::string_view text) {
   constexpr Duration kLongestExposure = kLongestDuration;
-  constexpr std::string_view kAllowed = "8ms, 500us or a fraction of a second, 1/125";
+  constexpr std::int64_t kMinExposure = 1000;  // ns; a rig counts microseconds
+  constexpr std::string_view kAllowed = "at least 1us: 8ms, 500us or a fraction of a second, 1/125";
   if (const std::size_t slash = text.find('/'); slash != std::string_view::npos) {
     std::string_view below = text.substr(slash + 1);
     if (below.ends_with('s')) below.remove_suffix(1);
@@ -90,13 +91,13 @@ Result<Exposure> parse_exposure(std::string_view text) {
     const auto denominator = whole<std::uint32_t>(below);
     if (!numerator || !denominator || *numerator == 0 || *denominator == 0) return bad("exposure", text, kAllowed);
     const double ns = std::round(1e9 * *numerator / *denominator);
-    if (ns < 1 || ns > static_cast<double>(kLongestExposure.ns())) return bad("exposure", text, kAllowed);
+    if (ns < kMinExposure || ns > static_cast<double>(kLongestExposure.ns())) return bad("exposure", text, kAllowed);
     return Exposure::of(Duration::nanoseconds(static_cast<std::int64_t>(ns)));
   }
   // "8m" is a slip for 8ms rather than eight minutes.
   const bool minutes = text.ends_with('m');
   const std::optional<std::int64_t> ns = to_ns(text, kLongestExposure);
-  if (!ns || *ns == 0 || minutes) return bad("exposure", text, kAllowed);
+  if (!ns || *ns < kMinExposure || minutes) return bad("exposure", text, kAllowed);
   return Exposure::of(Duration::nanoseconds(*ns));
 }
 
@@ -206,7 +207,7 @@ std::string show_id(const std::string& id_bytes) {
 
 std::string show_deviation(double value, std::string_view unit) {
   if (!std::isfinite(value)) return "?";
-  return value == 0 ? std::string("held") : fmt::format("{:.2g}{}", value, unit);
+  return value == 0 ? std::string("fixed") : fmt::format("{:.2g}{}", value, unit);
 }
 
 }  // namespace nodal::host

@@ -48,7 +48,7 @@ std::string show_rate(std::uint32_t millihertz);                                
 std::string show_bytes(std::uint64_t bytes);                                    ///< "512 B", "1.5 MB"
 std::string show_id(const std::string& id_bytes);  ///< the first 12 hexadecimal digits, or "none"
 
-/// A standard deviation with its unit: "held" for 0 (the number was not estimated), "?" if it is not known.
+/// A standard deviation with its unit: "fixed" for 0 (the number was not estimated), "?" if it is not known.
 std::string show_deviation(double value, std::string_view unit);
 
 }  // namespace nodal::host

@@ -51,6 +51,12 @@ std::vector<std::string> head_names(const std::vector<std::string>& paths) {
   return good ? names : numbered;
 }
 
+/// A name for a calibration that was found in pictures of these heads: "front and back", "a, b and 4 more".
+std::string name_by_heads(const std::vector<std::string>& heads) {
+  if (heads.size() == 2) return heads[0] + " and " + heads[1];
+  return fmt::format("{}, {} and {} more", heads[0], heads[1], heads.size() - 2);
+}
+
 /// What decided which way is up, if it is not what the pictures show, and the option that corrects it.
 std::string up_note(autocalibration::UpBasis basis) {
   std::string note;
@@ -59,11 +65,12 @@ std::string up_note(autocalibration::UpBasis basis) {
     case autocalibration::UpBasis::kRing: note = "up is the axis of the ring that the heads form"; break;
     case autocalibration::UpBasis::kHeld: note = "up is how the pictures are held"; break;
     case autocalibration::UpBasis::kMajority: note = "up is how most of the pictures are held"; break;
-    case autocalibration::UpBasis::kLight: note = "which way is up is a guess, by where the light comes from"; break;
+    case autocalibration::UpBasis::kLight: note = "up is only guessed, by where the light comes from"; break;
   }
   return note +
-         ": vertical edges or a horizon are not seen all around. If the result is not upright, look in it for what is "
-         "up, YAW degrees to the right of its middle and PITCH above it, and run the command again with --up YAW,PITCH";
+         ", because vertical edges or a horizon are not seen all around. If the result is not upright, look in it for "
+         "what should be up: how many degrees to the right of its middle (YAW) and above it (PITCH)? Then run the "
+         "command again with --up YAW,PITCH";
 }
 
 /// `head`: the first placed one.
@@ -243,7 +250,10 @@ Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const U
   for (const std::size_t n : found.placed) placed.push_back(files[n]);
   for (std::size_t n = 0; n < files.size(); ++n) {
     if (std::ranges::find(found.placed, n) != found.placed.end()) continue;
-    rig.notes.push_back(fmt::format("{} is left out: it shares too little with the other pictures", files[n]));
+    rig.notes.push_back(
+        fmt::format("{} is left out: too few of its points were found in the other pictures; take one more picture "
+                    "between it and its neighbour",
+                    files[n]));
   }
   if (!turned.empty()) {
     rig.notes.push_back(
@@ -265,8 +275,8 @@ Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const U
     rig.calibration.comment = "Lens and rotations from the pictures alone: " + match.lens.note + ".";
   }
   match.confidence = fmt::format(
-      "{} of {} pictures placed by {} points that two of them show; the points, which are {}, agree within {:.1f} px "
-      "(median)",
+      "{} of {} pictures placed, by {} points that were found in two pictures each; the points are {}, and their "
+      "median error is {:.1f} px",
       placed.size(), files.size(), found.matches, text_of(match.lens.seen), found.error_px);
   match.placed = placed.size();
   match.given = files.size();
@@ -274,6 +284,7 @@ Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const U
   match.median_px = found.error_px;
   rig.match = std::move(match);
   keep_heads(rig, found.placed);
+  rig.calibration.name = name_by_heads(rig.heads);
   const std::string note = up_note(found.up);
   if (up.kind == UpChoice::Kind::kAuto && !note.empty()) rig.notes.push_back(note);
   NODAL_TRY(turn_to_middle(rig.calibration));

@@ -72,9 +72,9 @@ Result<geometry::LayoutName> name_of(const FrameOptions& options, const FrameInp
     return *name;
   }
   if (input.says_equirectangular) return geometry::LayoutName::parse("equirectangular");
-  return fail(Errc::kMissingField, options.inputs.front() +
-                                       ": the file does not say which layout its raymap has; give --from, one of: " +
-                                       geometry::layout_list());
+  return fail(Errc::kMissingField,
+              options.inputs.front() +
+                  ": the file does not say which layout it has; give --from, one of: " + geometry::layout_list());
 }
 
 Result<Source> source_of(const FrameOptions& options, const FrameInput& input) {
@@ -97,7 +97,7 @@ void warn_of_shape(Console& console, const std::string& file, const geometry::La
   const double stretch = static_cast<double>(whole.height) * size.width / whole.width / size.height;
   if (stretch < kMax && stretch > 1 / kMax) return;
   console.warning(fmt::format(
-      "{}: it has {}x{} pixels, and a raymap of the whole sphere ({}) with this width has {}x{}: "
+      "{}: it has {}x{} pixels, and the whole sphere ({}) with this width has {}x{}: "
       "what it shows is stretched {:.1f} times",
       file, size.width, size.height, layout.text(), whole.width, whole.height, std::max(stretch, 1 / stretch)));
 }
@@ -217,7 +217,7 @@ Status run_frame_job(Console& console, const FrameOptions& options,
       }
       if (picture.width != size.width || picture.height != size.height) {
         return fail(Errc::kBadValue,
-                    fmt::format("{}: it has {}x{} pixels, and the first raymap has {}x{}; give raymaps of "
+                    fmt::format("{}: it has {}x{} pixels, and the first one has {}x{}; give spheres of "
                                 "one size",
                                 options.inputs[k], picture.width, picture.height, size.width, size.height));
       }

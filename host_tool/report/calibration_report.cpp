@@ -139,14 +139,14 @@ void show(Console& console, const CalibrationReport& report) {
                show_degrees(head.pitch), show_degrees(head.roll)});
   }
   for (const std::string& line : table.lines()) console.line("  " + line);
-  console.line(fmt::format("  {:.2f} heads see a ray on average; {:.1f} % of the sphere is seen by two or more",
+  console.line(fmt::format("  on average, {:.2f} heads see each direction; two or more see {:.1f} % of the sphere",
                            report.heads_per_ray, 100 * report.seen_twice));
   if (report.hole) {
     console.line(console.paint(
-        Colour::kWarning, fmt::format("  {:.2f} % of the sphere is seen by no head, such as yaw {:.0f}°, pitch {:.0f}°",
+        Colour::kWarning, fmt::format("  no head sees {:.2f} % of the sphere, for example yaw {:.0f}°, pitch {:.0f}°",
                                       100 * report.unseen, report.hole->yaw, report.hole->pitch)));
   } else {
-    console.line("  every ray of the sphere is seen");
+    console.line("  heads see the whole sphere");
   }
   for (const std::string& warning : report.mask_warnings) console.line(console.paint(Colour::kWarning, "  " + warning));
 }

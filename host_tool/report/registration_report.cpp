@@ -159,7 +159,10 @@ void add_heads(const Report& report, HtmlReport& page) {
                     head.why_not});
   }
   page.heading("Heads");
-  page.table({"head", "", "turned, °", "± rotation", "focal, %", "± focal", "shared, sr", ""}, rows);
+  page.paragraph(
+      "How far each head was turned, and by how much its focal length was changed. ± is one standard deviation; "
+      "\"fixed\" means that this number was not estimated.");
+  page.table({"head", "", "turned, °", "±", "focal length, %", "±", "overlap, sr", ""}, rows);
 }
 
 void add_convergence(const Report& report, HtmlReport& page) {
@@ -170,11 +173,11 @@ void add_convergence(const Report& report, HtmlReport& page) {
     if (each.iteration == 0 || series.empty()) series.push_back({name, {}});
     series.back().points.emplace_back(step++, each.objective);
   }
-  page.heading("Decrease of the objective");
+  page.heading("How the differences became smaller");
   page.paragraph(
-      "The mean squared difference of the rays that heads share. Each finer raymap sees more of the detail, so "
-      "its curve starts again.");
-  page.chart("Objective", "step", "levels squared", series, true);
+      "The mean square of the differences between heads where they overlap, step by step. It is first computed on a "
+      "small picture of the sphere, then on larger ones: each shows more detail, so its curve starts higher again.");
+  page.chart("Mean squared difference", "step", "(levels of 255)²", series, true);
 }
 
 void add_seams(const PicturedHeads& before, const PicturedHeads& after, const Report& report, HtmlReport& page) {
@@ -182,8 +185,8 @@ void add_seams(const PicturedHeads& before, const PicturedHeads& after, const Re
   std::ranges::stable_sort(pairs, std::greater<>(), &registration::PairReport::shared_sr);
   page.heading("Seams, before and after");
   page.paragraph(
-      "Squares of one head alternate with the other's, both with their light undone. Lines continue from "
-      "square to square where the rotations are right.");
+      "A chequerboard of two heads: one square shows the first head's picture, the next square the second one's, both "
+      "at the same brightness. Where the directions are right, lines continue from square to square.");
   for (std::size_t k = 0; k < std::min(kSeams, pairs.size()); ++k) {
     const auto a = static_cast<std::size_t>(pairs[k].a), b = static_cast<std::size_t>(pairs[k].b);
     const std::optional<Ray> old_axis = middle_of(before, a, b), axis = middle_of(after, a, b);
@@ -215,9 +218,9 @@ void add_graph(const PicturedHeads& rig, const Report& report, HtmlReport& page)
   }
   page.heading("Overlaps of the heads");
   page.paragraph(
-      "The directions of the heads on the unrolled sphere. Do not trust a head that only thin or short-dashed red "
-      "lines "
-      "join to others.");
+      "Each circle is a head, at the direction that it looks in, on a map of the sphere. A line joins two heads that "
+      "overlap. If all lines of a head are thin (small overlaps) or red with short dashes (the pictures do not agree), "
+      "its direction may be wrong.");
   page.drawing(sphere_graph(nodes, links));
 }
 
@@ -240,8 +243,11 @@ void add_pairs(const Report& report, HtmlReport& page) {
                     fmt::format("{:.3f}", pair.agreement)});
   }
   page.heading("Pairs of heads");
-  page.paragraph("Differences are in levels of 255; agreement is that of the detail both see, 1 being the same.");
-  page.table({"head", "and", "shared, sr", "rms before", "rms after", "agreement"}, rows);
+  page.paragraph(
+      "Differences are in levels of 255 (rms). Agreement is the correlation of the fine detail that both heads show: 1 "
+      "is "
+      "perfect.");
+  page.table({"head", "and", "overlap, sr", "difference before", "after", "agreement"}, rows);
 }
 
 }  // namespace
@@ -257,8 +263,8 @@ std::string poor_pairs(const Report& report) {
   }
   if (names.empty()) return "";
   return fmt::format(
-      "heads that do not agree on what both see, with their agreement (1: the same; below {}): {}; the "
-      "page of --report shows their seams",
+      "these heads show different things where they overlap (in brackets their agreement: 1 is perfect, less than {} "
+      "is poor): {}",
       kPoorAgreement, names);
 }
 
@@ -269,9 +275,9 @@ Result<HtmlReport> registration_report(const Calibration& prior, const FrameSet&
   if (!before) return fail(before.error());
   if (!after) return fail(after.error());
   HtmlReport page(
-      "Registration of " + prior.name,
-      fmt::format("{} heads; where they overlap they differ by {:.2f} levels rms, {:.2f} before", prior.heads.size(),
-                  std::sqrt(report.objective_after), std::sqrt(report.objective_before)));
+      "Registration: " + prior.name,
+      fmt::format("{} heads. Where they overlap they differ by {:.2f} levels of 255 (rms); before, by {:.2f}",
+                  prior.heads.size(), std::sqrt(report.objective_after), std::sqrt(report.objective_before)));
   if (!verdict.empty()) page.paragraph(verdict);
   if (const std::string doubts = doubts_of(report); !doubts.empty()) page.warning(doubts);
   for (const std::string& warning : report.warnings) page.warning(warning);

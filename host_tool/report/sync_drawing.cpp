@@ -116,7 +116,7 @@ std::string legend(const SyncReport::Head& head, std::size_t h) {
   const double y = kTop + 12 + 20 * static_cast<double>(h);
   return fmt::format("<path d=\"M{} {}h24\" {}/>\n<text x=\"{}\" y=\"{}\">{}: worst {}{}</text>\n", x, y - 4, style(h),
                      x + 32, y, html_escaped(head.name), time(head.worst_ns),
-                     head.missing > 0 ? fmt::format(", not in {}", head.missing) : "");
+                     head.missing > 0 ? fmt::format(", missing in {}", counted(head.missing, "set")) : "");
 }
 
 }  // namespace
@@ -131,7 +131,8 @@ std::string SyncReport::svg() const {
   std::string svg = fmt::format(
       "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0} {1}\" width=\"100%\" style=\"max-width:{0}px\" "
       "font-family=\"sans-serif\" font-size=\"12\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"
-      "<text x=\"{2}\" y=\"26\" font-size=\"15\">Middle of each head's exposure after its set's</text>\n",
+      "<text x=\"{2}\" y=\"26\" font-size=\"15\">When each head was in the middle of its exposure, compared with the "
+      "median of its set</text>\n",
       kLeft + kWide + kRight, kTop + kHigh + kBelow, kLeft);
   svg += bands(sets_, axes) + axes.grid();
   for (std::size_t h = 0; h < all.size(); ++h) svg += curve(sets_, all[h], h, axes) + legend(all[h], h);

@@ -127,7 +127,7 @@ std::vector<std::string> SyncReport::lines() const {
   std::string state;
   for (const auto& [name, count] : states()) state += fmt::format("{}{} {}", state.empty() ? "" : ", ", name, count);
   lines.push_back("genlock: " + state);
-  lines.push_back(fmt::format("{}; {} lost, {} of them on the way to here; {} without a set",
+  lines.push_back(fmt::format("{}; {} lost, {} of them between the rig and this computer; no set came for {}",
                               counted(sets_.size(), "set"), sets_lost(), std::min(dropped_, sets_lost()),
                               counted(triggers_lost(), "pulse")));
   return lines;

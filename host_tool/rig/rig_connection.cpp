@@ -297,7 +297,7 @@ Status RigConnection::step(Duration at_most) {
 
 tl::unexpected<Error> RigConnection::link_lost(const Error& error) const {
   if (session_.peer_hello() == nullptr) {
-    return fail(error.code, fmt::format("the link closed before the rig said hello ({})", error.message));
+    return fail(error.code, fmt::format("the connection ended before the rig answered ({})", error.message));
   }
   return fail(error.code, fmt::format("{}: the link was lost ({}); the rig goes on with what it was doing, and "
                                       "`nodal status` tells whether it can be reached again",

@@ -195,7 +195,7 @@ void add_doubtful(const Arrangement& arrangement, const Overlaps& overlaps, Foun
 Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std::vector<std::string>& names,
                             const Options& options) {
   const std::size_t count = pictures.size();
-  if (count < 2) return fail(Errc::kBadValue, "one picture is no rig; give two or more that overlap");
+  if (count < 2) return fail(Errc::kBadValue, "this is one picture only; give two or more that overlap");
   if (count > kMaxPictures) {
     return fail(Errc::kBadValue,
                 fmt::format("{} pictures; without a calibration at most {} are matched", count, kMaxPictures));

@@ -62,9 +62,9 @@ Status finish_head(HeadCalibration& head, std::vector<std::string>& notes) {
   const bool cut_already = head.max_angle > 0 && head.max_angle < range.max_angle;
   if (farthest > range.max_radius && range.max_radius >= 1 && !cut_already) {
     head.max_angle = range.turns ? 0.99 * end : end;
-    notes.push_back("The lens of head '" + head.name + "' " + (range.turns ? "turns back" : "ends") + " at " +
-                    short_number(range.max_angle / kRadiansPerDegree) +
-                    " degrees, inside its picture: it is used up to " +
+    notes.push_back("The lens of head '" + head.name + "' " + (range.turns ? "has its largest radius" : "ends") +
+                    " at " + short_number(range.max_angle / kRadiansPerDegree) +
+                    " degrees, inside the picture: the lens is used up to " +
                     short_number(head.max_angle / kRadiansPerDegree) + " degrees.");
   }
   return check_head(head);

@@ -71,10 +71,10 @@ void set_max_angle(HeadCalibration& head, std::vector<std::string>& notes) {
   const double farthest = farthest_radius(head.region, head.center_x, head.center_y, head.aspect);
   if (farthest <= (range.turns ? kSafelyInside : 1) * range.max_radius || range.max_radius < 1) return;
   head.max_angle = range.turns ? 0.99 * range.max_angle : range.max_angle;
-  notes.push_back("The lens of head '" + head.name + "' " + (range.turns ? "turns back" : "ends") + " at " +
+  notes.push_back("The lens of head '" + head.name + "' " + (range.turns ? "has its largest radius" : "ends") + " at " +
                   short_number(range.max_angle / kRadiansPerDegree) + " degrees, " + short_number(range.max_radius) +
-                  " px from its centre, and the picture reaches " + short_number(farthest) + " px: it is used up to " +
-                  short_number(head.max_angle / kRadiansPerDegree) + " degrees.");
+                  " px from its centre, and the picture reaches " + short_number(farthest) +
+                  " px: the lens is used up to " + short_number(head.max_angle / kRadiansPerDegree) + " degrees.");
 }
 
 }  // namespace

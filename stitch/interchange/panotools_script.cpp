@@ -64,7 +64,7 @@ Result<std::vector<ScriptLine>> parse_script(std::string_view text, std::size_t 
                                      std::to_string(max_bytes) + " are read");
   }
   if (text.find('\0') != std::string_view::npos) {
-    return fail(Errc::kBadFormat, "the file has zero bytes in it; it is not a text project file");
+    return fail(Errc::kBadFormat, "this is a binary file, and a project is a text file");
   }
   if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
   std::vector<ScriptLine> lines;

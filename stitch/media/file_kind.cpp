@@ -36,8 +36,8 @@ constexpr FileKind kPdf{"a PDF", "PDFs", "give the pictures themselves"};
 constexpr FileKind kArchive{"an archive", "archives", "unpack it first"};
 constexpr FileKind kFilm{"a film", "films", "take its pictures out first (ffmpeg -i FILM picture-%04d.png)", true};
 constexpr FileKind kSound{"a sound file", "sound files", ""};
-constexpr FileKind kText{"text, and no picture (JPEG, PNG, TIFF, HEIF and WebP are read)", "text files", ""};
-constexpr FileKind kUnknown{"of no format that is read (JPEG, PNG; nodal reads TIFF, HEIF and WebP, too)",
+constexpr FileKind kText{"a text file, not a picture (JPEG, PNG, TIFF, HEIF and WebP are read)", "text files", ""};
+constexpr FileKind kUnknown{"a file of an unknown format (JPEG and PNG are read; by nodal also TIFF, HEIF and WebP)",
                             "files of unknown formats", ""};
 
 struct Magic {

@@ -212,8 +212,9 @@ std::string doubtful_seams(const Calibration& prior, const std::vector<PairRepor
          " do not line up in fine detail (in brackets: its correlation, 1 for equal detail); look at their " +
          (pairs.size() == 1 ? "seam" : "seams") +
          (explained ? ""
-                    : ": objects may be close to the rig, or a repeating pattern may be matched one period off (start "
-                      "from point pairs)");
+                    : ": objects may be close to the rig, or, in a pattern that repeats (tiles, windows), a head may "
+                      "be off by "
+                      "one repetition: then give point pairs");
 }
 
 std::string nothing_shared(const Calibration& prior) {

@@ -42,11 +42,11 @@ HeadDrift drift_of(const HeadCalibration& was, const HeadCalibration& is, const 
   if (drift.moved_px > tolerance_px && beyond_chance) {
     drift.standing = Standing::kMoved;
   } else if (kKnownWell * drift.sigma_px > tolerance_px) {
-    drift.why = "the detail it shares with other heads does not determine it accurately enough";
+    drift.why = "its overlaps have too little detail to measure its direction";
   } else if (drift.moved_px <= tolerance_px) {
     drift.standing = Standing::kStands;
   } else {
-    drift.why = "the measured movement may be chance; take more frames, or another scene";
+    drift.why = "the measured movement may be chance: take more frames, or another scene";
   }
   return drift;
 }

@@ -71,7 +71,9 @@ Status Run::prepare(const LitFrames& frames) {
   if (options_.vignetting != VignettingModel::kFixed && std::ranges::none_of(tells, std::identity())) {
     // The fit would follow flare and dark edges at the rims, and be arbitrary further inwards.
     options_.vignetting = VignettingModel::kFixed;
-    report_.warnings.push_back("the heads share only their rims, which do not determine a fall-off; it is not changed");
+    report_.warnings.push_back(
+        "the heads overlap only at the rims of their pictures; how the light falls off towards the rim (vignetting) "
+        "cannot be measured there, so it stays as the calibration has it");
   }
   return {};
 }

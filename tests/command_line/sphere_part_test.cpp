@@ -60,7 +60,7 @@ TEST_F(SpherePart, APictureOfAnotherShapeThanItsLayout_IsConvertedWithAWarning) 
     return run.err;
   };
   EXPECT_NE(said("mercator")
-                .find("s.png: it has 64x32 pixels, and a raymap of the whole sphere (mercator) with this "
+                .find("s.png: it has 64x32 pixels, and the whole sphere (mercator) with this "
                       "width has 64x64: what it shows is stretched 2.0 times"),
             std::string::npos);
   EXPECT_EQ(said("equirectangular"), "");

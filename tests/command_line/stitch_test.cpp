@@ -312,6 +312,7 @@ TEST_F(StitchCommand, PicturesAlone_GiveTheSphereAndTheCalibration) {
   const auto found = parse_calibration(read("town.rig.json"));
   ASSERT_TRUE(found) << found.error().text();
   EXPECT_EQ(found->heads[0].name, rig.truth.heads[0].name) << "heads are called after their files";
+  EXPECT_EQ(found->name, name_of(0) + ", " + name_of(1) + " and 4 more") << "and the calibration after the first ones";
   EXPECT_LT(test::rotation_error(rig.truth, *found).max_deg, 0.3);
   // The calibration that was written makes the same picture.
   Words again{"stitch", path("town.rig.json"), path("own"), "--width", "512", "-o", path("again.png")};

@@ -188,15 +188,18 @@ TEST(Capture, AHeadThatDeliversNothing_IsNamedInTheLogUntilItDeliversAgain) {
   stand.world.head(3).lose_frames(150);
   stand.run(Duration::seconds(4));
   EXPECT_EQ(stand.state(), "degraded");
-  EXPECT_EQ(logged("the rig is degraded: head 'cam3' delivers no frames"), 1U);
+  EXPECT_EQ(logged("the state of the rig is now 'degraded': head 'cam3' delivers no frames"), 1U);
   stand.run(Duration::seconds(3));
   EXPECT_EQ(stand.state(), "running");
-  EXPECT_EQ(logged("the rig is running"), 1U);
+  EXPECT_EQ(logged("the state of the rig is now 'running'"), 1U);
   hal::sim::HeadFaults every;
   every.corrupt = 1'000'000;
   stand.world.head(3).set_faults(every);
   stand.run(Duration::seconds(4));
-  EXPECT_EQ(logged("the rig is degraded: head 'cam3': none of its frames can be used; the newest: corrupt"), 1U);
+  EXPECT_EQ(
+      logged(
+          "the state of the rig is now 'degraded': head 'cam3': none of its frames can be used; the newest: corrupt"),
+      1U);
 }
 
 TEST(Capture, NoHeadDeliversAndThereIsNoCalibration_TheLogSaysSo) {

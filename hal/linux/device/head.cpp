@@ -50,7 +50,7 @@ Error DeviceHead::error(Errc code, const std::string& sentence) const {
 }
 
 Status DeviceHead::bad_value(const std::string& what, const std::string& allowed) const {
-  return fail(error(Errc::kBadValue, what + " is outside " + allowed));
+  return fail(error(Errc::kBadValue, what + " is not possible; allowed are " + allowed));
 }
 
 void DeviceHead::fail_for_good(Error why) {

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "host_tool/console/files.h"
@@ -68,6 +69,19 @@ TEST_F(CalibrationCommands, EveryFormat_ExportedImportedAndComparedIsTheSameRig)
       EXPECT_LT(head["max_px"], 1e-2) << format;
     }
   }
+}
+
+TEST_F(CalibrationCommands, ControlPointsFarFromEachOther_AreWarnedOfAndOthersAreNot) {
+  const std::string rig = write_rig("rig.json", test::six_fisheyes(400, 110));
+  ASSERT_EQ(Outcome({"export", rig, "--format", "pto", "-o", path("rig.pto")}).code, ExitCode::kOk);
+  const Outcome without({"import", path("rig.pto"), "-o", path("a.json")});
+  ASSERT_EQ(without.code, ExitCode::kOk) << without.err;
+  EXPECT_EQ(without.err.find("control points"), std::string::npos) << without.err;
+  // The middles of two heads that look in different directions.
+  std::ofstream(path("rig.pto"), std::ios::app) << "c n0 N1 x200 y200 X200 Y200 t0\n";
+  const Outcome with({"import", path("rig.pto"), "-o", path("b.json")});
+  ASSERT_EQ(with.code, ExitCode::kOk) << with.err;
+  EXPECT_NE(with.err.find("do not fit to the project's lenses and directions"), std::string::npos) << with.err;
 }
 
 TEST_F(CalibrationCommands, FormatOfOneCameraAFile_WritesOneForEveryHead) {

@@ -32,8 +32,9 @@ TEST(ParseExposure, ThirdOfASecond_IsRoundedToTheNearestNanosecond) {
 }
 
 TEST(ParseExposure, WhatIsNoExposure_IsRefusedWithTheTextAndWhatWouldDo) {
-  for (const char* text : {"", "8", "ms", "8m", "-8ms", "0ms", "0/125", "1/0", "1/", "/125", "1/125ms", "nan", "inf",
-                           "8ms ", "1e999s", "8 parsec", "1/125/2", "1/4294967295", "4294967295/1"}) {
+  for (const char* text : {"",       "8",        "ms",      "8m",           "-8ms",        "0ms",   "0/125",
+                           "1/0",    "1/",       "/125",    "1/125ms",      "nan",         "inf",   "8ms ",
+                           "1e999s", "8 parsec", "1/125/2", "1/4294967295", "1/100000000", "999ns", "4294967295/1"}) {
     const auto exposure = parse_exposure(text);
     ASSERT_FALSE(exposure) << text;
     EXPECT_EQ(exposure.error().code, Errc::kBadValue);
@@ -149,7 +150,7 @@ TEST(ShowId, ThirtyTwoBytes_ShowAsTheirFirstTwelveDigits) {
 
 TEST(Quantities, Deviations_HeldOrUnknownOnesAreSaidInWords) {
   EXPECT_EQ(show_deviation(0.00432, "°"), "0.0043°");
-  EXPECT_EQ(show_deviation(0, "°"), "held");
+  EXPECT_EQ(show_deviation(0, "°"), "fixed");
   EXPECT_EQ(show_deviation(std::numeric_limits<double>::infinity(), " %"), "?");
 }
 

@@ -212,7 +212,7 @@ INSTANTIATE_TEST_SUITE_P(
                 [](auto& h) {
                   h.lens = TsaiLens{490, -3e-6, 0};
                 },
-                Errc::kLensDomain, {"turns back", "333.333 px", "set max_angle"}),
+                Errc::kLensDomain, {"has its largest radius", "333.333 px", "set max_angle"}),
         in_head("TurnsAtOnce",
                 [](auto& h) {
                   h.lens = TsaiLens{490, -1, 0};
@@ -223,7 +223,8 @@ INSTANTIATE_TEST_SUITE_P(
                   h.lens = EquidistantLens{{300, -50}};
                   h.max_angle = 3.1;
                 },
-                Errc::kLensDomain, {"max_angle is 177.617 degrees", "turns back at 171.887 degrees", "at most 3 rad"}),
+                Errc::kLensDomain,
+                {"max_angle is 177.617 degrees", "has its largest radius at 171.887 degrees", "at most 3 rad"}),
         in_head("AngleBehindAPinhole", [](auto& h) { h.max_angle = 1.6; }, Errc::kLensDomain,
                 {"ends at 89.99 degrees"}),
         in_head("NegativeAngle", [](auto& h) { h.max_angle = -0.1; }, Errc::kBadValue, {"max_angle"}),

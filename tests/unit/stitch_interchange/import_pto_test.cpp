@@ -168,7 +168,7 @@ TEST(ImportPto, LensThatTurnsBackInItsPicture_IsCappedAndSaidSo) {
   const double turn = std::sqrt(1.3 / 0.9) * 300 / (800 / (120 * kRadiansPerDegree));
   EXPECT_NEAR(head.max_angle, 0.99 * turn, 1e-9);
   ASSERT_EQ(import.notes.size(), 1u);
-  EXPECT_NE(import.notes[0].find("turns back"), std::string::npos);
+  EXPECT_NE(import.notes[0].find("has its largest radius"), std::string::npos);
 }
 
 TEST(ImportPto, NamesThatAreAlikeOrOdd_BecomeNamesOfHeads) {

@@ -63,7 +63,7 @@ TEST(LightAlone, TwoFisheyesBackToBackOfUnlikeExposure_TheirGainsAreFoundAndThey
   }
   EXPECT_LT(report->objective_after, 0.1 * report->objective_before);
   ASSERT_EQ(report->warnings.size(), 1u);
-  EXPECT_NE(report->warnings[0].find("share only their rims"), std::string::npos) << report->warnings[0];
+  EXPECT_NE(report->warnings[0].find("overlap only at the rims"), std::string::npos) << report->warnings[0];
 }
 
 TEST(Light, HeadsOfUnlikeFallOff_EachIsFoundAndTheHeadsArePlacedAsWell) {

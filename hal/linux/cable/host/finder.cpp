@@ -126,8 +126,8 @@ std::string list(const std::vector<Found>& rigs) {
 Result<Found> choose(const std::vector<Found>& rigs, std::string_view serial) {
   if (rigs.empty()) {
     return fail(Errc::kUnreachable,
-                "no rig is plugged in by USB cable; does nodald run on it, with [links] usb in its rig.toml, and does "
-                "its nodal-cable.service?");
+                "no rig is plugged in by USB cable; check on the rig's board that nodald runs, that its rig.toml has "
+                "[links] usb, and that nodal-cable.service runs (systemctl status nodal-cable)");
   }
   std::vector<Found> fitting = rigs;
   if (!serial.empty()) std::erase_if(fitting, [&](const Found& found) { return found.rig.serial != serial; });

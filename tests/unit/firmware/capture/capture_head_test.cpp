@@ -114,8 +114,20 @@ TEST_F(CaptureHeadTest, GammasInAndOutOfItsRange_AreAllowedAndRefused) {
     const Status checked = head.check(gamma(refused));
     ASSERT_FALSE(checked) << refused;
     EXPECT_EQ(checked.error().code, Errc::kBadValue);
-    EXPECT_NE(checked.error().message.find("is outside 500/1000 to 2500/1000"), std::string::npos);
+    EXPECT_NE(checked.error().message.find("; allowed are 500/1000 to 2500/1000"), std::string::npos);
   }
+}
+
+TEST_F(CaptureHeadTest, AnExposureWithOneAllowedValue_CannotBeChangedAndTheErrorSaysSo) {
+  enumerator.limits.exposure_min = enumerator.limits.exposure_max = Exposure::microseconds(10'000);
+  step();
+  SettingsChange change;
+  change.exposure = Exposure::microseconds(8000);
+  const Status checked = head.check(change);
+  ASSERT_FALSE(checked);
+  EXPECT_EQ(checked.error().code, Errc::kBadValue);
+  EXPECT_NE(checked.error().message.find("its exposure cannot be changed; it is 10000 us"), std::string::npos)
+      << checked.error().message;
 }
 
 TEST_F(CaptureHeadTest, WithoutAGamma_OnlyItsOwnCurveIsAllowed) {
