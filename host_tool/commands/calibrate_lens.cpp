@@ -208,7 +208,7 @@ void add_calibrate(CLI::App& app, CommandLine& line) {
   lens->add_option("--model", args->model, "tsai, equidistant or kannala_brandt (tsai when not given)")
       ->type_name("tsai|equidistant|kannala_brandt")
       ->check(checked_by([](std::string_view name) { return cal::lens_kind_named(name); }));
-  lens->add_option("-o,--out", args->out, "A calibration of this one head (head.json when not given)")
+  lens->add_option("-o,--out", args->out, "File of the calibration, of this one head (head.json when not given)")
       ->type_name("FILE");
   lens->add_option("--name", args->name, "The head's name (head0 when not given)")->type_name("NAME");
   lens->add_option("--pattern", args->pattern, "The picture that was printed or shown, when it is not the usual one")

@@ -225,12 +225,13 @@ void add_calibration(CLI::App& app, CommandLine& line) {
   CLI::App* show = add("show", "A calibration of the rig: fields of view, places, coverage",
                        "  nodal calibration show                  the one in force\n"
                        "  nodal calibration show 3fa2 --out copy.json\n");
-  show->add_option("ID", args->id, "The first digits of its id; the one in force when not given")->type_name("");
-  show->add_option("-o,--out", args->out, "Save the document, too")->type_name("FILE");
+  show->add_option("ID", args->id, "The first digits of the calibration's id; the one in force when not given")
+      ->type_name("");
+  show->add_option("-o,--out", args->out, "Also write the calibration to this file")->type_name("FILE");
   line.on(show, [args](Context& context) { return show_calibration(context, *args); });
 
   CLI::App* use = add("use", "Put another calibration of the rig in force", "  nodal calibration use 3fa2b1\n");
-  use->add_option("ID", args->id, "The first digits of its id")->required()->type_name("");
+  use->add_option("ID", args->id, "The first digits of the calibration's id")->required()->type_name("");
   use->add_flag("--allow-older", args->allow_older, kAllowOlderHelp);
   line.on(use, [args](Context& context) { return run_use(context, *args); });
 

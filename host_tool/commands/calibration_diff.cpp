@@ -71,7 +71,7 @@ void add_calibration_diff(CLI::App& group, CommandLine& line) {
       "closest; pixels are the distance of a ray's images, for rotation and lens, and for the lens alone.\n");
   auto args = std::make_shared<CalibrationDiffArgs>();
   diff->add_option("A", args->a, "The first calibration, or another program's project")->required()->type_name("");
-  diff->add_option("B", args->b, "The second")->required()->type_name("");
+  diff->add_option("B", args->b, "The second calibration or project")->required()->type_name("");
   line.on(diff, [args](Context& context) { return run_calibration_diff(context, *args); });
 }
 

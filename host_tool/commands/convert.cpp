@@ -95,7 +95,7 @@ void add_convert(CLI::App& app, CommandLine& line) {
   add_frame_options(*command, args->frames);
   add_layout_option(
       *command, args->layout,
-      "Of the result (equirectangular when not given); faces: six files of a cube, town_right.jpg, _left,\n"
+      "Layout of the result (equirectangular when not given); faces: six files of a cube, town_right.jpg, _left,\n"
       "_up, _down, _front and _back for -o town.jpg")
       ->transform([args](const std::string& text) {
         args->frames.faces_out = text == kFacesWord;
@@ -108,7 +108,7 @@ void add_convert(CLI::App& app, CommandLine& line) {
                    "sphere.rig.json beside sphere.jpg is written for the result, turned likewise")
       ->type_name("YAW,PITCH,ROLL")
       ->check(checked_by(parse_place));
-  command->add_option("--width", args->width, "Its width; as fine as the sphere when not given")
+  command->add_option("--width", args->width, "Width of the result; as fine as the sphere when not given")
       ->type_name("PX")
       ->check(CLI::Range(16, geometry::kMaxRaymapSide));
   line.on(command, [args](Context& context) { return run_convert(context, *args); });

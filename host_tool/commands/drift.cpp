@@ -169,12 +169,16 @@ void add_drift(CLI::App& app, CommandLine& line) {
   command->add_option("--sets", args->sets, "Frame sets to take from the rig (3 when not given); more see more detail")
       ->type_name("N")
       ->check(CLI::Range(1, kMaxLiveSets));
-  command->add_option("--tolerance", args->options.tolerance_px, "Pixels a head may be off (0.5 when not given)")
+  command
+      ->add_option("--tolerance", args->options.tolerance_px,
+                   "A head has moved if it is off by more than this, px (0.5 when not given)")
       ->type_name("PX")
       ->check(CLI::Range(0.001, 1000.0));
   command->add_option("-o,--out", args->out, "Save the calibration with the heads' current rotations")
       ->type_name("FILE");
-  command->add_option("--threads", args->options.threads, "One a core when not given; the result is the same")
+  command
+      ->add_option("--threads", args->options.threads,
+                   "Number of threads (one for each core when not given); the result is the same")
       ->type_name("N")
       ->check(CLI::Range(1, 256));
   add_picture_places(*command, args->places);

@@ -89,8 +89,9 @@ void add_export(CLI::App& app, CommandLine& line) {
       ->type_name("FILE");
   command->add_option("--images", args->images, "The heads' pictures, in order, as the file should name them")
       ->type_name("FILE");
-  command->add_flag("--square-pixels", args->square_pixels,
-                    "Numbers for pictures resampled to square pixels, for programs that know no others");
+  command->add_flag(
+      "--square-pixels", args->square_pixels,
+      "Write lenses for pictures that are resampled to square pixels, for programs that know no other pixels");
   line.on(command, [args](Context& context) { return run_export(context, *args); });
 }
 

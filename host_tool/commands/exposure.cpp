@@ -154,15 +154,13 @@ void add_exposure(CLI::App& app, CommandLine& line) {
   const auto stops_option = [&](const char* name, std::string& into, const char* help) {
     set->add_option(name, into, help)->type_name("STOPS")->check(checked_by(parse_stops));
   };
-  stops_option("--target", args->target, "Mean light, in stops below a full sample: 2.5");
+  stops_option("--target", args->target, "Mean light, in stops below white: 2.5");
   stops_option("--difference", args->difference, "joint: between heads that overlap, at most: 1; 0 is all alike");
   stops_option("--ramp", args->ramp, "From one set to the next, at most: 4; 0.02 cannot be seen in a film");
-  set->add_option("--longest", args->longest, "No shutter is longer: 16ms, 1/60")
+  set->add_option("--longest", args->longest, "Longest shutter time: 16ms, 1/60")
       ->type_name("TIME")
       ->check(checked_by(parse_exposure));
-  set->add_option("--highest-gain", args->gain, "No gain is higher: 12dB")
-      ->type_name("GAIN")
-      ->check(checked_by(parse_gain));
+  set->add_option("--highest-gain", args->gain, "Highest gain: 12dB")->type_name("GAIN")->check(checked_by(parse_gain));
   set->parse_complete_callback([args, set] {
     if (set->count_all() <= 1) throw CLI::RequiredError("a program, or at least one option");
   });

@@ -36,13 +36,15 @@ inline void add_frame_options(CLI::App& command, FrameOptions& options) {
         options.faces_in = text == kFacesWord;
         return std::string(options.faces_in ? kFacesLayout : text);
       });
-  command.add_option("--filter", options.filter, "Between pixels (bicubic when not given)")
+  command.add_option("--filter", options.filter, "Interpolation between pixels (bicubic when not given)")
       ->type_name("nearest|bilinear|bicubic|lanczos")
       ->check(checked_by(view::parse_filter));
   command.add_option("--quality", options.quality, "JPEG quality (92 when not given)")
       ->type_name("N")
       ->check(CLI::Range(1, 100));
-  command.add_option("--threads", options.threads, "One a core when not given; the result is the same")
+  command
+      .add_option("--threads", options.threads,
+                  "Number of threads (one for each core when not given); the result is the same")
       ->type_name("N")
       ->check(CLI::Range(1, 256));
 }

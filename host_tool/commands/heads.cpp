@@ -222,10 +222,10 @@ void add_heads(CLI::App& app, CommandLine& line) {
   set->add_option("--exposure", args->exposure, "8ms, 500us, or a fraction of a second: 1/125")
       ->type_name("TIME")
       ->check(checked_by(parse_exposure));
-  set->add_option("--gain", args->gain, "Decibels: 6dB; 6.02dB is one stop")
+  set->add_option("--gain", args->gain, "Gain in decibels: 6dB; 6.02dB is one stop")
       ->type_name("GAIN")
       ->check(checked_by(parse_gain));
-  set->add_option("--wb", args->white_balance, "Red and blue against green: 1.5,1.25")
+  set->add_option("--wb", args->white_balance, "White balance: gains of red and blue relative to green: 1.5,1.25")
       ->type_name("RED,BLUE")
       ->check(checked_by(parse_white_balance));
   set->add_option("--gamma", args->gamma, "Numbers = light^(1/gamma): 2.2; `own` for the curve it was calibrated with")

@@ -68,8 +68,8 @@ void add_mesh(CLI::App& app, CommandLine& line) {
   command->add_option("-o,--out", args->out, "The mesh: .obj, .glb (glTF 2.0), or .mshp (spherical video)")
       ->required()
       ->type_name("FILE");
-  add_layout_option(*command, args->layout, "Of the spheres (equirectangular when not given)");
-  command->add_option("--size", args->size, "Of the spheres, px")
+  add_layout_option(*command, args->layout, "Layout of the spheres (equirectangular when not given)");
+  command->add_option("--size", args->size, "Size of the spheres, px")
       ->required()
       ->type_name("WIDTHxHEIGHT")
       ->check(checked_by([](const std::string& text) { return parse_size(text, geometry::kMaxRaymapSide); }));

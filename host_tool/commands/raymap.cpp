@@ -332,7 +332,7 @@ void add_raymap(CLI::App& app, CommandLine& line) {
                                   "  nodal raymap pull --continuous --out - | ffplay -f mjpeg -\n"
                                   "With --json: one document a raymap, and one with the sum at the end.\n");
   auto args = std::make_shared<RaymapArgs>();
-  CLI::Option* count = command->add_option("-n,--count", args->count, "How many (1 when not given)")
+  CLI::Option* count = command->add_option("-n,--count", args->count, "Number of raymaps (1 when not given)")
                            ->type_name("N")
                            ->check(checked_by(parse_count));
   CLI::Option* continuous = command->add_flag("--continuous", args->continuous, "Continue until Ctrl-C");

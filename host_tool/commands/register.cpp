@@ -361,7 +361,9 @@ void add_register(CLI::App& app, CommandLine& line) {
       ->type_name("HTML");
   command->add_option("--rig-toml", args->rig_toml, "Write a rig.toml, too, with heads that replay the pictures")
       ->type_name("FILE");
-  command->add_option("--threads", args->options.threads, "One a core when not given; the result is the same")
+  command
+      ->add_option("--threads", args->options.threads,
+                   "Number of threads (one for each core when not given); the result is the same")
       ->type_name("N")
       ->check(CLI::Range(1, 256));
   command->add_option("--sets", args->sets, "Frame sets to take from a running rig (3 when not given)")

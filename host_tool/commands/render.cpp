@@ -297,22 +297,24 @@ void add_render(CLI::App& app, CommandLine& line) {
       ->add_option("-o,--out", args->out,
                    "A film, .mkv (raymaps.mkv when not given), or files, .jpg, .png, .tif or .raw, with %06d")
       ->type_name("FILE");
-  command->add_option("--calibration", args->calibration, "Another one than the take's, for the same heads")
+  command->add_option("--calibration", args->calibration, "Another calibration than the take's, for the same heads")
       ->type_name("FILE");
-  add_layout_option(*command, args->layout, "The rig's when not given");
+  add_layout_option(*command, args->layout, "Layout of the result (the rig's when not given)");
   command->add_option("--width", args->width, "As fine as the rig's raymaps when not given")
       ->type_name("PX")
       ->check(CLI::Range(16, geometry::kMaxRaymapSide));
-  command->add_option("--from", args->from, "Leaves out what is before, such as 10s after the take's beginning")
+  command->add_option("--from", args->from, "Begin at this time of the take, such as 10s")
       ->type_name("DURATION")
       ->check(checked_by(parse_duration));
-  command->add_option("--to", args->to, "Leaves out what is from then on")
+  command->add_option("--to", args->to, "End at this time of the take")
       ->type_name("DURATION")
       ->check(checked_by(parse_duration));
-  command->add_option("--quality", args->quality, "Of JPEGs; the rig's when not given")
+  command->add_option("--quality", args->quality, "Quality of JPEGs; the rig's when not given")
       ->type_name("N")
       ->check(CLI::Range(1, 100));
-  command->add_option("--threads", args->threads, "One a core when not given; the result is the same")
+  command
+      ->add_option("--threads", args->threads,
+                   "Number of threads (one for each core when not given); the result is the same")
       ->type_name("N")
       ->check(CLI::Range(1, 256));
   line.on(command, [args](Context& context) { return run_render(context, *args); });

@@ -284,11 +284,12 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       ->add_option("-o,--out", args->out,
                    "The picture, .jpg, .png, .tif or .raw (sphere.jpg when not given); %04d numbers it")
       ->type_name("FILE");
-  add_layout_option(*command, args->layout, "equirectangular when not given");
+  add_layout_option(*command, args->layout, "Layout of the result (equirectangular when not given)");
   command
-      ->add_option("--width", args->width,
-                   "Its width, or that of the sphere it is cropped from; as fine as the pictures when not given, but\n"
-                   "no side longer than 16000")
+      ->add_option(
+          "--width", args->width,
+          "Width of the result, or of the sphere that it is cropped from; as fine as the pictures when not given, but\n"
+          "no side longer than 16000")
       ->type_name("PX")
       ->check(CLI::Range(16, geometry::kMaxRaymapSide));
   command->add_option("--bits", args->bits, "8 (when not given), or 16: numbers proportional to light")
@@ -324,7 +325,9 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       "With two-band and feather: from its edge to this part of half a picture, a head counts more and more\n"
       "(0.5 when not given)");
   feather->type_name("PART")->check(number_between(0.01, 1));
-  command->add_option("--threads", args->threads, "One a core when not given; the result is the same")
+  command
+      ->add_option("--threads", args->threads,
+                   "Number of threads (one for each core when not given); the result is the same")
       ->type_name("N")
       ->check(CLI::Range(1, 256));
   command

@@ -240,8 +240,8 @@ void add_take(CLI::App& app, CommandLine& line) {
   CLI::App* protect = add_command(*take, "protect", "Protects a take from being deleted",
                                   "  nodal take protect 42\n"
                                   "  nodal take protect 42 --off\n");
-  protect->add_option("TAKE", kept->take, "Its number")->required()->type_name("");
-  protect->add_flag("--off", kept->off, "It can be deleted again");
+  protect->add_option("TAKE", kept->take, "Number of the take")->required()->type_name("");
+  protect->add_flag("--off", kept->off, "Allow the take to be deleted again");
   line.on(protect, [kept](Context& context) { return run_protect(context, *kept); });
 }
 

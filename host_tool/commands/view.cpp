@@ -173,19 +173,23 @@ void add_view(CLI::App& app, CommandLine& line) {
               "\npannini:d=D with D from 0, perspective, to 100; 1 when not given")
       ->type_name("NAME:" + camera_words("|", "|"))
       ->check(checked_by(view::parse_camera));
-  CLI::Option* const yaw = command->add_option("--yaw", args->spec.pose.yaw, "To the right (0 when not given)");
+  CLI::Option* const yaw =
+      command->add_option("--yaw", args->spec.pose.yaw, "Direction of view: to the right (0 when not given)");
   yaw->type_name("DEGREES")->check(CLI::Range(-360.0, 360.0));
-  CLI::Option* const pitch = command->add_option("--pitch", args->spec.pose.pitch, "Up (0 when not given)");
+  CLI::Option* const pitch =
+      command->add_option("--pitch", args->spec.pose.pitch, "Direction of view: up (0 when not given)");
   pitch->type_name("DEGREES")->check(CLI::Range(-90.0, 90.0));
-  CLI::Option* const roll = command->add_option("--roll", args->spec.pose.roll, "Clockwise (0 when not given)");
+  CLI::Option* const roll =
+      command->add_option("--roll", args->spec.pose.roll, "Camera turned clockwise (0 when not given)");
   roll->type_name("DEGREES")->check(CLI::Range(-360.0, 360.0));
-  CLI::Option* const fov =
-      command->add_option("--fov", args->spec.fov_deg, "From the left to the right edge (90 when not given)");
+  CLI::Option* const fov = command->add_option("--fov", args->spec.fov_deg,
+                                               "Field of view, from the left to the right edge (90 when not given)");
   fov->type_name("DEGREES");
-  command->add_option("--size", args->size, "Of the view, px (1920x1080 when not given)")
+  command->add_option("--size", args->size, "Size of the view, px (1920x1080 when not given)")
       ->type_name("WIDTHxHEIGHT")
       ->check(checked_by(parse_view_size));
-  CLI::Option* const envelope = add_envelope_option(*command, args->envelope, "How far away what the sphere shows is");
+  CLI::Option* const envelope =
+      add_envelope_option(*command, args->envelope, "How far away the things are that the sphere shows");
   command
       ->add_option("--mesh", args->mesh,
                    "Draw the textured triangles of a mesh in place of the sphere's layout: .obj, .glb or .mshp")
