@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cctype>
 #include <regex>
+#include <utility>
 
 #include "protocol/base/fit_text.h"
 #include "protocol/base/nearest_word.h"
@@ -91,7 +92,7 @@ std::string first_sentence(const Part& part) {
   const std::string text = wrapped_text(part.lines);
   std::string sentence = text.substr(0, std::min(text.find("\n\n"), text.find("\n- ")));
   std::ranges::replace(sentence, '\n', ' ');
-  sentence = sentence.substr(0, std::min(sentence.find(". "), sentence.find(": ")));
+  sentence = sentence.substr(0, sentence.find(". "));
   while (sentence.ends_with(' ') || sentence.ends_with('.')) sentence.pop_back();
   return sentence;
 }
@@ -114,11 +115,15 @@ std::string plain(std::string_view key) {
 std::string section_text(const std::vector<Part>& parts, const Part& section) {
   std::string text = fmt::format("[{}]\n\n{}", section.names.front(), wrapped_text(section.lines));
   if (!section.lines.empty() && !text.ends_with("\n\n")) text += '\n';
-  std::string keys;
+  std::vector<std::pair<std::string, std::string>> rows;
+  std::size_t width = 0;
   for (const Part& part : parts) {
     if (part.section || part.names.empty() || !part.names.front().starts_with(section.names.front() + ".")) continue;
-    keys += fmt::format("  {}  {}\n", joined(part.names, ", "), first_sentence(part));
+    rows.emplace_back(joined(part.names, ", "), first_sentence(part));
+    width = std::max(width, rows.back().first.size());
   }
+  std::string keys;
+  for (const auto& [key, sentence] : rows) keys += fmt::format("  {:<{}}  {}\n", key, width, sentence);
   return text + "Keys:\n" + fitted(keys);
 }
 

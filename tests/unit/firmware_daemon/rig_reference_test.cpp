@@ -122,7 +122,7 @@ TEST(Explain, ASection_HasItsTextAndTheFirstSentenceOfEachKey) {
   const auto text = explain(kText, "[takes]");
   ASSERT_TRUE(text) << text.error().message;
   EXPECT_EQ(*text,
-            "[takes]\n\nWhat it is, and a link.\n\nKeys:\n  takes.mode  How pictures are stored\n"
+            "[takes]\n\nWhat it is, and a link.\n\nKeys:\n  takes.mode               How pictures are stored\n"
             "  takes.left, takes.right  Two\n");
 }
 
