@@ -233,7 +233,7 @@ void add_take(CLI::App& app, CommandLine& line) {
   auto deleted = std::make_shared<TakeOptions>();
   CLI::App* remove = add_command(*take, "delete", "Deletes a take from the rig's disk; on a terminal it asks first",
                                  "  nodal take delete 42\n");
-  remove->add_option("TAKE", deleted->take, "Its number")->required()->type_name("");
+  remove->add_option("TAKE", deleted->take, "Number of the take")->required()->type_name("");
   remove->add_flag("-y,--yes", deleted->yes, "Do not ask");
   line.on(remove, [deleted](Context& context) { return run_delete(context, *deleted); });
   auto kept = std::make_shared<TakeOptions>();
