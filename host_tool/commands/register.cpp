@@ -187,7 +187,7 @@ void tell(Console& console, const Report& report, const Verdict& verdict, bool f
       row.push_back(fmt::format("{:+.3f} %", head.focal_change_percent));
       row.push_back(show_deviation(head.sigma_focal_percent, " %"));
     }
-    row.push_back(head.placed ? "" : "not placed: not changed");
+    row.push_back(head.placed ? "" : "not placed, not changed");
     table.row(row);
   }
   for (const std::string& line : table.lines()) console.line(line);

@@ -61,7 +61,7 @@ TEST(FileKind, ByContent_WhateverItsName) {
       {"\xff\x0a\1"s, "a JPEG XL file"},
       {"%PDF-1.7"s, "a PDF"},
       {"PK\3\4\x14"s, "an archive"},
-      {"{\"nodal_calibration\": 1}\n"s, "text, and no picture (JPEG, PNG, TIFF, HEIF and WebP are read)"}};
+      {"{\"nodal_calibration\": 1}\n"s, "a text file, not a picture (JPEG, PNG, TIFF, HEIF and WebP are read)"}};
   for (const auto& [bytes, kind] : kFiles) {
     EXPECT_EQ(kind_of_bytes(bytes, "IMG_1.JPG"), kind) << bytes;
     EXPECT_EQ(kind_of_bytes(bytes, "IMG_1"), kind) << bytes;

@@ -201,7 +201,7 @@ TEST(ReadImage, FormatsThatPeopleHavePicturesIn_AreNamedWithWhatToDo) {
                                                          {"RIFF....WEBPVP8 ", "WebP"},
                                                          {"II*\0\x08\0\0\0"s, "TIFF"},
                                                          {"MM\0*\0\0\0\x08"s, "TIFF"},
-                                                         {"ftyp", "text, and no picture"},
+                                                         {"ftyp", "a text file, not a picture"},
                                                          {"\1\2\3\4"s, "no format that is read"}}};
   for (const auto& [bytes, said] : files) {
     const auto image = decode_image(std::vector<std::uint8_t>(bytes.begin(), bytes.end()), "a.jpg");
