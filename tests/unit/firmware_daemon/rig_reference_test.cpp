@@ -68,8 +68,8 @@ TEST(RigReference, EveryKey_IsExplainedInLinesOfATerminalWithItsValuesAndDefault
   for (const std::string& key : explained_keys(reference())) {
     const auto text = explain(reference(), key);
     ASSERT_TRUE(text) << text.error().message;
-    EXPECT_NE(text->find("Allowed: "), std::string::npos) << *text;
-    EXPECT_TRUE(text->find("Default: ") != std::string::npos || text->find("Required") != std::string::npos) << *text;
+    EXPECT_NE(text->find("Allowed:"), std::string::npos) << *text;
+    EXPECT_TRUE(text->find("Default:") != std::string::npos || text->find("Required") != std::string::npos) << *text;
     EXPECT_EQ(text->find("]("), std::string::npos) << "links are for readers of RIG.md\n" << *text;
     for (std::size_t from = 0; from < text->size();) {
       const std::size_t to = text->find('\n', from);
