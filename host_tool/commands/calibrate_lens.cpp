@@ -97,6 +97,7 @@ Json calibrate_lens_json(const cal::LensCalibration& result, const CalibrateLens
           {"aspect", calibrate_lens_json(report.aspect)},
           {"mapping_deviation_px", report.mapping_deviation_px},
           {"covered", report.covered},
+          {"seen_px", {report.seen_from_px, report.seen_to_px}},
           {"views", views},
           {"notes", report.notes}};
 }
@@ -138,8 +139,10 @@ void tell(Console& console, const cal::LensCalibration& result, const CalibrateL
   console.line(fmt::format("focal length  {}", show(report.focal, args.model == "tsai" ? " px" : " px/rad")));
   console.line(fmt::format("centre        {}, {}", show(report.center_x, ""), show(report.center_y, " px")));
   console.line(fmt::format("aspect        {:.6f} ± {:.6f}", report.aspect.value, report.aspect.deviation));
-  console.line(fmt::format("mapping       ± {:.4f} px over the picture, {:.0f} % of it seen",
-                           report.mapping_deviation_px, 100 * report.covered));
+  console.line(
+      fmt::format("mapping       ± {:.4f} px over the picture, {:.0f} % of it seen, {:.0f} to {:.0f} px from "
+                  "the centre",
+                  report.mapping_deviation_px, 100 * report.covered, report.seen_from_px, report.seen_to_px));
   console.line(fmt::format("light         {}; {:.2f} of it left in the farthest corner", show_response(head.response),
                            1 + v[0] + v[1] + v[2]));
   if (head.region.circle) {
@@ -175,8 +178,10 @@ Status run_calibrate_lens(Context& context, const CalibrateLensArgs& args) {
   if (!result) return fail(result.error());
   Calibration calibration;
   calibration.name = args.name;
-  calibration.comment = fmt::format("Lens of {} photographs of the pattern; mapping ± {:.4f} px.", photographs.size(),
-                                    result->report.mapping_deviation_px);
+  calibration.comment = fmt::format(
+      "Lens of {} photographs of the pattern; mapping ± {:.4f} px; seen {:.0f} to {:.0f} px from its centre, and "
+      "extrapolated elsewhere.",
+      photographs.size(), result->report.mapping_deviation_px, result->report.seen_from_px, result->report.seen_to_px);
   calibration.heads.push_back(result->head);
   NODAL_TRY(check_calibration(calibration));
   NODAL_TRY(write_file(args.out, nodal::to_json(calibration)));

@@ -11,6 +11,7 @@
 #include "host_tool/commands/command.h"
 #include "host_tool/commands/command_list.h"
 #include "host_tool/commands/layout_option.h"
+#include "host_tool/commands/lens_json.h"
 #include "host_tool/commands/nominal_options.h"
 #include "host_tool/commands/picture_places_option.h"
 #include "host_tool/commands/replay_toml.h"
@@ -216,6 +217,7 @@ Options options_of(const RegisterArgs& args, RigPictures::Origin origin) {
   options.search = !args.no_search && origin != RigPictures::Origin::kPictures;
   // A data sheet gives a field of view, but no lens.
   options.lens_far_off = origin == RigPictures::Origin::kDataSheet;
+  options.lens_kind_assumed = options.lens_far_off && args.nominal.lens == NominalWords().lens;
   return options;
 }
 
@@ -270,12 +272,16 @@ Status run_register(Context& context, const RegisterArgs& args) {
     NODAL_TRY(write_file(args.rig_toml, toml));
   }
   if (!args.report.empty()) {
+    Report told = *report;
+    if (input.match && !input.match->lens.note.empty()) told.warnings.push_back(input.match->lens.note);
     NODAL_TRY_ASSIGN(const HtmlReport page, interruptible(console, [&] {
-                       return registration_report(input.calibration, input.frames(0), *report, verdict.sentence);
+                       return registration_report(input.calibration, input.frames(0), told, verdict.sentence);
                      }));
     NODAL_TRY(write_file(args.report, page.finish()));
   }
   Json document = register_json(*report);
+  if (input.match) document["lens"] = lens_json(input.match->lens);
+  if (report->lens) document["lens"] = lens_json(*report->lens);
   document["out"] = args.out;
   document["verdict"] = name_of(verdict.word);
   document["seams"] = to_json(verdict, input.heads);

@@ -12,6 +12,7 @@
 #include "host_tool/commands/command.h"
 #include "host_tool/commands/command_list.h"
 #include "host_tool/commands/layout_option.h"
+#include "host_tool/commands/lens_json.h"
 #include "host_tool/commands/nominal_options.h"
 #include "host_tool/commands/picture_places_option.h"
 #include "host_tool/commands/sphere_options.h"
@@ -138,6 +139,20 @@ void tell_alpha(Console& console, const std::vector<HeadPicture>& set, const std
   }
 }
 
+/// Linear numbers are made from files that do not call their own numbers linear: the calibration's word alone counts.
+void tell_linear(Console& console, const RigPictures& rig, const std::vector<HeadPicture>& set) {
+  for (std::size_t h = 0; h < set.size(); ++h) {
+    const HeadCalibration& head = rig.calibration.heads[h];
+    if (head.response.curve != Response::Curve::kLinear || set[h].file().empty() || set[h].says_linear()) continue;
+    console.note(
+        fmt::format("note: the calibration says that the numbers of head '{}' are proportional to light, and {} does "
+                    "not say it. Ordinary photographs are sRGB: for those, write \"response\": {{\"curve\": "
+                    "\"srgb\"}} into the heads of the calibration",
+                    head.name, set[h].file()));
+    return;
+  }
+}
+
 /// The page beside a sphere whose calibration was found in its pictures.
 Status write_report(const StitchJob& job, const DecodedImage& raymap, const Verdict& verdict) {
   NODAL_TRY_ASSIGN(const auto name, geometry::LayoutName::parse(job.args.layout));
@@ -176,6 +191,7 @@ Result<Stitched> stitch_sets(Console& console, StitchJob& job, Progress& bar) {
     const bool rgb = args.bits == 16 || best(args);
     NODAL_TRY_ASSIGN(auto pictures, interruptible(console, [&] { return take_set(job.rig, i, rgb); }));
     if (i == 0) tell_alpha(console, job.rig.sets[i], pictures);
+    if (i == 0 && args.bits == 16) tell_linear(console, job.rig, job.rig.sets[i]);
     NODAL_TRY_ASSIGN(const std::string name, numbered_name(args.out, i));
     NODAL_TRY_ASSIGN(auto file, interruptible(console, [&]() -> Result<std::vector<std::uint8_t>> {
                        std::vector<ImageView> views;
@@ -202,13 +218,7 @@ void add_match(const StitchJob& job, Json& document) {
   document["points"] = match.point_count;
   document["median_px"] = match.median_px;
   document["confidence"] = match.confidence;
-  const FoundLens& lens = match.lens;
-  document["lens"] = {{"seen_px", {lens.seen.from_px, lens.seen.to_px}},
-                      {"seen_deg", {lens.seen.from_deg, lens.seen.to_deg}},
-                      {"known_px", {lens.known.from_px, lens.known.to_px}},
-                      {"known_deg", {lens.known.from_deg, lens.known.to_deg}},
-                      {"known_everywhere", lens.whole},
-                      {"assumed_elsewhere", lens.family}};
+  document["lens"] = lens_json(match.lens);
   document["calibration_file"] = beside(job.args.out, ".rig.json");
   document["report"] = beside(job.args.out, ".report.html");
   document["notes"] = job.rig.notes;

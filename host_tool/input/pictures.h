@@ -59,6 +59,8 @@ class HeadPicture {
   /// What the camera says of its lens and attitude (media::Exif). After decode().
   std::optional<double> focal_35mm() const { return focal_35mm_; }
   int orientation() const { return orientation_; }
+  /// Whether the file calls its numbers proportional to light. After decode().
+  bool says_linear() const { return says_linear_; }
   /// Moves the pixels out.
   DecodedImage take();
   /// Frees the pixels of a file; decode() reads it again.

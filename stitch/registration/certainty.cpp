@@ -25,6 +25,7 @@ constexpr double kPairAndAxes = 2;
 constexpr double kMaxExcess = 2;  // limit of own / common curvature; more is due to detail that is not aligned
 // Part of noise's share that is subtracted; less than 1, because own curvatures are too large.
 constexpr double kChanceShare = 0.4;
+constexpr double kMaxLost = 1;  // limit of what parts do not remove, relative to what they remove
 
 using Matrix = Eigen::MatrixXd;
 using Vector = Eigen::VectorXd;
@@ -69,25 +70,14 @@ class Model {
   ByParts by_parts() const {
     if (total_.cost <= 0) return {};
     const std::vector<Eigen::Index> turns = rotation_columns();
-    const auto n = static_cast<Eigen::Index>(turns.size());
-    double removed = 0, curvatures = 0;
-    int determined = 0;
-    for (std::size_t p = 0; p < own_.size() && n > 0; ++p) {
-      if (own_[p].size() == 0) continue;
-      const Eigen::SelfAdjointEigenSolver<Matrix> curvature(own_[p](turns, turns));
-      const Vector pulls = curvature.eigenvectors().transpose() * gradients_[p](turns);
-      for (Eigen::Index k = 0; k < n; ++k) {
-        const double along = curvature.eigenvalues()[k];
-        if (!(along > kDetermined * curvature.eigenvalues()[n - 1])) continue;
-        removed += pulls[k] * pulls[k] / along;
-        curvatures += along;
-        ++determined;
-      }
-    }
-    // A turn by t removes curvature x t squared of the cost.
-    removed -= kChanceShare * noise_ * determined;
-    const double turn = curvatures > 0 ? std::sqrt(std::max(0.0, removed) / curvatures) : 0;
-    return {removed / total_.cost, kPairAndAxes * curvature_excess(turns) * turn};
+    const Apart fine = turned_apart(turns, [](std::size_t part) { return part; });
+    const Apart coarse = turned_apart(turns, coarse_part);
+    // A displacement that changes steadily within a part is removed but for its change, whose square is proportional to
+    // the square of the part's width: parts of width 0 are extrapolated from two widths.
+    const double lost =
+        std::clamp((fine.turn_squared() - coarse.turn_squared()) / 3, 0.0, kMaxLost * fine.turn_squared());
+    const double turn = std::sqrt(fine.turn_squared() + lost);
+    return {fine.removed / total_.cost, kPairAndAxes * curvature_excess(turns) * turn};
   }
 
   /// How much too large own curvatures of turns are, by the noise of the gradients.
@@ -123,6 +113,44 @@ class Model {
   }
 
  private:
+  /// What turns of the heads in every part of the sphere by itself remove, without noise.
+  struct Apart {
+    double removed = 0, curvatures = 0;
+    /// A turn by t removes curvature x t squared of the cost.
+    double turn_squared() const { return curvatures > 0 ? std::max(0.0, removed) / curvatures : 0; }
+  };
+  template <class GroupOf>
+  Apart turned_apart(const std::vector<Eigen::Index>& turns, const GroupOf& group_of) const {
+    const auto n = static_cast<Eigen::Index>(turns.size());
+    std::vector<Matrix> own(own_.size());
+    std::vector<Vector> gradients(own_.size());
+    for (std::size_t p = 0; p < own_.size() && n > 0; ++p) {
+      if (own_[p].size() == 0) continue;
+      const std::size_t group = group_of(p);
+      if (own[group].size() == 0) {
+        own[group] = Matrix::Zero(n, n);
+        gradients[group] = Vector::Zero(n);
+      }
+      own[group] += own_[p](turns, turns);
+      gradients[group] += gradients_[p](turns);
+    }
+    Apart sum;
+    int determined = 0;
+    for (std::size_t p = 0; p < own.size(); ++p) {
+      if (own[p].size() == 0) continue;
+      const Eigen::SelfAdjointEigenSolver<Matrix> curvature(own[p]);
+      const Vector pulls = curvature.eigenvectors().transpose() * gradients[p];
+      for (Eigen::Index k = 0; k < n; ++k) {
+        const double along = curvature.eigenvalues()[k];
+        if (!(along > kDetermined * curvature.eigenvalues()[n - 1])) continue;
+        sum.removed += pulls[k] * pulls[k] / along;
+        sum.curvatures += along;
+        ++determined;
+      }
+    }
+    sum.removed -= kChanceShare * noise_ * determined;
+    return sum;
+  }
   std::vector<Eigen::Index> rotation_columns() const {
     std::vector<Eigen::Index> columns;
     for (Eigen::Index column = 0; column < parameters_.basis().cols(); ++column) {

@@ -146,15 +146,22 @@ std::string fewer_lens_parameters(Free asked, Free estimated, const std::string&
   return did + ", because " + could_not + "; to estimate them, film a scene with detail all around and far away";
 }
 
-std::string thin_overlaps(Free estimated, double from_deg, double to_deg) {
-  std::array<char, 200> text{};
-  std::snprintf(
-      text.data(), text.size(),
-      ", because heads show the same things only %.0f to %.0f degrees from their lenses' axes; elsewhere the lenses "
-      "may be wrong",
-      from_deg, to_deg);
-  return what_is_estimated(estimated) + text.data() +
-         ". Heads that overlap more determine them, or `nodal calibrate lens`";
+std::string where_known(const KnownLens& known) {
+  const std::string where = number("%.0f", known.from_deg) + " to " + number("%.0f", known.to_deg) +
+                            " degrees from their axes (" + number("%.0f", known.from_px) + " to " +
+                            number("%.0f", known.to_px) + " px in the first head's picture); elsewhere ";
+  if (known.unsure <= 0) return where + "they are as they were before this registration, but for their scale";
+  return where + "they follow their kind of lens, and the distance from the axis may be wrong by about " +
+         number("%.0f", std::ceil(100 * known.unsure)) + " %";
+}
+
+std::string thin_overlaps(const Options& asked, Free estimated, const SeenRadii& seen, const KnownLens& known) {
+  const std::string why = "heads show the same things only " + number("%.0f", seen.from_deg) + " to " +
+                          number("%.0f", seen.to_deg) + " degrees from their lenses' axes";
+  return (asked.free == estimated ? why : what_is_estimated(estimated) + ", because " + why) +
+         (estimated == Free::kRotations ? "" : "; focal lengths change by one factor for all heads") +
+         ". The lenses are known " + where_known(known) + ". Heads that overlap more determine them, or " +
+         (asked.lens_kind_assumed ? "the kind of lens if it is known, or " : "") + "`nodal calibrate lens`";
 }
 
 std::string held_light(const std::string& head) {

@@ -8,6 +8,7 @@
 #include "stitch/registration/observability.h"
 #include "stitch/registration/pyramid.h"
 #include "stitch/registration/registration.h"
+#include "stitch/registration/seen_radii.h"
 
 namespace nodal::registration {
 
@@ -35,8 +36,11 @@ std::string near_things(double nearness, double size_px, const Calibration& prio
 /// Why fewer parameters of lenses are estimated than was asked for. `error`: that of what was asked for; empty if it
 /// has a result, but near things affect it, by `size_px` (Certainty::parts_px).
 std::string fewer_lens_parameters(Free asked, Free estimated, const std::string& error, double size_px);
-/// The same where overlaps show only a thin range of angles from the lenses' axes.
-std::string thin_overlaps(Free estimated, double from_deg, double to_deg);
+/// Overlaps show only a thin range of angles from the lenses' axes: where lenses are known, and, if fewer parameters
+/// are estimated than was asked for, that this is why.
+std::string thin_overlaps(const Options& asked, Free estimated, const SeenRadii& seen, const KnownLens& known);
+/// "87 to 93 degrees from their axes (...); elsewhere ...": after "the lenses are known".
+std::string where_known(const KnownLens& known);
 /// A placed head with little detail.
 std::string weak_head(const HeadReport& head);
 /// A head whose gains or fall-off came out beyond what a calibration may have (geometry::hold_light).

@@ -34,6 +34,7 @@ LevelPlan plan_level(int level, int width, double per_radian, const Options& opt
     plan.focal = plan.lens = true;
     plan.share_lens = level >= 2;
   }
+  plan.share_lens = plan.share_lens || options.one_lens;
   plan.curvature = level <= 1 ? Curvature::kCommon : Curvature::kOwn;
   plan.most_iterations = level == 0 ? 15 : 12;
   // A coarse level ends at a thirtieth of a pixel, because the next level refines it; the finest at a thousandth.
@@ -84,7 +85,7 @@ std::vector<LevelPlan> plan_levels(const std::vector<HeadState>& heads, const Op
   LevelPlan& finest = plans.back();
   finest.focal = options.free != Free::kRotations;
   finest.lens = options.free == Free::kLens;
-  finest.share_lens = false;
+  finest.share_lens = options.one_lens;
   finest.curvature = Curvature::kCommon;
   finest.turn_rad = 0.001 / per_radian;
   return plans;

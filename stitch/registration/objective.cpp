@@ -155,6 +155,8 @@ Result<Normal> Objective::evaluate(const std::vector<HeadState>& heads, const So
   return std::move(sums[0]);
 }
 
+std::size_t coarse_part(std::size_t part) { return part / 16 * 4 + part % 16 / 8 * 2 + part % 4 / 2; }
+
 Result<std::vector<Normal>> Objective::evaluate_parts(const std::vector<HeadState>& heads, const Sought& sought) {
   NODAL_TRY_ASSIGN(const Sights sights, sights_of(heads, sought, true));
   std::vector<std::vector<const Tile*>> tiles(kParts);

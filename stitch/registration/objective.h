@@ -52,6 +52,8 @@ struct Normal {
 
 /// Parts of the sphere for evaluate_parts(), about 22 degrees wide.
 inline constexpr int kParts = 96;
+/// The number, less than 24, of the four parts around a corner that a part belongs to.
+std::size_t coarse_part(std::size_t part);
 
 /// One level of the problem. Refers to pictures and tiles; both must outlive it.
 ///

@@ -8,6 +8,7 @@
 
 #include "stitch/registration/check_frames.h"
 #include "stitch/registration/diagnosis.h"
+#include "stitch/registration/known_lens.h"
 #include "stitch/registration/run.h"
 #include "stitch/registration/seen_radii.h"
 
@@ -93,28 +94,33 @@ Result<Registered> register_with(const Calibration& prior, const LitFrames& fram
   }
 }
 
-/// Where overlaps show the lenses if whole lenses are asked for and that is too little of them: the rest would be
-/// extrapolated, by tens of percent wrong, and heads agree nevertheless. Nothing if it is enough, or if heads do not
-/// overlap at all.
-Result<std::optional<SeenRadii>> too_thin(const Calibration& prior, const Options& options) {
-  if (options.free != Free::kLens || !options.geometry) return std::optional<SeenRadii>();
+/// Whether overlaps show too little of the lenses for whole lenses: the rest would be extrapolated, by tens of percent
+/// wrong, and heads agree nevertheless. False if heads do not overlap at all.
+Result<bool> too_thin(const Calibration& prior, const Options& options) {
+  if (!options.geometry) return false;
   NODAL_TRY_ASSIGN(const SeenRadii seen, seen_radii(prior));
-  const bool enough = seen.span == 0 || seen.determine_lenses();
-  return enough ? std::nullopt : std::optional(seen);
+  return seen.span > 0 && !seen.determine_lenses();
 }
+
+/// A report, and which parameters were estimated.
+struct Sure {
+  Report report;
+  Free estimated = Free::kRotations;
+};
 
 /// Registers with fewer parameters of lenses if those asked for cannot be trusted: if overlaps show too little of the
 /// lenses, if there is no result with them, or if near things would bend whole lenses.
-Result<Report> register_what_is_sure(const Calibration& prior, const LitFrames& frames, const Options& options) {
-  NODAL_TRY_ASSIGN(const std::optional<SeenRadii> thin, too_thin(prior, options));
+Result<Sure> register_what_is_sure(const Calibration& prior, const LitFrames& frames, const Options& options,
+                                   bool thin) {
+  thin = thin && options.free == Free::kLens;
   Result<Registered> asked = fail(Errc::kNotDetermined, "not tried");
   if (!thin) asked = register_with(prior, frames, options);
   if (options.free == Free::kRotations || !options.geometry) {
     if (!asked) return fail(asked.error());
-    return std::move(asked->report);
+    return Sure{std::move(asked->report), options.free};
   }
   const bool bent = asked && options.free == Free::kLens && asked->cause == Cause::kNearThings;
-  if (asked && !bent) return std::move(asked->report);
+  if (asked && !bent) return Sure{std::move(asked->report), options.free};
   Options fewer = options;
   fewer.lens_far_off = false;
   Error last = asked ? Error{} : asked.error();
@@ -122,14 +128,14 @@ Result<Report> register_what_is_sure(const Calibration& prior, const LitFrames& 
     fewer.free = fewer.free == Free::kLens ? Free::kFocals : Free::kRotations;
     Result<Registered> found = register_with(prior, frames, fewer);
     const bool worse = found && bent && found->report.objective_after > kLensesExplain * asked->report.objective_after;
-    if (bent && (!found || worse)) return std::move(asked->report);
+    if (bent && (!found || worse)) return Sure{std::move(asked->report), options.free};
     if (!found && thin) last = found.error();
     if (!found) continue;
-    found->report.warnings.push_back(thin ? thin_overlaps(fewer.free, thin->from_deg, thin->to_deg)
-                                          : fewer_lens_parameters(options.free, fewer.free,
-                                                                  bent ? std::string() : asked.error().message,
-                                                                  bent ? asked->displaced_px : 0));
-    return std::move(found->report);
+    if (!thin) {
+      found->report.warnings.push_back(fewer_lens_parameters(
+          options.free, fewer.free, bent ? std::string() : asked.error().message, bent ? asked->displaced_px : 0));
+    }
+    return Sure{std::move(found->report), fewer.free};
   }
   return fail(last);
 }
@@ -155,7 +161,18 @@ Result<Report> register_heads(const Calibration& prior, const LitFrames& frames,
   }
   // Positions are given in the rig's frame, so the rig as a whole cannot be turned afterwards.
   if (options.distance || prior.distance > 0) options.gauge = Gauge::kFirstHead;
-  return register_what_is_sure(prior, frames, options);
+  NODAL_TRY_ASSIGN(const bool thin, too_thin(prior, options));
+  // If two stereographic lenses look away from each other, one focal length may be multiplied by what the other one is
+  // divided by, and the pictures fit as well. Those of other lenses nearly do, and near things decide between them.
+  options.one_lens = options.one_lens || thin;
+  NODAL_TRY_ASSIGN(Sure sure, register_what_is_sure(prior, frames, options, thin));
+  if (!thin || (options.free == Free::kRotations && !options.lens_kind_assumed)) return std::move(sure.report);
+  NODAL_TRY_ASSIGN(const SeenRadii seen, seen_radii(sure.report.calibration));
+  NODAL_TRY_ASSIGN(const KnownLens known, known_lens(sure.report.calibration, seen, options, sure.estimated));
+  sure.report.lens = known;
+  sure.report.calibration.comment = commented(sure.report.calibration.comment, known);
+  sure.report.warnings.push_back(thin_overlaps(options, sure.estimated, seen, known));
+  return std::move(sure.report);
 }
 
 }  // namespace nodal::registration

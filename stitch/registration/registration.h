@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -67,6 +68,10 @@ struct Options {
   /// With Free::kLens: only the type of the prior's lenses is right. Lenses are estimated from the coarsest level on,
   /// at first one lens for all heads. Gives way to focal lengths and rotations, with a warning, as Free::kLens does.
   bool lens_far_off = false;
+  /// The type of the prior's lenses is an assumption, too: where overlaps show little of the lenses, other types fit.
+  bool lens_kind_assumed = false;
+  /// Focal lengths, and other parameters of lenses, change alike for all heads. Set where overlaps are thin.
+  bool one_lens = false;
   /// Searches for heads that are far from the prior, before the descent.
   bool search = true;
   int threads = 0;  ///< 0: one per core. The result does not depend on it.
@@ -95,6 +100,14 @@ struct PairReport {
   double agreement = 0;  ///< correlation of the detail that both see: 1 the same, 0 nothing in common
 };
 
+/// Where the lenses of a result are known to 2 %, from their axes, in pixels of the first head; and how wrong they may
+/// be elsewhere, as a share of the distance from the axis. 0: elsewhere they are the prior's.
+struct KnownLens {
+  double from_deg = 0, to_deg = 0;
+  double from_px = 0, to_px = 0;
+  double unsure = 0;
+};
+
 struct Report {
   Calibration calibration;  ///< the prior with the estimated parameters; checked
   /// With Options::distance: the standard deviation of 1 / calibration.distance, 1/m.
@@ -103,6 +116,7 @@ struct Report {
   std::vector<HeadReport> heads;
   std::vector<PairReport> pairs;  ///< all pairs that overlap
   std::vector<Step> steps;
+  std::optional<KnownLens> lens;  ///< only if overlaps show too little of the lenses to determine them
   std::vector<std::string> warnings;
 };
 

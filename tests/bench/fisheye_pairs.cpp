@@ -175,7 +175,6 @@ PairVerdict judged_alone(const FisheyePair& pair, const Calibration& truth, cons
 PairVerdict judged_nominal(const FisheyePair& pair, const Calibration& truth, const std::vector<std::string>& files,
                            const NominalAsked& asked) {
   PairVerdict verdict;
-  const auto nowhere = [](double) { return false; };
   std::vector<host::HeadPicture> pictures(files.begin(), files.end());
   const Status decoded = host::decode_all(pictures);
   registration::FrameSet frames;
@@ -194,13 +193,22 @@ PairVerdict judged_nominal(const FisheyePair& pair, const Calibration& truth, co
   }
   registration::Options options;
   options.lens_far_off = true;
+  options.lens_kind_assumed = !asked.family || pair.family == "polynomial";
   options.free = asked.lenses ? registration::Free::kLens : registration::Free::kRotations;
   const Result<registration::Report> report = registration::register_heads(*prior, {frames}, options);
   if (!report) {
     verdict.refused = report.error().message;
     return verdict;
   }
-  verdict.errors = errors_of(pair, truth, report->calibration, nowhere);
+  const auto& lens = report->lens;
+  verdict.whole = !lens;
+  if (lens) {
+    verdict.known_from_px = lens->from_px;
+    verdict.known_to_px = lens->to_px;
+    verdict.unsure_percent = std::ceil(100 * lens->unsure);
+  }
+  const auto known = [&](double px) { return !lens || (px > lens->from_px && px < lens->to_px); };
+  verdict.errors = errors_of(pair, truth, report->calibration, known);
   verdict.notes = report->warnings;
   return verdict;
 }

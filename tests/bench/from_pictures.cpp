@@ -33,11 +33,23 @@ void print_errors(const PairErrors& e) {
               e.rotation_deg, e.up_deg);
 }
 
+/// Whether the lens is wrong by more than what is said about it.
+bool is_wrong(const PairVerdict& verdict) {
+  const PairErrors& e = verdict.errors;
+  return e.worst_known > 3 || (!verdict.whole && e.worst > std::max(3.0, verdict.unsure_percent));
+}
+
 void print_nominal(const PairVerdict& verdict, const char* what) {
   std::printf("    %-28s | ", what);
   if (verdict.refused.empty()) {
     print_errors(verdict.errors);
-    std::printf("\n");
+    if (verdict.whole) {
+      std::printf(" | everywhere, %.1f", verdict.errors.worst_known);
+    } else {
+      std::printf(" | %.0f to %.0f, %.1f; else %.0f", verdict.known_from_px, verdict.known_to_px,
+                  verdict.errors.worst_known, verdict.unsure_percent);
+    }
+    std::printf("%s\n", is_wrong(verdict) ? "  WRONG" : "");
   } else {
     std::printf("%s\n", verdict.refused.c_str());
   }
@@ -58,7 +70,7 @@ void pairs(Range range, const fs::path& folder, bool nominal) {
     if (alone.refused.empty()) {
       ++placed;
       const PairErrors& e = alone.errors;
-      const bool wrong = e.worst_known > 3 || (!alone.whole && e.worst > std::max(3.0, alone.unsure_percent));
+      const bool wrong = is_wrong(alone);
       unknown_to_it += wrong ? 1 : 0;
       print_errors(e);
       if (alone.whole) {

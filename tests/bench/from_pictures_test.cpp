@@ -83,6 +83,14 @@ TEST_F(FisheyePairs, ADataSheetWithTheKindOfLens_PlacesWhatOneWithoutItDoesNot) 
   }
 }
 
+// Near things made one focal length 10 % too long and the other one too short, which these lenses fit as well.
+TEST_F(FisheyePairs, ADataSheetsStereographicLensesInARoom_DoNotDriftApart) {
+  const PairVerdict verdict = judged_by_sheet(pair_of(10), 10, {.family = true, .lenses = true});
+  ASSERT_EQ(verdict.refused, "");
+  EXPECT_LE(verdict.errors.worst_known, 3);
+  EXPECT_LT(verdict.errors.worst, 3);
+}
+
 // They share 1 degree: a few pixels of their rims, in which no feature can be found.
 TEST_F(FisheyePairs, AnOverlapWithoutFeatures_IsRefusedAndRepetitionIsNotNamed) {
   const PairVerdict verdict = judged({"equidistant", "town", 181, false}, 5);

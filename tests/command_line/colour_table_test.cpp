@@ -232,6 +232,62 @@ TEST_F(ColourTable, Stitch_OfHeads) {
   });
 }
 
+constexpr std::array<double, kHeads> kGains{1, 1.3, 0.8, 1.1, 0.9, 1.2};  // no sample is full
+constexpr double kMiddleLight = 0.3;
+
+/// What a head sees of a scene without edges, in sRGB's light.
+std::vector<double> head_light(const HeadCalibration& head, double gain, bool grey) {
+  const double focal = kHeadSide / 2.0 / std::tan(50 * std::numbers::pi / 180);
+  std::vector<double> light;
+  for (int y = 0; y < kHeadSide; ++y) {
+    for (int x = 0; x < kHeadSide; ++x) {
+      const std::array<double, 3> seen{(x + 0.5 - kHeadSide / 2.0) / focal, (y + 0.5 - kHeadSide / 2.0) / focal, 1};
+      std::array<double, 3> ray{};
+      for (std::size_t k = 0; k < 9; ++k) ray[k % 3] += head.R_head_rig[k] * seen[k / 3];
+      const double length = std::hypot(ray[0], ray[1], ray[2]);
+      for (std::size_t c = 0; c < 3; ++c) light.push_back(gain * (kMiddleLight + 0.1 * ray[grey ? 0 : c] / length));
+    }
+  }
+  return light;
+}
+
+TEST_F(ColourTable, RegisterAndCalibrate_FindTheSameGainsInEveryForm) {
+  Calibration rig = six_heads("srgb");
+  for (HeadCalibration& head : rig.heads) head.response.curve = Response::Curve::kSrgb;
+  write("srgb.json", to_json(rig));
+  for_every_form([&](const Form& form) {
+    Words given{"-o", path("lit.json"), path("srgb.json")};
+    for (std::size_t h = 0; h < kHeads; ++h) {
+      const std::string file = form.file("lit" + std::to_string(h));
+      Bytes samples;
+      const std::vector<double> light = head_light(rig.heads[h], kGains.at(h), form.said.grey);
+      for (const double level : by_definition(light, kLinear, form.said.space)) {
+        samples.push_back(static_cast<std::uint8_t>(std::lround(255 * level)));
+      }
+      write_form(path(file), samples, kHeadSide, kHeadSide, form);
+      given.push_back(path(file));
+    }
+    for (const Words& command : {Words{"register"}, {"calibrate", "light"}}) {
+      Words words = command;
+      words.insert(words.end(), given.begin(), given.end());
+      if (words[0] == "register") words.insert(words.end(), {"--free", "light", "--vignetting", "fixed"});
+      run(words);
+      const Calibration lit = parse_calibration(read("lit.json")).value();
+      double mean = 0, worst = 0;  // gains have a common factor, which pictures do not determine
+      for (std::size_t h = 0; h < kHeads; ++h) mean += std::log(lit.heads[h].gain[1] / kGains.at(h)) / kHeads;
+      const std::vector<double> right = by_definition(std::vector<double>(3, kMiddleLight), kLinear, kSrgbSpace);
+      for (std::size_t h = 0; h < kHeads; ++h) {
+        std::vector<double> shown;
+        for (const double gain : lit.heads[h].gain)
+          shown.push_back(kMiddleLight * gain / kGains.at(h) / std::exp(mean));
+        shown = by_definition(shown, kLinear, kSrgbSpace);
+        for (std::size_t c = 0; c < 3; ++c) worst = std::max(worst, std::abs(shown[c] - right[c]));
+      }
+      expect(command.back().c_str(), form, "gains", worst, 1.5);
+    }
+  });
+}
+
 /// nodald, which has no colour management.
 class ColourOfNodald : public ColourTable {
  protected:

@@ -182,6 +182,22 @@ TEST_F(ColourCommand, HeadsWhoseResponseIsLinear_TakeLinearFilesAsTheyAre) {
   }
 }
 
+// A rig registered by its data sheet has a linear response for want of another one, and photographs are sRGB.
+TEST_F(ColourCommand, SixteenBitsOfFilesThatAreNotCalledLinear_AreNoted) {
+  for (const bool says : {false, true}) {
+    const Bytes grey(96 * 96 * 2, 0x40);
+    const Bytes png = test::png_of(grey, 96, 96, 1, 16);
+    test::write_bytes(path("grey.png"), says ? with_chunk(png, "gAMA", {0, 1, 0x86, 0xA0}) : png);
+    Words words{"stitch", path("six.json")};
+    for (int h = 0; h < 6; ++h) words.push_back(path("grey.png"));
+    words.insert(words.end(), {"--bits", "16", "--width", "64", "-o", path("o.png")});
+    const Finished done = nodal(words);
+    ASSERT_EQ(done.code, 0) << done.err;
+    const bool noted = done.err.find("the numbers of head 'cam0' are proportional to light, and ") != std::string::npos;
+    EXPECT_EQ(noted, !says) << done.err;
+  }
+}
+
 TEST_F(ColourCommand, BesideImageMagick_ProfilesGiveTheSameColours) {
   if (Process({"sh", "-c", "convert -version | grep -q '^Version: ImageMagick'"}).wait().code != 0)
     GTEST_SKIP() << "ImageMagick is not installed";

@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
+#include <ctime>
 
 #include "colour_chart.h"
 #include "rig_process.h"
@@ -32,9 +34,10 @@ class MetadataCommand : public RigTest {
     ASSERT_EQ(done.code, 0) << done.err;
   }
 
-  /// A picture as a camera with a compass, level sensor and GPS writes it; a sphere by its metadata.
-  void write_picture(const std::string& name, int width, int height) const {
-    const auto rgb = test::smooth_rgb(width, height);
+  /// A picture as a camera with a compass, level sensor and GPS writes it; a sphere by its metadata. `darker`: levels.
+  void write_picture(const std::string& name, int width, int height, int darker = 0) const {
+    auto rgb = test::smooth_rgb(width, height);
+    for (auto& level : rgb) level = static_cast<std::uint8_t>(std::max(0, level - darker));
     if (name.ends_with(".tif")) {
       write_tiff(path(name), rgb, {.width = width, .height = height});
     } else {
@@ -121,6 +124,35 @@ TEST_F(MetadataCommand, EveryCommandFromEveryFormatToEveryFormat_KeepsWhatIsTrue
   }
 }
 
+// A calibration and its report are of the rig, not of the place where it was measured.
+TEST_F(MetadataCommand, RegisteringPictures_WritesNothingOfWhereAndWhenTheyWereTaken) {
+  for (const std::string from : {"jpg", "png", "tif"}) {
+    Words words{"register", path("six.json"),   "--free",   "light",
+                "-o",       path("found.json"), "--report", path("found.html")};
+    for (int h = 0; h < 6; ++h) {
+      const std::string file = "head" + std::to_string(h) + "." + from;
+      write_picture(file, 96, 96, 5 * h);  // heads with the same picture are refused
+      const Json before = h == 0 ? tags(file) : Json();
+      for (const Field& field : fields()) ASSERT_TRUE(h > 0 || is_same(field.before, before[field.name])) << file;
+      words.push_back(path(file));
+    }
+    const Finished done = nodal(words);
+    ASSERT_EQ(done.code, 0) << done.err;
+    for (const std::string file : {"found.json", "found.html"}) {
+      const Json said = tags(file);
+      std::printf("%-8s %-4s %-4s", "register", from.c_str(), file.substr(6).c_str());
+      for (const Field& field : fields()) {
+        EXPECT_FALSE(said.contains(field.name)) << "register " << from << " to " << file << " " << field.name;
+        std::printf(" %s", said.contains(field.name) ? "kept" : "-");
+      }
+      std::printf("\n");
+      for (const char* text : {"52.508", "2024:05:06", "Sphere 1"}) {
+        EXPECT_EQ(read(file).find(text), std::string::npos) << file << " from " << from << ": " << text;
+      }
+    }
+  }
+}
+
 TEST_F(MetadataCommand, ByWayOfACube_ASphereKeepsItsPose) {
   write_sphere("in.jpg");
   ASSERT_EQ(nodal({"convert", path("in.jpg"), "--layout", "cube", "-o", path("cube.png")}).code, 0);
@@ -149,6 +181,49 @@ TEST_F(MetadataCommand, RaymapsOfARig_AreSpheresThatClaimNothingElse) {
       EXPECT_EQ(said.value("FullPanoWidthPixels", 0), 256) << file << said;
       for (const char* key : {"PoseHeadingDegrees", "GPSLatitude", "GPSImgDirection", "DateTimeOriginal"})
         EXPECT_FALSE(said.contains(key)) << file << key;
+    }
+  }
+}
+
+/// Seconds since 1970 of a date as exiftool prints that of a Matroska file: "2026:11:27 10:11:12.25Z", in UTC.
+double seconds_of(const std::string& date) {
+  std::tm parts{};
+  const char* const rest = ::strptime(date.c_str(), "%Y:%m:%d %H:%M:%S", &parts);
+  if (rest == nullptr || !date.ends_with("Z")) return -1;
+  const double fraction = *rest == '.' ? std::strtod(rest, nullptr) : 0;
+  return static_cast<double>(::timegm(&parts)) + fraction;
+}
+
+// Films of heads show what a lens saw, those of raymaps spheres. All say when they were exposed, and nothing of where.
+TEST_F(MetadataCommand, FilmsOfATake_SayWhatTheyShowAndWhen) {
+  std::string toml = read("rig.toml");
+  toml.insert(toml.find("[sim]"), "[takes]\nfolder = \"takes\"\nbuffer_mb = 16\n");
+  write("rig.toml", toml);
+  const std::time_t begun = std::time(nullptr);
+  start_nodald();
+  bring_up();
+  ASSERT_EQ(nodal({"take", "start"}).code, 0);
+  ASSERT_EQ(nodal({"raymap", "pull", "-n", "5", "-o", path("pulled.mkv")}).code, 0);
+  ASSERT_EQ(nodal({"take", "stop"}).code, 0);
+  ASSERT_EQ(nodal({"take", "export", path("takes/000001"), "--to", path("films")}).code, 0);
+  ASSERT_EQ(nodal({"render", path("takes/000001"), "-o", path("rendered.mkv")}).code, 0);
+  std::printf("%-18s %-10s %-11s %-16s\n", "film", "size", "projection", "exposed");
+  for (const std::string film :
+       {"films/cam0.mkv", "films/cam5.mkv", "films/raymaps.mkv", "rendered.mkv", "pulled.mkv"}) {
+    const Json said = tags(film);
+    const bool sphere = !film.starts_with("films/cam");
+    const std::string size =
+        std::to_string(said.value("ImageWidth", 0)) + "x" + std::to_string(said.value("ImageHeight", 0));
+    const std::string date = said.value("DateTimeOriginal", "");
+    std::printf("%-18s %-10s %-11s %-16s\n", film.c_str(), size.c_str(), sphere ? "sphere" : "-", date.c_str());
+    // exiftool 12.57 reads no projection of Matroska. Element 7671 of one byte (RFC 9559): 1 is equirectangular.
+    EXPECT_EQ(read(film).find("\x76\x71\x81\x01") != std::string::npos, sphere) << film;
+    EXPECT_EQ(said.value("Warning", ""), "") << film;
+    const double exposed = seconds_of(date);
+    EXPECT_GE(exposed, static_cast<double>(begun) - 1) << film << said;
+    EXPECT_LE(exposed, static_cast<double>(std::time(nullptr)) + 1) << film << said;
+    for (const char* key : {"ProjectionPoseYaw", "PoseHeadingDegrees", "GPSLatitude", "Make"}) {
+      EXPECT_FALSE(said.contains(key)) << film << key;
     }
   }
 }

@@ -197,8 +197,10 @@ void add_notes(const LensOptions& options, LensReport& report) {
   }
   if (report.covered < kWellCovered) {
     report.notes.push_back("the pattern was seen over " + text(100 * report.covered, "%.0f") +
-                           " % of the picture only; beyond it the lens is extrapolated. Go closer, or aim so that it "
-                           "fills the corners too");
+                           " % of the picture only, " + text(report.seen_from_px, "%.0f") + " to " +
+                           text(report.seen_to_px, "%.0f") +
+                           " px from the lens's centre; elsewhere the lens is extrapolated. Go closer, or aim so that "
+                           "it fills the corners too");
   }
   if (!options.aspect_known && report.aspect.deviation > 0.002) {
     report.notes.push_back("the aspect ratio is not well determined; give it with --aspect when it is known");
@@ -271,6 +273,8 @@ Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photog
   out.report.focal = measured(kFirstCoefficient);
   out.report.mapping_deviation_px = mapping_deviation(lens, C, region);
   out.report.covered = survey.covered;
+  out.report.seen_from_px = survey.seen_from_px;
+  out.report.seen_to_px = survey.seen_to_px;
   NODAL_TRY(check_determined(state.arrangement, out.report));
   for (std::size_t v = 0; v < photographs.size(); ++v) {
     const Pose& pose = state.arrangement.poses[v];

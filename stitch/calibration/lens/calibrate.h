@@ -56,8 +56,10 @@ struct LensReport {
   Measured focal;                       ///< px; px per rad for fisheyes
   double mapping_deviation_px = 0;      ///< standard deviation of a ray's pixel, rms over the region
   double covered = 0;                   ///< share of the region that at least one photograph covers
-  std::vector<std::string> notes;       ///< remarks for the user, one sentence each
-  std::vector<GreyImage> residuals;     ///< one image per photograph, for a range of 1; 0 outside the pattern
+  /// Distances from the lens's centre that photographs cover, px; beyond them the lens is extrapolated.
+  double seen_from_px = 0, seen_to_px = 0;
+  std::vector<std::string> notes;    ///< remarks for the user, one sentence each
+  std::vector<GreyImage> residuals;  ///< one image per photograph, for a range of 1; 0 outside the pattern
 };
 
 struct LensCalibration {

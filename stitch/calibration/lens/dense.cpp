@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -311,15 +312,32 @@ DenseSurvey DenseAlignment::survey(const DenseState& state) const {
   }
   int inside = 0;
   int seen = 0;
+  const LensParameters& lens = state.arrangement.lens;
+  constexpr std::size_t kRings = 32;
+  std::array<int, kRings> ring_inside{}, ring_seen{};
+  const double ring_px = std::hypot(full.width, full.height) / kRings;  // reaches every corner from any centre
   for (int j = 0; j < kGrid; ++j) {
     for (int i = 0; i < kGrid; ++i) {
       const geometry::Pixel p{(i + 0.5) / kGrid * full.width, (j + 0.5) / kGrid * full.height};
       if (!in_region(p, 0)) continue;
+      const double r = std::hypot(p.x - lens[kCenterX], (p.y - lens[kCenterY]) / lens[kAspect]);
+      const std::size_t ring = std::min(kRings - 1, static_cast<std::size_t>(r / ring_px));
+      const int is = std::ranges::any_of(bands, [&](const Band& band) { return band.cells[cell(p)]; }) ? 1 : 0;
       ++inside;
-      seen += std::ranges::any_of(bands, [&](const Band& band) { return band.cells[cell(p)]; }) ? 1 : 0;
+      seen += is;
+      ++ring_inside[ring];
+      ring_seen[ring] += is;
     }
   }
   survey.covered = static_cast<double>(seen) / std::max(inside, 1);
+  // A tenth of a ring shows how long the radius is; a few cells may be one corner of one photograph.
+  const auto shown = [&](std::size_t ring) { return ring_seen[ring] > 0 && 10 * ring_seen[ring] >= ring_inside[ring]; };
+  std::size_t first = 0;
+  while (first < kRings && !shown(first)) ++first;
+  std::size_t end = first;
+  while (end < kRings && shown(end)) ++end;
+  survey.seen_from_px = static_cast<double>(first) * ring_px;
+  survey.seen_to_px = static_cast<double>(end) * ring_px;
   return survey;
 }
 

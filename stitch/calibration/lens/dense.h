@@ -46,6 +46,8 @@ struct DenseSurvey {
   /// model do not affect them.
   std::vector<std::vector<LightSample>> calm;
   double covered = 0;  ///< share of the region in which at least one photograph shows the pattern
+  /// Distances from the lens's centre between which they show it, px of the picture, aspect taken out.
+  double seen_from_px = 0, seen_to_px = 0;
 };
 
 /// Threading: thread-bound; `for_each` may distribute the work. Ownership: keeps the photographs' pyramids; refers to

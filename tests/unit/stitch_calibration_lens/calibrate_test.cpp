@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <string>
 
 #include "tests/support/photographer.h"
 
@@ -122,6 +124,25 @@ TEST(CalibrateLens, NoiseBlurTiltAndUnevenLight_LensOfThePaperToThreeHundredthsO
   for (const ViewReport& view : result->report.views) EXPECT_LT(view.rms, 6) << view.name;
   EXPECT_NEAR(result->report.views[1].tilt_deg, 30, 0.05);
   EXPECT_NEAR(result->report.views[1].distance, 0.3, 0.001);
+}
+
+// The pattern is square, as wide as 1 of its own widths; from 0.9 of them its middle fills half of the picture.
+TEST(CalibrateLens, PhotographsFromFarAway_SayWhichRadiiTheyShow) {
+  const ph::Lens lens = paper_lens();
+  const auto far = calibrate_lens(photographs(print(), lens, kThree, 0.9), pattern(), {});
+  ASSERT_TRUE(far) << far.error().text();
+  // Head on, half a width is at f * 0.5 / 0.9, and a corner farther by the square root of 2.
+  const double side = lens.f * 0.5 / 0.9;
+  EXPECT_EQ(far->report.seen_from_px, 0);
+  EXPECT_GT(far->report.seen_to_px, side - 20);
+  EXPECT_LT(far->report.seen_to_px, 1.5 * side + 20);
+  const std::string range = std::to_string(std::lround(far->report.seen_to_px)) + " px from the lens's centre";
+  EXPECT_TRUE(std::ranges::any_of(far->report.notes,
+                                  [&](const std::string& note) { return note.find(range) != std::string::npos; }));
+  const auto near = calibrate_lens(photographs(print(), lens, kThree, 0.3), pattern(), {});
+  ASSERT_TRUE(near) << near.error().text();
+  const double corner = std::hypot(lens.width, lens.height) / 2;
+  EXPECT_NEAR(near->report.seen_to_px, corner, 0.08 * corner);
 }
 
 TEST(CalibrateLens, EvenLight_ResponseAndFallOffComeWithIt) {
