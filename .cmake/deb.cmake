@@ -42,6 +42,8 @@ into one picture of the full sphere, the raymap, which it sends to hosts.")
 set(CPACK_DEBIAN_NODAL_PACKAGE_NAME nodal)
 set(CPACK_DEBIAN_NODAL_PACKAGE_SECTION video)
 set(CPACK_DEBIAN_NODAL_PACKAGE_RECOMMENDS openssh-client)
+# For `nodal look --open`.
+set(CPACK_DEBIAN_NODAL_PACKAGE_SUGGESTS xdg-utils)
 set(CPACK_DEBIAN_NODAL_DESCRIPTION "command line for multi-head cameras that film the full sphere
 nodal watches and sets a rig that runs nodald, here or over ssh, calibrates and
 registers its heads, and pulls raymaps, pictures of the full sphere. Without a
@@ -58,7 +60,20 @@ nodal_documents(nodald firmware/HARDWARE.md firmware/RIG.md protocol/CALIBRATION
 
 # What Debian's policy requires in every package: licence, changes of the package, changes of the program.
 string(TIMESTAMP NODAL_DATE "%a, %d %b %Y %H:%M:%S +0000" UTC)
+# What is in nodal that others wrote: its licence, as Debian's format has it (an empty line is a dot).
+file(READ host_tool/page/vendor/LICENSE.three licence)
+string(REGEX REPLACE "^.*(Permission is hereby.*[^\n])\n*$" "\\1" licence "${licence}")
+string(REPLACE "\n" "\n " licence "${licence}")
+string(REPLACE "\n \n" "\n .\n" licence "${licence}")
+set(NODAL_FOREIGN_nodald "")
+set(NODAL_FOREIGN_nodal "
+Files: host_tool/page/vendor/viewer.js
+Copyright: 2010-2026 three.js authors
+License: Expat
+ ${licence}
+")
 foreach(package nodald nodal)
+  set(NODAL_FOREIGN "${NODAL_FOREIGN_${package}}")
   set(documents ${CMAKE_BINARY_DIR}/debian/${package})
   file(CONFIGURE OUTPUT ${documents}/changelog.Debian @ONLY CONTENT
     "${package} (@PROJECT_VERSION@-1) unstable; urgency=medium\n\n  * Changes for users are in changelog.gz.\n\n -- @NODAL_MAINTAINER@  @NODAL_DATE@\n")
@@ -70,7 +85,7 @@ Files: *
 Copyright: 2026 the Nodal maintainers
 License: Apache-2.0
  The full text is in /usr/share/common-licenses/Apache-2.0.
-")
+@NODAL_FOREIGN@")
   install(FILES ${documents}/changelog.Debian ${documents}/copyright DESTINATION share/doc/${package} COMPONENT ${package})
   install(FILES .github/CHANGELOG.md DESTINATION share/doc/${package} RENAME changelog COMPONENT ${package})
 endforeach()

@@ -14,6 +14,10 @@
 #include "protocol/base/result.h"
 #include "protocol/base/units.h"
 
+namespace nodal::host::look {
+struct Prepared;
+}
+
 namespace nodal::host {
 
 /// What a command needs to run: options, console, connection.
@@ -44,6 +48,9 @@ class Context {
 
   /// If set, replaces connect(): tests connect over their own link.
   std::function<Result<std::unique_ptr<RigConnection>>()> connect_by;
+
+  /// The socket and the browser of `look`, which are prepared before the process gives up its rights; null: not yet.
+  std::shared_ptr<look::Prepared> page;
 
   /// The exit code of a command that succeeded, but with a negative result.
   ExitCode answer = ExitCode::kOk;

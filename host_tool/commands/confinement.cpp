@@ -13,6 +13,7 @@
 
 #include "hal/linux/confine/confine.h"
 #include "hal/linux/link/link_helper.h"
+#include "host_tool/commands/look.h"
 #include "host_tool/console/overwriting.h"
 #include "host_tool/input/project_pictures.h"
 #include "protocol/base/try.h"
@@ -210,6 +211,9 @@ CommandRights rights_of(const CLI::App& command) {
 }
 
 Status confine_command(Context& context, const CLI::App& command) {
+  if (command.get_name() == kLookCommand) {
+    NODAL_TRY(prepare_look(context, command));
+  }
   if (is_off()) return {};
   NODAL_TRY(give_helper(context));
   const CommandRights rights = rights_of(command);

@@ -9,16 +9,12 @@
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/overwriting.h"
-#include "host_tool/input/pictures.h"
 #include "host_tool/output/cube_faces.h"
-#include "host_tool/output/layout_name.h"
 #include "host_tool/output/raymap_sink.h"
+#include "host_tool/output/raymap_source.h"
 #include "host_tool/output/turned_pose.h"
 #include "protocol/base/try.h"
-#include "stitch/geometry/raymap/fisheye_picture.h"
-#include "stitch/media/gpano.h"
 #include "stitch/media/raymap/raymap_file.h"
-#include "stitch/media/xmp/xmp.h"
 
 namespace nodal::host {
 namespace {
@@ -31,75 +27,16 @@ class Stopwatch {
   std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
 
-struct FrameInput {
-  DecodedImage picture;
-  bool says_equirectangular = false;  ///< by GPano metadata
-};
-
-/// `from_metadata`: a part of a sphere is placed on the sphere where the file's metadata say.
-Result<FrameInput> read_frame(const std::string& file, bool from_metadata) {
-  NODAL_TRY_ASSIGN(DecodedImage picture, read_deep_picture(file));
-  const std::optional<media::SphereArea> area = media::parse_xmp(picture.metadata.xmp).area;
-  if (!area || !from_metadata) return FrameInput{std::move(picture), area.has_value()};
-  Result<DecodedImage> whole = media::whole_sphere(std::move(picture), *area);
-  if (!whole) return fail(whole.error().in(file));
-  return FrameInput{std::move(*whole), true};
-}
-
 /// The six faces of a cube, side by side.
-Result<FrameInput> read_faces(const std::vector<std::string>& inputs) {
+Result<RaymapInput> read_faces(const std::vector<std::string>& inputs) {
   NODAL_TRY_ASSIGN(const auto files, face_files(inputs));
   std::array<DecodedImage, kFaces> faces;
   for (std::size_t face = 0; face < kFaces; ++face) {
-    NODAL_TRY_ASSIGN(FrameInput input, read_frame(files[face], false));
+    NODAL_TRY_ASSIGN(RaymapInput input, read_raymap(files[face], false));
     faces[face] = std::move(input.picture);
   }
   NODAL_TRY_ASSIGN(DecodedImage row, row_of_faces(faces));
-  return FrameInput{std::move(row), false};
-}
-
-/// What the inputs show.
-struct Source {
-  std::unique_ptr<geometry::RaymapLayout> layout;
-  double pixels_per_radian = 0;
-  std::optional<geometry::LayoutName> name;  ///< nothing for pictures of fisheyes
-};
-
-Result<geometry::LayoutName> name_of(const FrameOptions& options, const FrameInput& input) {
-  if (!options.from.empty()) {
-    const Result<geometry::LayoutName> name = layout_named(options.from);
-    if (!name) return fail(name.error().in("--from"));
-    return *name;
-  }
-  if (input.says_equirectangular) return geometry::LayoutName::parse("equirectangular");
-  return fail(Errc::kMissingField,
-              options.inputs.front() +
-                  ": the file does not say which layout it has; give --from, one of: " + geometry::layout_list());
-}
-
-Result<Source> source_of(const FrameOptions& options, const FrameInput& input) {
-  const geometry::RaymapSize size{input.picture.width, input.picture.height};
-  if (const auto lens = geometry::FisheyePicture::parse(options.from)) {
-    if (!*lens) return fail(lens->error().in("--from"));
-    return Source{(*lens)->layout(size), (*lens)->pixels_per_radian(size), std::nullopt};
-  }
-  NODAL_TRY_ASSIGN(const geometry::LayoutName name, name_of(options, input));
-  auto layout = geometry::make_layout(name, size.width, size.height);
-  if (!layout) return fail(layout.error().in(options.inputs.front()));
-  return Source{std::move(*layout), size.width / name.width_for_resolution(1), name};
-}
-
-/// A photograph, or a part of a sphere, would be stretched over the whole sphere.
-void warn_of_shape(Console& console, const std::string& file, const geometry::LayoutName& layout,
-                   geometry::RaymapSize size) {
-  constexpr double kMax = 1.25;
-  const geometry::RaymapSize whole = layout.size_for_width(size.width);
-  const double stretch = static_cast<double>(whole.height) * size.width / whole.width / size.height;
-  if (stretch < kMax && stretch > 1 / kMax) return;
-  console.warning(fmt::format(
-      "{}: it has {}x{} pixels, and the whole sphere ({}) with this width has {}x{}: "
-      "what it shows is stretched {:.1f} times",
-      file, size.width, size.height, layout.text(), whole.width, whole.height, std::max(stretch, 1 / stretch)));
+  return RaymapInput{std::move(row), false};
 }
 
 /// What all pictures of one size become.
@@ -183,7 +120,7 @@ Status check_names(const FrameOptions& options) {
 
 /// Reads every input, paints and writes it. `begin` is called with the first.
 Status run_frame_job(Console& console, const FrameOptions& options,
-                     const std::function<Result<FrameJob>(const FrameInput& first)>& begin) {
+                     const std::function<Result<FrameJob>(const RaymapInput& first)>& begin) {
   const Stopwatch whole;
   double resampling_seconds = 0;
   const bool piped = options.out == "-";
@@ -196,15 +133,15 @@ Status run_frame_job(Console& console, const FrameOptions& options,
   std::optional<FrameJob> job;
   geometry::RaymapSize size;  // size of the first picture
   std::string last;
-  std::optional<FrameInput> input;
+  std::optional<RaymapInput> input;
   {
     Progress bar(console, "resampling", count);
     for (std::size_t k = 0; k < count; ++k) {
       if (interrupted()) return fail(Errc::kCancelled, fmt::format("stopped after {} of {} pictures", k, count));
       if (k < options.inputs.size()) {
-        NODAL_TRY_ASSIGN(FrameInput read, interruptible(console, [&] {
+        NODAL_TRY_ASSIGN(RaymapInput read, interruptible(console, [&] {
                            return options.faces_in ? read_faces(options.inputs)
-                                                   : read_frame(options.inputs[k], options.from.empty());
+                                                   : read_raymap(options.inputs[k], options.from.empty());
                          }));
         input = std::move(read);
       }
@@ -266,12 +203,11 @@ Status run_frames(Console& console, const FrameOptions& options,
   std::unique_ptr<geometry::RaymapLayout> source;
   std::optional<view::Resampler> resampler;
   view::Resampler::Plan plan;
-  return run_frame_job(console, options, [&](const FrameInput& first) -> Result<FrameJob> {
-    NODAL_TRY_ASSIGN(Source from, source_of(options, first));
+  return run_frame_job(console, options, [&](const RaymapInput& first) -> Result<FrameJob> {
+    NODAL_TRY_ASSIGN(RaymapSource from, source_of(options.from, options.inputs.front(), first));
+    if (const std::string warning = shape_warning(options.inputs.front(), from, first); !warning.empty())
+      console.warning(warning);
     source = std::move(from.layout);
-    if (from.name && !source->scattered()) {
-      warn_of_shape(console, options.inputs.front(), *from.name, {first.picture.width, first.picture.height});
-    }
     NODAL_TRY_ASSIGN(const Outcome made, outcome(from.pixels_per_radian));
     const Stopwatch watch;
     interruptible(console, [&] {
@@ -291,7 +227,7 @@ Status run_frames(Console& console, const FrameOptions& options,
 
 Status run_frames_as(Console& console, const FrameOptions& options, geometry::RaymapSize size,
                      const std::function<DecodedImage(const DecodedImage& raymap)>& paint) {
-  return run_frame_job(console, options, [&](const FrameInput&) -> Result<FrameJob> {
+  return run_frame_job(console, options, [&](const RaymapInput&) -> Result<FrameJob> {
     return FrameJob{size, std::nullopt, [&](const DecodedImage& raymap, std::size_t) { return paint(raymap); }, 0};
   });
 }

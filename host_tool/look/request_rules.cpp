@@ -1,0 +1,78 @@
+#include "host_tool/look/request_rules.h"
+
+#include <algorithm>
+#include <cctype>
+#include <string_view>
+
+namespace nodal::host::look {
+namespace {
+
+bool same_word(std::string_view a, std::string_view b) {
+  return std::ranges::equal(a, b, [](unsigned char x, unsigned char y) { return std::tolower(x) == std::tolower(y); });
+}
+
+/// Characters of a header's name (RFC 9110, 5.6.2).
+bool is_token(const std::string& name) {
+  constexpr std::string_view kMarks = "!#$%&'*+-.^_`|~";
+  return !name.empty() && std::ranges::all_of(name, [&](char c) {
+    return std::isalnum(static_cast<unsigned char>(c)) != 0 || kMarks.find(c) != std::string_view::npos;
+  });
+}
+
+bool has_controls(const std::string& value) {
+  return std::ranges::any_of(value, [](unsigned char c) { return (c < 0x20 && c != '\t') || c == 0x7F; });
+}
+
+std::vector<std::string> values_of(const Asked& asked, std::string_view header) {
+  std::vector<std::string> values;
+  for (const auto& [name, value] : asked.headers) {
+    if (same_word(name, header)) values.push_back(value);
+  }
+  return values;
+}
+
+/// Takes as long for every path of the same length, so that time does not tell how many digits were right.
+bool begins_with_token(const std::string& path, const std::string& token) {
+  const std::string begins = "/" + token + "/";
+  if (token.empty() || path.size() < begins.size()) return false;
+  unsigned differences = 0;
+  for (std::size_t k = 0; k < begins.size(); ++k)
+    differences |= static_cast<unsigned>(static_cast<unsigned char>(path[k]) ^ static_cast<unsigned char>(begins[k]));
+  return differences == 0;
+}
+
+std::vector<std::string> own_hosts(std::uint16_t port) {
+  const std::string end = ":" + std::to_string(port);
+  return {"127.0.0.1" + end, "[::1]" + end, "localhost" + end};
+}
+
+}  // namespace
+
+std::string Rules::link() const { return "http://127.0.0.1:" + std::to_string(port) + "/" + token + "/"; }
+
+std::optional<Refusal> Rules::check(const Asked& asked) const {
+  const std::vector<std::string> hosts = own_hosts(port), named = values_of(asked, "Host");
+  const auto is_own = [&](std::string_view text) {
+    return std::ranges::any_of(hosts, [&](const std::string& host) { return same_word(host, text); });
+  };
+  if (named.size() != 1 || !is_own(named.front()))
+    return Refusal{421, "This server is for 127.0.0.1 and localhost on its own port only."};
+  for (const auto& [name, value] : asked.headers) {
+    if (!is_token(name) || has_controls(value)) return Refusal{400, "A header is malformed."};
+  }
+  if (!values_of(asked, "Transfer-Encoding").empty()) return Refusal{400, "Transfer-Encoding is not accepted."};
+  for (const std::string& length : values_of(asked, "Content-Length")) {
+    if (length != "0") return Refusal{400, "Requests have no body here."};
+  }
+  if (asked.version != "HTTP/1.1" && asked.version != "HTTP/1.0") return Refusal{400, "HTTP/1.1 is needed."};
+  if (!begins_with_token(asked.path, token)) return Refusal{0, ""};
+  for (const std::string& origin : values_of(asked, "Origin")) {
+    constexpr std::string_view kScheme = "http://";
+    if (!origin.starts_with(kScheme) || !is_own(std::string_view(origin).substr(kScheme.size())))
+      return Refusal{403, "Pages of other sites are not answered."};
+  }
+  if (asked.method != "GET" && asked.method != "HEAD") return Refusal{405, "Only GET and HEAD are answered here."};
+  return std::nullopt;
+}
+
+}  // namespace nodal::host::look

@@ -1,0 +1,134 @@
+// Drives the page of `nodal look` in headless Chromium:  node look_page.mjs LINK FOLDER STEPS
+// STEPS is a list as JSON; each step is a list of a name and its arguments. What "state", "axe" and "requests" find is
+// printed as one JSON document a line. Pictures go into FOLDER.
+import { createRequire } from "node:module";
+import { readFileSync } from "node:fs";
+import { join } from "node:path";
+
+const [link, folder, stepsText] = process.argv.slice(2);
+const modules = join(import.meta.dirname, "../../build/browser/node_modules/");
+const require = createRequire(modules);
+const puppeteer = require("puppeteer-core");
+const axe = readFileSync(join(modules, "axe-core/axe.min.js"), "utf8");
+
+const browser = await puppeteer.launch({
+  executablePath: "/usr/bin/chromium",
+  args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars"],
+});
+const page = await browser.newPage();
+const requests = [], errors = [];
+page.on("request", (request) => requests.push(request.url()));
+page.on("console", (line) => { if (line.type() === "error") errors.push(line.text()); });
+page.on("pageerror", (error) => errors.push(String(error)));
+
+const print = (document) => console.log(JSON.stringify(document));
+const drawn = () => page.evaluate(() => new Promise((done) =>
+  requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done, 0)))));
+const box = async () => (await page.$("#view")).boundingBox();
+
+const steps = {
+  size: (width, height) => page.setViewport({ width, height, deviceScaleFactor: 1 }),
+  // What graphics there are: "none", or graphics that take pictures of no more than `largest` px.
+  graphics: (kind, largest) => page.evaluateOnNewDocument((what, most) => {
+    const real = HTMLCanvasElement.prototype.getContext;
+    HTMLCanvasElement.prototype.getContext = function (...words) {
+      if (what === "none") return null;
+      const context = real.apply(this, words);
+      const parameter = context?.getParameter?.bind(context);
+      if (parameter) context.getParameter = (name) => (name === context.MAX_TEXTURE_SIZE ? most : parameter(name));
+      return context;
+    };
+  }, kind, largest),
+  open: async () => {
+    const begin = Date.now();
+    await page.goto(link, { waitUntil: "domcontentloaded" });
+    await page.waitForFunction(() => document.documentElement.dataset.ready || !document.getElementById("message").hidden,
+      { timeout: 60000 });
+    await drawn();
+    print({ opened_ms: Date.now() - begin });
+  },
+  select: async (id, index) => {
+    await page.evaluate((name, k) => {
+      const select = document.getElementById(name);
+      select.selectedIndex = k;
+      select.dispatchEvent(new Event("change"));
+    }, id, index);
+    await page.waitForFunction(() => !document.getElementById("stage").hasAttribute("aria-busy"), { timeout: 60000 });
+    await drawn();
+  },
+  // Pixels of the view; null: half of its height.
+  drag: async (x0, y0, x1, y1) => {
+    const { x, y, height } = await box();
+    await page.mouse.move(x + x0, y + (y0 ?? height / 2));
+    await page.mouse.down();
+    await page.mouse.move(x + x1, y + (y1 ?? height / 2), { steps: 5 });
+    await page.mouse.up();
+    await drawn();
+  },
+  wheel: async (pixels) => {
+    const { x, y, width, height } = await box();
+    await page.mouse.move(x + width / 2, y + height / 2);
+    await page.mouse.wheel({ deltaY: pixels });
+    await new Promise((done) => setTimeout(done, 100)); // the browser sends it later
+    await drawn();
+  },
+  // Two fingers beside the middle go from one distance to another.
+  pinch: async (from, to) => {
+    const { x, y, width, height } = await box();
+    const client = await page.createCDPSession();
+    const touch = (type, apart) => client.send("Input.dispatchTouchEvent", {
+      type,
+      touchPoints: apart === null ? [] : [-1, 1].map((sign, id) =>
+        ({ id, x: x + width / 2 + (sign * apart) / 2, y: y + height / 2 })),
+    });
+    await touch("touchStart", from);
+    await touch("touchMove", (from + to) / 2);
+    await touch("touchMove", to);
+    await touch("touchEnd", null);
+    await drawn();
+  },
+  // "Shift+ArrowLeft" too.
+  key: async (name) => {
+    const words = name.split("+").filter((word) => word !== "");
+    const last = name.endsWith("+") ? "+" : words.pop();
+    for (const held of words) await page.keyboard.down(held);
+    await page.keyboard.press(last);
+    for (const held of words) await page.keyboard.up(held);
+    await drawn();
+  },
+  loseGraphics: async () => {
+    await page.evaluate(() => document.getElementById("view").getContext("webgl2").getExtension("WEBGL_lose_context").loseContext());
+    await page.waitForSelector("#flat:not([hidden])");
+    await drawn();
+  },
+  shot: async (name, selector) => {
+    await drawn();
+    if (selector === "page") await page.screenshot({ path: join(folder, name) });
+    else await (await page.$(selector ?? "#view")).screenshot({ path: join(folder, name) });
+  },
+  state: async () => print(await page.evaluate(() => {
+    const text = (id) => document.getElementById(id).textContent;
+    const { yaw, pitch, fov } = document.getElementById("where").dataset;
+    const view = document.getElementById("view").getBoundingClientRect();
+    return {
+      yaw: Number(yaw), pitch: Number(pitch), fov: Number(fov), width: view.width, height: view.height,
+      command: text("command"), message: document.getElementById("message").hidden ? "" : text("message"),
+      notes: text("notes"), title: document.title, focus: document.activeElement.id,
+      flat: document.getElementById("flat").hidden ? 0 : document.getElementById("flat").naturalWidth,
+      wider: document.documentElement.scrollWidth - innerWidth,
+    };
+  })),
+  axe: async () => {
+    await page.evaluate(axe);
+    const { violations } = await page.evaluate(() => globalThis.axe.run());
+    print(violations.map(({ id, nodes }) => `${id}: ${nodes.map((node) => node.html).join(" ")}`));
+  },
+  details: () => page.click("summary"),
+  requests: () => print({ requests, errors }),
+};
+
+try {
+  for (const [name, ...words] of JSON.parse(stepsText)) await steps[name](...words);
+} finally {
+  await browser.close();
+}
