@@ -123,6 +123,7 @@ int Console::end_output() {
 
 void Console::line(std::string_view text) {
   if (json_) return;
+  finish_progress();
   const std::string fit = (out_terminal_ ? fitted(shown(text), columns_of(out_)) : shown(text)) + "\n";
   const auto lines = static_cast<std::size_t>(std::ranges::count(fit, '\n'));
   if (room_ && (cut_ > 0 || lines > *room_)) {
