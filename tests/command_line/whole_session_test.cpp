@@ -36,7 +36,9 @@ class WholeSession : public RigTest {
 
   /// Starts what a line "nodald ... &" starts, and waits until it listens.
   void start_daemon(const std::string& line, const std::string& socket) {
-    const std::string command = line.substr(line.rfind("nodald"), line.find(" &") - line.rfind("nodald"));
+    // Without the last " &": a shell that puts it into the background would leave it behind.
+    const std::size_t begin = line.rfind("nodald");
+    const std::string command = line.substr(begin, line.rfind(" &") - begin);
     daemon_ = std::make_unique<Process>(Words{"bash", "-c", "cd '" + path(".") + "' && exec " + command}, environment_);
     ASSERT_TRUE(wait_until([&] { return std::filesystem::exists(socket); })) << daemon_->complained();
   }
