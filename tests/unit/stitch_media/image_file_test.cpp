@@ -202,7 +202,7 @@ TEST(ReadImage, FormatsThatPeopleHavePicturesIn_AreNamedWithWhatToDo) {
                                                          {"II*\0\x08\0\0\0"s, "TIFF"},
                                                          {"MM\0*\0\0\0\x08"s, "TIFF"},
                                                          {"ftyp", "a text file, not a picture"},
-                                                         {"\1\2\3\4"s, "no format that is read"}}};
+                                                         {"\1\2\3\4"s, "a file of an unknown format"}}};
   for (const auto& [bytes, said] : files) {
     const auto image = decode_image(std::vector<std::uint8_t>(bytes.begin(), bytes.end()), "a.jpg");
     ASSERT_FALSE(image);
