@@ -29,7 +29,7 @@ class PermittedStore {
 
   /// Reads the folder; call it once, before all others but status().
   Status open(hal::DiskPort& disk);
-  /// Why there is no store.
+  /// Whether the store was opened, and if not, why.
   const Status& status() const { return status_; }
   /// For reading only. Call it only after open() succeeded.
   const CalibrationStore& contents() const { return *store_; }

@@ -56,7 +56,7 @@ class ChangeAudit {
   AuditLog log_;
   News& news_;
   std::vector<Waiting> waiting_;
-  std::string said_problem_;  ///< as last logged
+  std::string said_problem_;  ///< the problem that was logged last; empty: none
   bool said_findings_ = false;
 };
 

@@ -50,7 +50,7 @@ class Operation {
   Result<Ticket> ask(const Requester& requester, Command command, Instant now);
   /// Audits the end of a host's connection. The answer comes when the entry is on the disk.
   Ticket note_host_end(const Requester& requester, const std::string& host, Instant now);
-  /// For what is no command of a stage.
+  /// The log of changes, for requests that are answered without a stage.
   ChangeAudit& audit() { return audit_; }
   const ChangeAudit& audit() const { return audit_; }
   /// Number of unanswered commands of a host at a stage.

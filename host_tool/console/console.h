@@ -60,8 +60,8 @@ class Console {
   /// The text in colour if standard output is a terminal and NO_COLOR is not set.
   std::string paint(Colour colour, std::string_view text) const;
 
-  /// Asks a person, and returns whether the answer is yes; true where nobody can be asked, because standard input or
-  /// error is no terminal, or programs read the answer.
+  /// Asks a question, and returns whether the answer is yes. Returns true without asking if standard input or standard
+  /// error is no terminal, and with --json: scripts are not asked.
   bool confirmed(std::string_view question);
 
   /// Clears the terminal's screen from the top, for a display that is redrawn repeatedly. Lines that have no room on

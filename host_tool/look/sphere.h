@@ -65,7 +65,7 @@ class Sphere {
   std::string stored_type_;
   std::string layout_name_;  ///< the layout that the file has, as --from takes it
   int width_ = 0, height_ = 0;
-  std::unique_ptr<geometry::RaymapLayout> layout_;  ///< what `picture_` has
+  std::unique_ptr<geometry::RaymapLayout> layout_;  ///< layout of `picture_`
   double most_error_ = 0;                           ///< error that triangles may have, rad
   std::string flat_;                                ///< why it is shown flat; empty: as a sphere
   std::vector<std::string> notes_;

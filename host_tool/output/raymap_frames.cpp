@@ -106,7 +106,9 @@ Status check_names(const FrameOptions& options) {
   }
   if (options.out == "-") return {};
   for (std::size_t face = 0; face < kFaces && options.faces_out; ++face) {
-    NODAL_TRY(check_output(face_file(options.out, face), {options.inputs}, count_of(options)));
+    const std::string file = face_file(options.out, face);
+    NODAL_TRY(check_output(file, {options.inputs}, count_of(options)));
+    if (!has_number(file)) NODAL_TRY(check_free(file));
   }
   const std::size_t count = count_of(options);
   if (count > 1 && !has_number(options.out)) {

@@ -44,8 +44,8 @@ enum class SeamVerdict : std::uint8_t {
   kLook,    ///< something is cut or doubled
 };
 
-/// Lines that jump by up to kFinePx are not seen: that is the width of an edge in a sharp picture. Those that jump by
-/// more than kBrokenPx are seen at once, as its own width is by which a thin line jumps.
+/// Lines that jump by up to kFinePx are not seen: a sharp edge is as wide as that. Those that jump by more than
+/// kBrokenPx are seen at once: a thin line jumps by more than its own width.
 inline constexpr double kFinePx = 2, kBrokenPx = 6;
 /// A seam of which at most this share of the places with detail is worse than that is still called good or usable: a
 /// leaf that moved is no broken picture.
