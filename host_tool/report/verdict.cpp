@@ -97,7 +97,8 @@ Verdict verdict_of(std::vector<SeamCheck> seams, const std::vector<std::string>&
 
 Result<Verdict> verdict_on(const Calibration& calibration, std::span<const ImageView> frames) {
   NODAL_TRY_ASSIGN(const double resolution, offline::resolution_of(calibration));
-  const int height = std::clamp(static_cast<int>(std::lround(resolution * kPi)), kMinHeight, kMaxHeight);
+  const auto height =
+      static_cast<int>(std::clamp(std::round(resolution * kPi), double{kMinHeight}, double{kMaxHeight}));
   std::vector<DecodedImage> readable(frames.size());
   std::vector<ImageView> views(frames.begin(), frames.end());
   for (std::size_t h = 0; h < frames.size(); ++h) {

@@ -72,6 +72,18 @@ TEST_F(Faces, SixFiles_LookWhereTheirNamesSayAndMakeTheSphereAgain) {
   EXPECT_LE(worst, 6) << "a smooth sphere, sampled twice";
 }
 
+TEST_F(Faces, AFaceThatIsThereAlready_IsKeptAndNoOtherIsWritten) {
+  const Refusing overwriting;
+  write_sphere();
+  write("town_back.png", "a picture of somebody's");
+  const Finished run =
+      nodal({"convert", path("sphere.png"), "--from", "equirectangular", "--layout", "faces", "-o", path("town.png")});
+  EXPECT_NE(run.code, 0);
+  EXPECT_NE(run.err.find("town_back.png: is there already"), std::string::npos) << run.err;
+  EXPECT_EQ(read("town_back.png"), "a picture of somebody's");
+  EXPECT_FALSE(fs::exists(path("town_right.png"))) << "refused before the work";
+}
+
 TEST_F(Faces, WhatIsNoCube_IsRefusedByItsName) {
   write_sphere();
   const auto refused = [&](Words words, const std::string& says) {
