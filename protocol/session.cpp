@@ -8,26 +8,10 @@
 #include "protocol/known_fields.h"
 #include "protocol/reply_size.h"
 #include "protocol/silence_protobuf.h"
+#include "protocol/wire_error.h"
 
 namespace nodal {
 namespace {
-
-// Control frames are written together up to this size: few writes, and a short wait for later frames.
-constexpr std::size_t kFrontBytes = 64U << 10;
-
-constexpr std::size_t kLongestMessage = 1000;
-
-wire::Error to_wire(const Error& error) {
-  wire::Error message;
-  message.set_code(static_cast<std::uint32_t>(error.code));
-  message.set_message(printable(error.message, kLongestMessage));
-  return message;
-}
-
-Error from_wire(const wire::Error& message) {
-  const std::uint32_t code = std::min<std::uint32_t>(message.code(), UINT16_MAX);
-  return Error{static_cast<Errc>(code), printable(message.message(), kLongestMessage)};
-}
 
 template <class Message>
 Result<Message> parse(const WireFrame& frame) {
@@ -37,6 +21,10 @@ Result<Message> parse(const WireFrame& frame) {
                 "what a " + std::string(frame_type_name(frame.header.type)) + " frame holds cannot be read as one");
   }
   return message;
+}
+
+std::size_t max_queued_bytes(Role role) {
+  return role == Role::kRig ? kMaxRigControlQueueBytes : kMaxControlQueueBytes;
 }
 
 bool is_stream_frame(FrameType type) { return type >= FrameType::kStreamOpen; }
@@ -61,10 +49,10 @@ Session::Session(Role role, const wire::Hello& mine)
       mine_(mine),
       decoder_(role == Role::kHost ? kMaxReplyBytes : kMaxRequestBytes),
       receiver_(role == Role::kHost ? 2 : 1, role == Role::kHost ? kHostLosslessWindowBytes : kStreamWindowBytes),
-      sender_(role == Role::kHost ? 1 : 2) {
+      outgoing_(role == Role::kHost ? 1 : 2) {
   silence_protobuf();
   NODAL_ASSERT(mine_.ByteSizeLong() <= kMaxMessageBytes);
-  push_control(FrameType::kHello, 0, mine_.SerializeAsString());
+  outgoing_.push(FrameType::kHello, 0, mine_.SerializeAsString());
 }
 
 std::string Session::peer_name() const {
@@ -75,10 +63,9 @@ std::string Session::peer_name() const {
 
 tl::unexpected<Error> Session::die(Error error, bool tell_peer) {
   NODAL_ASSERT(!dead_);
-  if (tell_peer) push_control(FrameType::kBye, 0, to_wire(error).SerializeAsString());
+  if (tell_peer) outgoing_.push(FrameType::kBye, 0, to_wire(error).SerializeAsString());
   dead_ = std::move(error);
-  sender_ = BulkSender(0);  // releases all bodies
-  front_item_.reset();      // its item belonged to a stream of the old sender_
+  outgoing_.end_streams();
   return fail(*dead_);
 }
 
@@ -86,13 +73,15 @@ void Session::close(const Error& why) {
   if (!dead_) die(why, true);
 }
 
-void Session::ping() { ping_due_ = version_ >= kProtocolPing; }
+void Session::ping() {
+  if (version_ >= kProtocolPing) outgoing_.ping();
+}
 
 // --- bytes in ----------------------------------------------------------------------------------------
 
 bool Session::wants_input() const {
   const std::size_t most = role_ == Role::kRig ? kMaxRigEventQueueBytes : kMaxEventQueueBytes;
-  return !dead_ && event_bytes_ < most && control_bytes_ < most_control_bytes();
+  return !dead_ && event_bytes_ < most && outgoing_.queued_bytes() < max_queued_bytes(role_);
 }
 
 Status Session::receive(std::span<const std::uint8_t> bytes) {
@@ -128,7 +117,7 @@ Status Session::handle(const WireFrame& frame) {
   switch (type) {
     case FrameType::kHello: return handle_hello(frame);
     case FrameType::kBye: return handle_bye(frame);
-    case FrameType::kPing: pong_due_ = true; return {};
+    case FrameType::kPing: outgoing_.answer_ping(); return {};
     case FrameType::kPong: return {};
     case FrameType::kStreamOpen: return handle_stream_open(frame);
     case FrameType::kStreamClose: return handle_stream_close(frame);
@@ -206,7 +195,7 @@ Status Session::handle_stream_stop(const WireFrame& frame) {
   NODAL_TRY_ASSIGN(const auto stop, parse<wire::StreamStop>(frame));
   Error why = from_wire(stop.why());
   // A stop for a closed stream is no error: it was sent before our close arrived.
-  if (sender_.stop(frame.header.stream, why)) {
+  if (outgoing_.streams().stop(frame.header.stream, why)) {
     push_event(StreamStopped{frame.header.stream, std::move(why)}, frame.payload.size());
   }
   return {};
@@ -214,7 +203,7 @@ Status Session::handle_stream_stop(const WireFrame& frame) {
 
 Status Session::handle_credit(const WireFrame& frame) {
   NODAL_TRY_ASSIGN(const auto credit, parse<wire::StreamCredit>(frame));
-  return sender_.credit(frame.header.stream, credit.allowed());
+  return outgoing_.streams().credit(frame.header.stream, credit.allowed());
 }
 
 Status Session::handle_bulk(const WireFrame& frame) {
@@ -249,77 +238,7 @@ Status Session::end_of_input() const {
   return {};
 }
 
-// --- bytes out ---------------------------------------------------------------------------------------
-
-void Session::append_control(FrameType type, StreamId stream, const std::string& payload) {
-  const std::span bytes(reinterpret_cast<const std::uint8_t*>(payload.data()), payload.size());
-  const auto header = encode_frame_header(FrameHeader{type, 0, stream, sequence_++}, bytes);
-  front_.insert(front_.end(), header.begin(), header.end());
-  front_.insert(front_.end(), bytes.begin(), bytes.end());
-}
-
-void Session::next_front() {
-  front_.clear();
-  front_slice_ = {};
-  front_sent_ = 0;
-  front_item_.reset();
-  while (!control_.empty() && front_.size() < kFrontBytes) {
-    const QueuedFrame& frame = control_.front();
-    append_control(frame.type, frame.stream, frame.payload);
-    control_bytes_ -= frame.payload.size() + kFrameHeaderBytes;
-    control_.pop_front();
-  }
-  if (dead_ || front_.size() >= kFrontBytes) return;
-  if (std::exchange(ping_due_, false)) append_control(FrameType::kPing, 0, {});
-  if (std::exchange(pong_due_, false)) append_control(FrameType::kPong, 0, {});
-  // Closes and credits are created when they are written, so that they need no memory while they wait.
-  while (const auto credit = receiver_.next_credit()) {
-    wire::StreamCredit message;
-    message.set_allowed(credit->allowed);
-    append_control(FrameType::kCredit, credit->stream, message.SerializeAsString());
-  }
-  append_closes();
-  if (!front_.empty()) return;
-  if (auto piece = sender_.next_piece()) {
-    const auto header =
-        encode_frame_header(FrameHeader{FrameType::kBulk, 0, piece->stream, sequence_++}, piece->head, *piece->slice);
-    front_.insert(front_.end(), header.begin(), header.end());
-    front_.insert(front_.end(), piece->head.begin(), piece->head.end());
-    front_slice_ = std::move(piece->slice);
-    front_item_ = kFrameHeaderBytes + kPieceHeaderBytes;
-  } else {
-    append_closes();  // next_piece() gives up streams whose bodies it cannot read
-  }
-}
-
-void Session::append_closes() {
-  while (const auto closed = sender_.next_closed()) {
-    wire::StreamClose message;
-    message.set_offered(closed->counts.offered);
-    message.set_dropped(closed->counts.dropped);
-    if (closed->error) *message.mutable_error() = to_wire(*closed->error);
-    append_control(FrameType::kStreamClose, closed->stream, message.SerializeAsString());
-  }
-}
-
-std::span<const std::uint8_t> Session::output() {
-  if (front_sent_ == front_.size() + front_slice_.size()) next_front();
-  if (front_sent_ < front_.size()) return std::span<const std::uint8_t>(front_).subspan(front_sent_);
-  return (*front_slice_).subspan(front_sent_ - front_.size());
-}
-
-void Session::sent(std::size_t bytes) {
-  NODAL_ASSERT(bytes <= front_.size() + front_slice_.size() - front_sent_);
-  front_sent_ += bytes;
-  if (!front_item_) return;
-  const bool whole = front_sent_ == front_.size() + front_slice_.size();
-  sender_.taken(front_sent_ - std::min(front_sent_, *front_item_), whole);
-}
-
-void Session::push_control(FrameType type, StreamId stream, std::string payload) {
-  control_.push_back(QueuedFrame{type, stream, std::move(payload)});
-  control_bytes_ += control_.back().payload.size() + kFrameHeaderBytes;
-}
+// --- what to say --------------------------------------------------------------------------------------
 
 Status Session::send_message(FrameType type, const google::protobuf::MessageLite& message) {
   if (dead_) return fail(*dead_);
@@ -328,16 +247,16 @@ Status Session::send_message(FrameType type, const google::protobuf::MessageLite
     return fail(Errc::kTooLarge, "a " + std::string(frame_type_name(type)) + " of " + std::to_string(bytes) +
                                      " bytes; at most " + std::to_string(limit) + " can be sent");
   }
-  if (control_bytes_ + bytes > most_control_bytes()) {
-    return fail(Errc::kOverload,
-                peer_name() + " does not read: " + std::to_string(control_bytes_) + " bytes of messages wait for it");
+  if (outgoing_.queued_bytes() + bytes > max_queued_bytes(role_)) {
+    return fail(Errc::kOverload, peer_name() + " does not read: " + std::to_string(outgoing_.queued_bytes()) +
+                                     " bytes of messages wait for it");
   }
   // The peer ends the session at a message that it cannot parse, so such a message is refused here.
   std::string payload = message.SerializeAsString();
   if (!std::unique_ptr<google::protobuf::MessageLite>(message.New())->ParseFromString(payload)) {
     return fail(Errc::kBadValue, "a text in a " + std::string(frame_type_name(type)) + " is not UTF-8");
   }
-  push_control(type, 0, std::move(payload));
+  outgoing_.push(type, 0, std::move(payload));
   return {};
 }
 
@@ -349,10 +268,37 @@ Status Session::send(const wire::Request& request) {
 Status Session::send(const wire::Reply& reply) {
   NODAL_ASSERT(role_ == Role::kRig);
   if (!reply.has_error()) return send_message(FrameType::kReply, reply);
-  // Error messages contain names of files and devices, which may be any bytes.
   wire::Reply clean = reply;
-  clean.mutable_error()->set_message(printable(reply.error().message(), kLongestMessage));
+  *clean.mutable_error() = to_wire(from_wire(reply.error()));
   return send_message(FrameType::kReply, clean);
+}
+
+// --- bulk --------------------------------------------------------------------------------------------
+
+Result<StreamId> Session::open_stream(StreamPolicy policy) {
+  if (dead_) return fail(*dead_);
+  NODAL_TRY_ASSIGN(const auto stream, outgoing_.streams().open(policy));
+  wire::StreamOpen message;
+  message.set_policy(static_cast<std::uint32_t>(policy));
+  outgoing_.push(FrameType::kStreamOpen, stream, message.SerializeAsString());
+  return stream;
+}
+
+Status Session::offer(StreamId stream, BulkItem item) {
+  if (dead_) return fail(*dead_);
+  return outgoing_.streams().offer(stream, std::move(item));
+}
+
+void Session::close_stream(StreamId stream, std::optional<Error> error) {
+  if (!dead_) outgoing_.streams().close(stream, std::move(error));
+}
+
+std::optional<StreamCounts> Session::counts(StreamId stream) const { return outgoing_.streams().counts(stream); }
+
+std::uint64_t Session::under_way_of(std::optional<StreamId> stream) const {
+  const FrameHeader* const header = decoder_.header_under_way();
+  if (!header || header->type != FrameType::kBulk || header->stream != stream.value_or(header->stream)) return 0;
+  return decoder_.under_way() - std::min(decoder_.under_way(), kFrameHeaderBytes + kPieceHeaderBytes);
 }
 
 void Session::stop_stream(StreamId stream, const Error& why) {
@@ -365,7 +311,7 @@ void Session::stop_stream(StreamId stream, const Error& why) {
   });
   wire::StreamStop message;
   *message.mutable_why() = to_wire(why);
-  push_control(FrameType::kStreamStop, stream, message.SerializeAsString());
+  outgoing_.push(FrameType::kStreamStop, stream, message.SerializeAsString());
 }
 
 }  // namespace nodal

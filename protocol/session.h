@@ -15,9 +15,9 @@
 #include "protocol/base/result.h"
 #include "protocol/bulk.h"
 #include "protocol/bulk_receiver.h"
-#include "protocol/bulk_sender.h"
 #include "protocol/framing.h"
 #include "protocol/nodal.pb.h"
+#include "protocol/outgoing_frames.h"
 
 namespace nodal {
 
@@ -102,8 +102,8 @@ class Session {
 
   // --- bytes out
   /// Bytes to write next; not necessarily all. Valid until the next non-const call.
-  std::span<const std::uint8_t> output();
-  void sent(std::size_t bytes);
+  std::span<const std::uint8_t> output() { return outgoing_.output(receiver_); }
+  void sent(std::size_t bytes) { outgoing_.sent(bytes); }
 
   // --- what to say
   /// Hosts send requests, rigs send replies. kBadValue if a text is not UTF-8 (valid_utf8() corrects it).
@@ -126,7 +126,7 @@ class Session {
   /// Counts of a stream that this end opened, while it is open.
   std::optional<StreamCounts> counts(StreamId stream) const;
   /// Bytes of items on all streams that this end opened, that the link has taken.
-  std::uint64_t bulk_taken() const { return sender_.taken_bytes(); }
+  std::uint64_t bulk_taken() const { return outgoing_.streams().taken_bytes(); }
   /// Bytes of items on all streams that the peer opened, those of an incomplete frame included.
   std::uint64_t bulk_received() const { return receiver_.received_bytes() + under_way_of(std::nullopt); }
   /// The same for one stream, while it is open; 0 afterwards.
@@ -144,14 +144,6 @@ class Session {
   const Error* error() const { return dead_ ? &*dead_ : nullptr; }
 
  private:
-  std::size_t most_control_bytes() const {
-    return role_ == Role::kRig ? kMaxRigControlQueueBytes : kMaxControlQueueBytes;
-  }
-  struct QueuedFrame {
-    FrameType type;
-    StreamId stream;
-    std::string payload;
-  };
   struct QueuedEvent {
     Event event;
     std::size_t bytes;
@@ -172,10 +164,6 @@ class Session {
   std::uint64_t under_way_of(std::optional<StreamId> stream) const;
 
   Status send_message(FrameType type, const google::protobuf::MessageLite& message);
-  void push_control(FrameType type, StreamId stream, std::string payload);
-  void next_front();
-  void append_closes();
-  void append_control(FrameType type, StreamId stream, const std::string& payload);
   tl::unexpected<Error> die(Error error, bool tell_peer);
   /// For example "the rig (nodald 0.1.0)".
   std::string peer_name() const;
@@ -190,18 +178,7 @@ class Session {
   BulkReceiver receiver_;
   std::deque<QueuedEvent> events_;
   std::size_t event_bytes_ = 0;
-
-  BulkSender sender_;
-  std::deque<QueuedFrame> control_;
-  std::size_t control_bytes_ = 0;
-  bool ping_due_ = false;
-  bool pong_due_ = false;  // one pong answers any number of pings
-  std::uint32_t sequence_ = 0;
-  // The bytes being written: frames of this session, then a slice of a shared body.
-  std::vector<std::uint8_t> front_;
-  SharedBytes front_slice_;
-  std::size_t front_sent_ = 0;
-  std::optional<std::size_t> front_item_;  // where an item's bytes begin, if they are a bulk frame
+  OutgoingFrames outgoing_;
 };
 
 template <class Kind>

@@ -7,6 +7,7 @@
 #include "firmware/operate/health.h"
 #include "protocol/base/text.h"
 #include "protocol/upload.h"
+#include "protocol/wire_error.h"
 
 namespace nodal::firmware {
 namespace {
@@ -106,13 +107,6 @@ std::uint64_t ns_of(Duration duration) { return static_cast<std::uint64_t>(durat
 std::string shown(std::string_view text) {
   constexpr std::size_t kLongest = 1000;  // bytes; the rest is cut off
   return printable(text, kLongest);
-}
-
-wire::Error to_wire(const Error& error) {
-  wire::Error message;
-  message.set_code(static_cast<std::uint32_t>(error.code));
-  message.set_message(shown(error.message));
-  return message;
 }
 
 void fill_pulse_losses(const hal::TriggerCounts& counts, wire::Genlock& into) {

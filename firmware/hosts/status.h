@@ -16,7 +16,6 @@ namespace nodal::firmware {
 
 /// Text of devices, files and hosts, made printable and cut to 1000 bytes for a message.
 std::string shown(std::string_view text);
-wire::Error to_wire(const Error& error);
 void fill_exposure(const ExposureControl::Report& exposure, std::size_t heads, wire::ExposureState& into);
 void fill_genlock(const RigConfig& config, const GenlockReport& genlock, wire::Genlock& into);
 void fill_heads(const RigConfig& config, const CaptureReport& capture, const Blender& blender, wire::Heads& into);

@@ -9,6 +9,7 @@
 #include "protocol/base/limits.h"
 #include "protocol/base/try.h"
 #include "protocol/upload.h"
+#include "protocol/wire_error.h"
 
 namespace nodal::firmware {
 namespace {
