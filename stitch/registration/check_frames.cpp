@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "protocol/base/angles.h"
+
 namespace nodal::registration {
 namespace {
 
@@ -222,6 +224,13 @@ std::string doubtful_seams(const Calibration& prior, const std::vector<PairRepor
                     : ": objects may be close to the rig, or, in a pattern that repeats (tiles, windows), a head may "
                       "be off by "
                       "one repetition: then give point pairs");
+}
+
+std::string things_repeat(const std::string& head, double turned_rad) {
+  return "things repeat in the overlaps of head " + quoted(head) + " (tiles, windows, columns): turned by " +
+         number("%.0f", turned_rad * kDegreesPerRadian) +
+         " degrees, it would agree with its neighbours nearly as well, so its rotation may be wrong by that much; "
+         "compare the sphere with the place, and if it is wrong, give point pairs";
 }
 
 std::string nothing_shared(const Calibration& prior) {

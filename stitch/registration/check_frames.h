@@ -54,6 +54,9 @@ std::string wrong_focals(double rms_percent, double mean_percent, double held, d
 /// The message for pairs of placed heads whose fine detail does not line up. `explained`: another message says why.
 std::string doubtful_seams(const Calibration& prior, const std::vector<PairReport>& pairs, bool explained);
 
+/// A head that would agree with its neighbours, too, if it were turned by `turned_rad`.
+std::string things_repeat(const std::string& head, double turned_rad);
+
 std::string nothing_shared(const Calibration& prior);
 
 }  // namespace nodal::registration

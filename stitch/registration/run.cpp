@@ -13,7 +13,6 @@
 #include "stitch/registration/check_frames.h"
 #include "stitch/registration/gauge.h"
 #include "stitch/registration/prepare.h"
-#include "stitch/registration/search.h"
 
 namespace nodal::registration {
 namespace {
@@ -43,6 +42,14 @@ Held held_on(const LevelPlan& plan, const std::vector<std::string>& why_not, boo
   held.share_lens = plan.share_lens;
   held.own_vignetting = own_vignetting;
   return held;
+}
+
+// A head that is not placed: rotation and lens become the prior's again; the estimate of its light is kept.
+HeadState unplaced(const HeadState& prior, const HeadState& now) {
+  HeadState back = prior;
+  back.log_gain = now.log_gain;
+  back.vignetting = now.vignetting;
+  return back;
 }
 
 }  // namespace
@@ -80,15 +87,6 @@ Status Run::prepare(const LitFrames& frames) {
 
 void Run::leave_out(std::size_t head, std::string why) {
   why_not_.resize(prior_.heads.size());
-  why_not_[head] = std::move(why);
-}
-
-void Run::unplace(std::size_t head, std::string why) {
-  // Rotation and lens become the prior's again; the estimate of its light is kept.
-  HeadState back = start_[head];
-  back.log_gain = heads_[head].log_gain;
-  back.vignetting = heads_[head].vignetting;
-  heads_[head] = back;
   why_not_[head] = std::move(why);
 }
 
@@ -133,10 +131,11 @@ Status Run::find_dull_heads() {
     loose_sigma_[h] = std::numeric_limits<double>::infinity();
     if (!why_not_[h].empty()) continue;
     if (head.shared_sr <= 0) {
-      unplace(h, "with the prior's rotations and lenses it shares no rays with another head");
+      why_not_[h] = "with the prior's rotations and lenses it shares no rays with another head";
     } else if (head.rms < kDullRms) {
-      unplace(h, "the rays it shares with other heads show no detail (smooth sky, fog, a bare wall)");
+      why_not_[h] = "the rays it shares with other heads show no detail (smooth sky, fog, a bare wall)";
     }
+    if (!why_not_[h].empty()) heads_[h] = unplaced(start_[h], heads_[h]);
   }
   return check_enough_placed(prior_, why_not_);
 }
@@ -202,11 +201,12 @@ Status Run::check_placed(bool& changed) {
   const double loosest = std::ranges::max(off_px);
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     if (!(off_px[h] > kLooseSigmaPx) || off_px[h] < kMuchLooser * loosest) continue;
-    unplace(h, agreement_.little_detail[h]
-                   ? std::string("it shows much less detail than the other heads, too little for a rotation")
-                   : std::string("the detail it shares with other heads does not determine its rotation in "
-                                 "every direction") +
-                         (options_.width > 0 ? "; a wider raymap shows more of it" : ""));
+    heads_[h] = unplaced(start_[h], heads_[h]);
+    why_not_[h] = "it shows much less detail than the other heads, too little for a rotation";
+    if (!agreement_.little_detail[h]) {
+      why_not_[h] = "the detail it shares with other heads does not determine its rotation in every direction";
+      if (options_.width > 0) why_not_[h] += "; a wider raymap shows more of it";
+    }
     loose_[h] = !agreement_.little_detail[h];
     changed = true;
   }
@@ -318,37 +318,12 @@ Result<Report> Run::report() {
       }
     }
   }
+  if (rival_) report_.warnings.push_back(things_repeat(prior_.heads[rival_->head].name, rival_->turned));
   if (!doubtful.empty()) {
     report_.warnings.push_back(doubtful_seams(prior_, doubtful, cause_ != Cause::kNone));
   }
   NODAL_TRY(check_calibration(report_.calibration));
   return std::move(report_);
-}
-
-// Runs the coarse levels from the prior, and, if the heads then disagree, again from the result of a search. Heads can
-// agree with most of their neighbours and still form two separate groups; the count of disagreeing pairs shows this.
-Status Run::descend_coarse() {
-  const auto descend_all = [&]() -> Status {
-    for (const LevelPlan& plan : plans_) {
-      if (!is_coarse(plan)) continue;
-      NODAL_TRY(descend_level(plan));
-    }
-    return {};
-  };
-  Status done = descend_all();
-  if (!options_.search) return done;
-  const bool agreed = done && check_agreement();
-  if (agreed && agreement_.apart == 0) return {};
-  const std::vector<HeadState> unsearched = heads_;
-  const std::ptrdiff_t apart = agreement_.apart;
-  work_.restart();
-  NODAL_TRY_ASSIGN(std::vector<HeadState> found,
-                   search_rotations(*frames_.pyramids, start_, placed_heads(why_not_), workers_));
-  heads_ = std::move(found);
-  Status again = descend_all();
-  if (!agreed || (again && check_agreement() && agreement_.apart < apart)) return again;
-  heads_ = unsearched;
-  return {};
 }
 
 Result<Report> Run::run(const LitFrames& frames) {
@@ -361,6 +336,7 @@ Result<Report> Run::run(const LitFrames& frames) {
   }
   NODAL_TRY(find_dull_heads());
   NODAL_TRY(descend_coarse());
+  if (options_.search) NODAL_TRY(check_rivals());
   NODAL_TRY(descend_fine());
   bool changed = false;
   for (std::size_t round = 0; round < heads_.size(); ++round) {

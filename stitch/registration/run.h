@@ -13,6 +13,7 @@
 #include "stitch/registration/pyramid.h"
 #include "stitch/registration/registration.h"
 #include "stitch/registration/run_plan.h"
+#include "stitch/registration/search.h"
 
 namespace nodal::registration {
 
@@ -54,6 +55,7 @@ class Run {
   Status check_agreement();
   Status descend_level(const LevelPlan& plan);
   Status descend_coarse();
+  Status check_rivals();
   Status descend_fine();
   Status choose_valley(std::size_t first, std::size_t last);
   Status check_placed(bool& changed);
@@ -73,8 +75,6 @@ class Run {
   Explanation explained(const Certainty& certainty);
   Result<Explanation> check_cause(const Certainty& certainty);
   Result<Report> report();
-
-  void unplace(std::size_t head, std::string why);
 
   const Calibration& prior_;
   Options options_;
@@ -100,6 +100,7 @@ class Run {
     std::vector<std::optional<CoarseSigma>> coarse_sigma;
   };
   Agreement agreement_;
+  std::optional<Rival> rival_;  // another rotation that may be right
   Cause cause_ = Cause::kNone;
   double displaced_px_ = 0;
   bool soft_priors_ = true;  // the lenses have soft priors

@@ -22,8 +22,10 @@ constexpr int kStride = 2;         // every second blurred pixel is used, in bot
 constexpr std::size_t kCandidates = 6;
 constexpr double kMinRays = 40;
 constexpr int kRounds = 6;
-constexpr std::size_t kGlance = 4;     // the first, rough evaluation uses one tile in this many
-constexpr std::size_t kLookedAt = 12;  // then the best turns, one in this many, are evaluated completely
+constexpr std::size_t kFewNeighbours = 2;  // more neighbours leave a head no other place
+constexpr std::size_t kGlance = 4;         // the first, rough evaluation uses one tile in this many
+constexpr double kOtherDeg = 7.5;          // turns that are closer are the same maximum
+constexpr std::size_t kLookedAt = 12;      // then the best turns, one in this many, are evaluated completely
 
 // One head's blurred detail, as rays in its own frame and as a picture to sample.
 struct Sample {
@@ -205,7 +207,7 @@ std::vector<Candidate> candidates_of(Correlator correlator, const Matrix3d& prio
   std::vector<Candidate> kept;
   for (const Candidate& each : all) {
     const auto near = [&](const Candidate& other) {
-      return apart(each.R_b_a, other.R_b_a) < 2.5 * kGridDeg * kRadiansPerDegree;
+      return apart(each.R_b_a, other.R_b_a) < kOtherDeg * kRadiansPerDegree;
     };
     if (std::ranges::any_of(kept, near)) continue;
     kept.push_back(each);
@@ -231,7 +233,28 @@ class Assembly {
     return placed;
   }
 
+  std::vector<Rival> rivals(std::size_t head) const {
+    std::vector<Rival> rivals;
+    const double held = support(head, R_[head]);
+    if (held <= 0) return rivals;
+    for (const Pair& pair : pairs_) {
+      if (pair.a != head && pair.b != head) continue;
+      for (const Candidate& each : pair.candidates) {
+        const Matrix3d R = turned_by(pair, each, head);
+        const double turned = apart(R, R_[head]);
+        if (turned < kOtherDeg * kRadiansPerDegree) continue;
+        rivals.push_back({head, Eigen::Quaterniond(R).normalized(), turned, support(head, R) / held});
+      }
+    }
+    return rivals;
+  }
+
  private:
+  // The rotation that a pair's candidate gives one of its heads.
+  Matrix3d turned_by(const Pair& pair, const Candidate& candidate, std::size_t head) const {
+    return pair.a == head ? Matrix3d(candidate.R_b_a.transpose() * R_[pair.b]) : Matrix3d(candidate.R_b_a * R_[pair.a]);
+  }
+
   // Places heads in the order of the significance of their best candidate against the heads placed already.
   void grow(std::size_t first) {
     std::vector<bool> placed(heads_.size(), false);
@@ -246,7 +269,7 @@ class Assembly {
         if (best != nullptr && top.score <= best->score) continue;
         best = &top;
         head = placed[pair.a] ? pair.b : pair.a;
-        R = placed[pair.a] ? Matrix3d(top.R_b_a * R_[pair.a]) : Matrix3d(top.R_b_a.transpose() * R_[pair.b]);
+        R = turned_by(pair, top, head);
       }
       if (best == nullptr) return;
       R_[head] = R;
@@ -275,8 +298,7 @@ class Assembly {
       for (const Pair& pair : pairs_) {
         if (pair.a != head && pair.b != head) continue;
         for (const Candidate& each : pair.candidates) {
-          const Matrix3d R =
-              pair.a == head ? Matrix3d(each.R_b_a.transpose() * R_[pair.b]) : Matrix3d(each.R_b_a * R_[pair.a]);
+          const Matrix3d R = turned_by(pair, each, head);
           const double score = support(head, R);
           if (score <= best * 1.001) continue;
           best = score;
@@ -309,27 +331,62 @@ std::vector<Pair> possible_pairs(const std::vector<HeadState>& heads, const std:
   return pairs;
 }
 
+// The heads' samples, and the best turns of all pairs.
+struct Compared {
+  std::vector<Sample> samples;
+  std::vector<Pair> pairs;
+};
+
+Result<Compared> compare(const std::vector<HeadPyramid>& pyramids, const std::vector<HeadState>& heads,
+                         std::vector<Pair> pairs, const parallel::Workers& workers) {
+  const double per_radian = pixels_per_radian(heads);
+  Compared compared;
+  compared.pairs = std::move(pairs);
+  for (std::size_t h = 0; h < heads.size(); ++h) {
+    NODAL_TRY_ASSIGN(Sample sample, make_sample(pyramids[h], heads[h], per_radian));
+    compared.samples.push_back(std::move(sample));
+  }
+  const std::vector<Vector3d> turns = grid_of_turns();
+  workers.run(static_cast<int>(compared.pairs.size()), [&](int p) {
+    Pair& pair = compared.pairs[static_cast<std::size_t>(p)];
+    const Matrix3d prior =
+        heads[pair.b].q_head_rig.toRotationMatrix() * heads[pair.a].q_head_rig.toRotationMatrix().transpose();
+    pair.candidates =
+        candidates_of(Correlator(compared.samples[pair.a], heads[pair.b], compared.samples[pair.b]), prior, turns);
+  });
+  return compared;
+}
+
 }  // namespace
 
 Result<std::vector<HeadState>> search_rotations(const std::vector<HeadPyramid>& pyramids,
                                                 const std::vector<HeadState>& heads, const std::vector<bool>& used,
                                                 const parallel::Workers& workers) {
-  const double per_radian = pixels_per_radian(heads);
-  std::vector<Sample> samples;
-  for (std::size_t h = 0; h < heads.size(); ++h) {
-    NODAL_TRY_ASSIGN(Sample sample, make_sample(pyramids[h], heads[h], per_radian));
-    samples.push_back(std::move(sample));
-  }
-  std::vector<Pair> pairs = possible_pairs(heads, used);
-  const std::vector<Vector3d> turns = grid_of_turns();
-  workers.run(static_cast<int>(pairs.size()), [&](int p) {
-    Pair& pair = pairs[static_cast<std::size_t>(p)];
-    const Matrix3d prior =
-        heads[pair.b].q_head_rig.toRotationMatrix() * heads[pair.a].q_head_rig.toRotationMatrix().transpose();
-    pair.candidates = candidates_of(Correlator(samples[pair.a], heads[pair.b], samples[pair.b]), prior, turns);
-  });
+  NODAL_TRY_ASSIGN(Compared compared, compare(pyramids, heads, possible_pairs(heads, used), workers));
   const auto first = static_cast<std::size_t>(std::ranges::find(used, true) - used.begin());
-  return Assembly(heads, samples, std::move(pairs)).assemble(std::min(first, heads.size() - 1));
+  return Assembly(heads, compared.samples, std::move(compared.pairs)).assemble(std::min(first, heads.size() - 1));
+}
+
+Result<std::vector<Rival>> rival_rotations(const std::vector<HeadPyramid>& pyramids,
+                                           const std::vector<HeadState>& heads, const std::vector<bool>& used,
+                                           const parallel::Workers& workers) {
+  std::vector<Pair> pairs = possible_pairs(heads, used);
+  std::vector<std::size_t> neighbours(heads.size());
+  for (const Pair& pair : pairs) ++neighbours[pair.a], ++neighbours[pair.b];
+  const auto alone = [&](std::size_t head) { return used[head] && neighbours[head] <= kFewNeighbours; };
+  std::erase_if(pairs, [&](const Pair& pair) { return !alone(pair.a) && !alone(pair.b); });
+  if (pairs.empty()) return std::vector<Rival>();
+  NODAL_TRY_ASSIGN(Compared compared, compare(pyramids, heads, std::move(pairs), workers));
+  const Assembly assembly(heads, compared.samples, std::move(compared.pairs));
+  std::vector<std::vector<Rival>> of_head(heads.size());
+  workers.run(static_cast<int>(heads.size()), [&](int h) {
+    const auto head = static_cast<std::size_t>(h);
+    if (alone(head)) of_head[head] = assembly.rivals(head);
+  });
+  std::vector<Rival> rivals;
+  for (const std::vector<Rival>& ones : of_head) rivals.insert(rivals.end(), ones.begin(), ones.end());
+  std::ranges::stable_sort(rivals, std::greater<>(), &Rival::support);
+  return rivals;
 }
 
 }  // namespace nodal::registration

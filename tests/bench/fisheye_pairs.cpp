@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <memory>
 #include <optional>
 #include <random>
 
@@ -24,21 +23,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::array<double, 3> kAskedDeg{10, 45, 80};
-
-/// Tiles with a window each, on a ball, every 10 degrees.
-class Tiles final : public hal::sim::Scene {
- public:
-  hal::sim::Light light(const hal::sim::Direction& d, double) const override {
-    const double yaw = std::atan2(d.x, d.z) * kDegreesPerRadian;
-    const double pitch = std::asin(std::clamp(-d.y, -1.0, 1.0)) * kDegreesPerRadian;
-    const bool dark = (static_cast<int>(std::floor(yaw / 10)) + static_cast<int>(std::floor(pitch / 10))) % 2 == 0;
-    const auto window = [](double a) { return std::abs(std::fmod(a + 360, 10) - 5) < 2; };
-    // The tiles repeat; the light does not, so that a turned rig is not the same one.
-    const auto light = static_cast<float>(0.8 + 0.15 * d.x - 0.1 * d.y + 0.08 * std::sin(3 * yaw * kRadiansPerDegree));
-    const float level = light * ((dark ? 0.3F : 0.55F) + (window(yaw) && window(pitch) ? 0.2F : 0.0F));
-    return {level, level, level};
-  }
-};
 
 /// r / f as a Taylor series by the angle, in powers 1, 2, ...
 std::vector<double> series_of(const std::string& family) {
@@ -136,7 +120,7 @@ Calibration true_pair(const FisheyePair& pair, int seed) {
 test::RenderedRig rendered_pair(const FisheyePair& pair, const Calibration& truth, int seed) {
   const test::RenderOptions options{PixelFormat::kRgb24, 1.0, static_cast<std::uint64_t>(seed) + 1, 2};
   const auto town = hal::sim::town_square_scene(static_cast<std::uint64_t>(seed) + 1);
-  if (pair.scene == "tiles") return test::render_rig(truth, std::make_shared<Tiles>(), options);
+  if (pair.scene == "tiles") return test::render_rig(truth, test::tiles_scene(), options);
   if (pair.scene == "near") {
     const test::Room room{test::Room::Shape::kBox, 3, {{1.2, 0.4, 0.2}, {-0.9, -0.7, 0.15}}};
     return test::render_rig_in(room, truth, town, options);

@@ -1,9 +1,11 @@
 """What a script of this folder needs: it is installed where that is possible, and named where it is not."""
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent.parent
+os.environ["NODAL_OVERWRITE"] = "1"  # a script's runs follow each other with the same outputs
 
 
 def installed(packages):

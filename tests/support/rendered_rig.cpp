@@ -4,6 +4,7 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <numbers>
 #include <random>
 
@@ -37,6 +38,25 @@ void add_equidistant(Calibration& rig, int side, double view_deg, const Eigen::V
   set_rotation(head, R);
   rig.heads.push_back(head);
 }
+
+class Tiles final : public hal::sim::Scene {
+ public:
+  explicit Tiles(double unevenness) : unevenness_(unevenness) {}
+
+  hal::sim::Light light(const hal::sim::Direction& d, double) const override {
+    const double yaw = std::atan2(d.x, d.z) * kDegrees;
+    const double pitch = std::asin(std::clamp(-d.y, -1.0, 1.0)) * kDegrees;
+    const bool dark = (static_cast<int>(std::floor(yaw / 10)) + static_cast<int>(std::floor(pitch / 10))) % 2 == 0;
+    const auto window = [](double a) { return std::abs(std::fmod(a + 360, 10) - 5) < 2; };
+    const double uneven = 0.15 * d.x - 0.1 * d.y + 0.08 * std::sin(3 * yaw / kDegrees);
+    const auto light = static_cast<float>(0.8 + unevenness_ * uneven);
+    const float level = light * ((dark ? 0.3F : 0.55F) + (window(yaw) && window(pitch) ? 0.2F : 0.0F));
+    return {level, level, level};
+  }
+
+ private:
+  double unevenness_;
+};
 
 /// Where a look into a room ends: how far away, and in which direction from the nodal point the walls show the same.
 struct Hit {
@@ -133,6 +153,8 @@ hal::sim::ScenePtr what_a_rig_sees(const Room& room, const std::array<double, 3>
 double range_in(const Room& room, const std::array<double, 3>& from, const std::array<double, 3>& direction) {
   return hit_in(room, {from[0], from[1], from[2]}, {direction[0], direction[1], direction[2]}).away;
 }
+
+hal::sim::ScenePtr tiles_scene(double unevenness) { return std::make_shared<Tiles>(unevenness); }
 
 Calibration spread_out(Calibration rig, double forward) {
   for (HeadCalibration& head : rig.heads) {

@@ -49,6 +49,10 @@ double range_in(const Room& room, const std::array<double, 3>& from, const std::
 RenderedRig render_rig_in(const Room& room, const Calibration& truth, const hal::sim::ScenePtr& scene,
                           const RenderOptions& options = {});
 
+/// Tiles with a window each, on a ball: light and dark ones in turn, 10 degrees wide. They repeat every 20 degrees; the
+/// light that falls on them does not, unless its unevenness is 0.
+hal::sim::ScenePtr tiles_scene(double unevenness = 1);
+
 /// Moves every head forward along its axis, m.
 Calibration spread_out(Calibration rig, double forward);
 
