@@ -50,6 +50,12 @@ class Attempts {
   Result<Report> fine(const Calibration& from, Free free) {
     return run(from, free, true, kRefinedWidth, 0.7 * (1 - begun_) / 2, "registering the lenses");
   }
+  /// From a result, in red, green and blue: details that differ in colour only count, too.
+  Result<Report> in_colour(const Calibration& from, Free free) {
+    NODAL_TRY_ASSIGN(const registration::LitFrames lit,
+                     registration::LitFrames::of(from, {rig_.frames(rig_.match->set)}, registration::Colour::kRgb, 0));
+    return run(from, lit, free, true, kRefinedWidth, 1 - begun_, "registering the colours");
+  }
   bool better(const Result<Report>& other, const Report& than) const {
     return good(other) && other->objective_after < than.objective_after;
   }
@@ -59,13 +65,18 @@ class Attempts {
  private:
   Result<Report> run(const Calibration& from, Free free, bool geometry, int width, double share,
                      const std::string& what) {
+    return run(from, lit_, free, geometry, width, share, what);
+  }
+  Result<Report> run(const Calibration& from, const registration::LitFrames& lit, Free free, bool geometry, int width,
+                     double share, const std::string& what) {
     registration::Options options;
+    options.colour = lit.colour;
     options.free = free;
     options.geometry = geometry;
     options.search = false;
     options.width = width;
     options.progress = [&](const registration::Step&, double done) { progress_(begun_ + share * done, what); };
-    Result<Report> report = registration::register_heads(from, lit_, options);
+    Result<Report> report = registration::register_heads(from, lit, options);
     begun_ += share;
     return report;
   }
@@ -119,6 +130,8 @@ Result<Report> refined(const RigPictures& rig, const OwnProgress& progress) {
     Report best = std::move(*fine);
     if (free == Free::kLens) best = attempts.with_best_model(std::move(best));
     if (anamorphic) best = attempts.with_best_aspect(std::move(best), free);
+    Result<Report> colour = attempts.in_colour(best.calibration, free);
+    if (attempts.good(colour)) best = std::move(*colour);
     return best;
   }
   return light;
