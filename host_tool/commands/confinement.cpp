@@ -15,6 +15,7 @@
 #include "hal/linux/link/link_helper.h"
 #include "host_tool/commands/look.h"
 #include "host_tool/console/overwriting.h"
+#include "host_tool/input/picture_masks.h"
 #include "host_tool/input/project_pictures.h"
 #include "protocol/base/try.h"
 
@@ -94,6 +95,7 @@ void add_input(std::string word, CommandRights& rights) {
   if (names_pictures(word)) rights.read.push_back(folder_of(word));
   const std::string companion = fs::path(word).replace_extension(".rig.json").string();
   if (is_there(companion)) rights.read.push_back(companion);  // the calibration of a stitched sphere, see `convert`
+  if (const std::string mask = mask_file_of(word); is_there(mask)) rights.read.push_back(mask);
   if (is_there(word + ".sig")) rights.read.push_back(word + ".sig");  // a calibration's signature
 }
 

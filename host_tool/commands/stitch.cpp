@@ -130,15 +130,6 @@ class Stitcher {
   std::optional<offline::BestBlend> best_;
 };
 
-/// Masks that other programs keep in alpha are not used: a calibration's region says what of a picture is.
-void tell_alpha(Console& console, const std::vector<HeadPicture>& set, const std::vector<DecodedImage>& pictures) {
-  for (std::size_t h = 0; h < pictures.size(); ++h) {
-    if (!pictures[h].meaning.alpha) continue;
-    console.note(fmt::format("note: {} has an alpha channel, which is not used", set[h].file()));
-    return;
-  }
-}
-
 /// Linear numbers are made from files that do not call their own numbers linear: the calibration's word alone counts.
 void tell_linear(Console& console, const RigPictures& rig, const std::vector<HeadPicture>& set) {
   for (std::size_t h = 0; h < set.size(); ++h) {
@@ -190,7 +181,6 @@ Result<Stitched> stitch_sets(Console& console, StitchJob& job, Progress& bar) {
     if (interrupted()) return fail(Errc::kCancelled, fmt::format("stopped after {} of {} spheres", i, count));
     const bool rgb = args.bits == 16 || best(args);
     NODAL_TRY_ASSIGN(auto pictures, interruptible(console, [&] { return take_set(job.rig, i, rgb); }));
-    if (i == 0) tell_alpha(console, job.rig.sets[i], pictures);
     if (i == 0 && args.bits == 16) tell_linear(console, job.rig, job.rig.sets[i]);
     NODAL_TRY_ASSIGN(const std::string name, numbered_name(args.out, i));
     NODAL_TRY_ASSIGN(auto file, interruptible(console, [&]() -> Result<std::vector<std::uint8_t>> {
@@ -282,6 +272,7 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       "that is found (sphere.rig.json) and a report (sphere.report.html) are written beside the result.\n"
       "A calibration is Nodal's own, or a project of Hugin (.pto), PTGui (.pts), VideoStitch (.ptv),\n"
       "Surround360, OpenCV or Kalibr. Sets are taken as a film: seams stay in place where they can.\n"
+      "What is black in a.mask.png beside a.jpg, or transparent in a picture, is not used.\n"
       "The last line but one says how the first sphere looks at its seams: good, usable, or where to look.\n");
   auto args = std::make_shared<StitchArgs>();
   command

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "host_tool/input/picture_folders.h"
+#include "host_tool/input/picture_masks.h"
 #include "host_tool/input/seen_part.h"
 #include "host_tool/input/take_pictures.h"
 #include "protocol/base/angles.h"
@@ -154,7 +155,9 @@ bool is_picture(const std::string& path) {
   return file && read_picture_header(*file);
 }
 
-Result<RigPictures> own_pictures(const std::vector<std::string>& arguments, const SplitChoice& choice) {
+Result<RigPictures> own_pictures(const std::vector<std::string>& given, const SplitChoice& choice) {
+  NODAL_TRY_ASSIGN(const std::vector<std::string> arguments, without_masks(given));
+  if (arguments.empty()) return fail(Errc::kMissingField, "no pictures; give two or more that overlap");
   if (arguments.size() == 1 && is_take(arguments.front())) return take_pictures(arguments.front(), 1);
   NODAL_TRY_ASSIGN(const PictureSplit split, split_of(arguments, choice));
   if (split.count() > 1) {
@@ -243,6 +246,9 @@ Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const U
     options.up.emplace_back(x, y);
     if (picture.orientation() != 1) turned.push_back(picture.file());
   }
+  NODAL_TRY_ASSIGN(std::vector<HeadMask> masks, find_masks(rig.sets, rig.heads, match.set));
+  if (const std::string note = describe(masks, rig.heads); !note.empty()) rig.notes.push_back(note);
+  for (HeadMask& mask : masks) options.masks.push_back(std::move(mask.polygons));
   options.progress = [&](double done) { progress(0.3 + 0.7 * done, "matching the pictures"); };
   NODAL_TRY_ASSIGN(autocalibration::Found found, autocalibration::autocalibrate(grey, rig.heads, options));
   rig.calibration = std::move(found.calibration);

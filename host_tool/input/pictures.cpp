@@ -70,6 +70,20 @@ Result<DecodedImage> read_picture(const std::string& file, std::optional<PixelFo
   return picture;
 }
 
+Result<std::optional<DecodedImage>> read_opacity(const std::string& file) {
+  NODAL_TRY_ASSIGN(media::PictureBytes bytes, media::PictureBytes::open(file));
+  const bool tiff = media::is_tiff(bytes);
+  if (!tiff) {
+    NODAL_TRY_ASSIGN(const ImageHeader header, read_picture_header(bytes));
+    if (!header.meaning.alpha) return std::nullopt;
+  }
+  NODAL_TRY_ASSIGN(DecodedImage opacity, tiff                            ? media::decode_tiff_opacity(bytes)
+                                         : media::is_heif_or_webp(bytes) ? media::decode_heif_or_webp_opacity(bytes)
+                                                                         : media::decode_opacity(bytes));
+  if (std::ranges::all_of(opacity.bytes, [](std::uint8_t alpha) { return alpha == 255; })) return std::nullopt;
+  return opacity;
+}
+
 Result<ImageHeader> read_picture_header(media::PictureBytes& file) {
   if (media::is_tiff(file)) return media::tiff_header(file);
   return media::is_heif_or_webp(file) ? media::heif_or_webp_header(file) : media::image_header(file);
@@ -90,6 +104,10 @@ HeadPicture::HeadPicture(std::string file, PictureSplit split, std::size_t part)
     : file_(std::move(file)), split_(split), part_(part) {}
 
 HeadPicture::HeadPicture(DecodedImage pixels) : pixels_(std::move(pixels)) {}
+
+DecodedImage HeadPicture::own_part(const DecodedImage& whole) const {
+  return split_.count() > 1 ? part_of(whole, split_, part_) : whole;
+}
 
 Status HeadPicture::decode(bool of_linear_head) {
   const bool same = !says_linear_ || of_linear_head == of_linear_head_;

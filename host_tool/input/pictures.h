@@ -26,6 +26,10 @@ Result<DecodedImage> read_picture(const std::string& file, std::optional<PixelFo
 /// bits that are proportional to light stay so; meaning.is_linear() says it.
 Result<DecodedImage> read_deep_picture(const std::string& file);
 
+/// How opaque a file's pixels are, GREY; nothing if it has no alpha channel, or if all of them are opaque.
+/// Errors: those of the readers.
+Result<std::optional<DecodedImage>> read_opacity(const std::string& file);
+
 /// Size and natural format of an open file, without decoding it.
 Result<ImageHeader> read_picture_header(media::PictureBytes& file);
 
@@ -50,6 +54,8 @@ class HeadPicture {
 
   /// Empty if it is from a running rig.
   const std::string& file() const { return file_; }
+  /// The part of a picture of the whole file that belongs to this head.
+  DecodedImage own_part(const DecodedImage& whole) const;
   /// Decodes the file in its natural format: GREY, I420 or RGB24 in sRGB's numbers, except that numbers which the file
   /// calls proportional to light stay so with `of_linear_head`. Nothing is done if the pixels are there.
   /// Errors: those of read_picture().

@@ -10,6 +10,7 @@
 
 #include "host_tool/input/calibration_file.h"
 #include "host_tool/input/picture_folders.h"
+#include "host_tool/input/picture_masks.h"
 #include "host_tool/input/take_pictures.h"
 #include "protocol/base/try.h"
 #include "stitch/media/picture_folder.h"
@@ -129,8 +130,9 @@ Result<std::vector<std::vector<HeadPicture>>> sets_of(const std::vector<std::str
 }
 
 /// `arguments`: pictures of a rig by its data sheet.
-Result<RigPictures> read_nominal_pictures(const NominalWords& words, const std::vector<std::string>& arguments,
+Result<RigPictures> read_nominal_pictures(const NominalWords& words, const std::vector<std::string>& given,
                                           const SplitChoice& choice) {
+  NODAL_TRY_ASSIGN(const std::vector<std::string> arguments, without_masks(given));
   NODAL_TRY_ASSIGN(const Nominal nominal, nominal_of(words));
   RigPictures rig;
   rig.origin = RigPictures::Origin::kDataSheet;
@@ -139,6 +141,7 @@ Result<RigPictures> read_nominal_pictures(const NominalWords& words, const std::
   NODAL_TRY_ASSIGN(rig.sets, sets_of(arguments, choice, rig.heads, rig.notes));
   NODAL_TRY(decode_all(rig.sets.front()));
   NODAL_TRY_ASSIGN(rig.calibration, nominal_rig(nominal, rig.frames(0)));
+  NODAL_TRY(add_picture_masks(rig));
   return rig;
 }
 
@@ -245,7 +248,7 @@ Result<RigPictures> read_rig_pictures(const NominalWords& nominal, const std::ve
   rig.calibration = std::move(read.content.calibration);
   rig.notes = std::move(read.content.notes);
   rig.heads = names_of(rig.calibration);
-  std::vector<std::string> pictures(arguments.begin() + 1, arguments.end());
+  NODAL_TRY_ASSIGN(std::vector<std::string> pictures, without_masks({arguments.begin() + 1, arguments.end()}));
   const std::vector<std::string>& named = read.content.images;
   // Pictures that the command line names replace those of the project, which are then not looked for.
   if (pictures.empty() && std::ranges::none_of(named, &std::string::empty)) {
@@ -263,6 +266,7 @@ Result<RigPictures> read_rig_pictures(const NominalWords& nominal, const std::ve
   }
   NODAL_TRY_ASSIGN(
       rig.sets, sets_of(pictures, rig.heads.size() > 1 ? options.split : SplitChoice{false, {}}, rig.heads, rig.notes));
+  NODAL_TRY(add_picture_masks(rig));
   return rig;
 }
 

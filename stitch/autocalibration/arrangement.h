@@ -19,8 +19,9 @@ namespace nodal::autocalibration {
 struct Shape {
   int width = 0;
   int height = 0;
-  std::optional<Region::Circle> circle;           ///< image circle of a fisheye, px
-  std::optional<double> focal_px = std::nullopt;  ///< focal length that the camera states; only a first guess
+  std::optional<Region::Circle> circle;             ///< image circle of a fisheye, px
+  std::optional<double> focal_px = std::nullopt;    ///< focal length that the camera states; only a first guess
+  std::vector<std::vector<Region::Point>> masks{};  ///< polygons whose inside is not used, px
 
   /// About where the lens's axis is: the circle's centre, or the picture's.
   geometry::Pixel center() const;

@@ -115,6 +115,7 @@ HeadCalibration head_of(const Shape& shape, const SharedLens& lens, const Eigen:
   head.lens = model;
   head.R_head_rig = geometry::rows_of(R_head_rig);
   head.region = scaled(shape.circle ? &*shape.circle : nullptr, shape.width, shape.height, 1);
+  head.region.masks = shape.masks;
   head.vignetting = {head.center_x, head.center_y, shape.unit(), {}};
   head.response.curve = Response::Curve::kSrgb;
   limit_to_lens(head);
@@ -211,6 +212,7 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
   });
   std::vector<Shape> shapes = shapes_of(pictures, small);
   for (std::size_t n = 0; n < std::min(count, options.focal_px.size()); ++n) shapes[n].focal_px = options.focal_px[n];
+  for (std::size_t n = 0; n < std::min(count, options.masks.size()); ++n) shapes[n].masks = options.masks[n];
   tell(0.05);
   Sight sight = see(pictures, shapes, workers);
   tell(0.7);

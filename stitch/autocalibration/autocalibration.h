@@ -26,6 +26,8 @@ struct Options {
   /// By picture, or empty: the direction in it, x right and y down, that is up for people who look at it. (0, -1)
   /// unless its Exif orientation says otherwise.
   std::vector<Eigen::Vector2d> up = {};
+  /// By picture, or empty: polygons whose inside is not used (Region::masks); the heads that are found have them, too.
+  std::vector<std::vector<std::vector<Region::Point>>> masks = {};
   int threads = 0;                            ///< 0: one per core. The result does not depend on it.
   std::function<void(double done)> progress;  ///< 0..1, on the caller's thread
   std::vector<std::string> files = {};        ///< the pictures' names in messages; the heads' names if it is empty

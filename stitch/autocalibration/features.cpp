@@ -4,6 +4,8 @@
 #include <cmath>
 #include <memory>
 
+#include "stitch/geometry/masks.h"
+
 extern "C" {
 #include <vl/sift.h>
 }
@@ -28,6 +30,7 @@ struct Delete {
 /// Where features are sought.
 struct Where {
   Region region;
+  geometry::Masks masks;
   double margin = kDescribed;  ///< distance of a feature from the region's edge, in its scales
   double from_radius = 0;      ///< smallest distance from the circle's centre, px
 };
@@ -37,6 +40,7 @@ bool inside(const Where& where, double x, double y, double scale) {
   const double margin = where.margin * scale;
   if (x - margin < region.left || y - margin < region.top) return false;
   if (x + margin > region.right || y + margin > region.bottom) return false;
+  if (!where.masks.empty() && where.masks.distance({x, y}, margin) < margin) return false;
   if (!region.circle) return true;
   const double radius = std::hypot(x - region.circle->x, y - region.circle->y);
   return radius >= where.from_radius && radius + margin <= region.circle->radius;
@@ -127,12 +131,12 @@ std::vector<Feature> features_in(const Picture& picture, const Where& where, std
 }  // namespace
 
 std::vector<Feature> find_features(const Picture& picture, const Region& region, std::size_t most) {
-  return features_in(picture, {region}, most);
+  return features_in(picture, {region, geometry::Masks(region)}, most);
 }
 
 std::vector<Feature> find_rim_features(Picture picture, const Region& region, std::size_t most, double from_radius) {
   mirror_beyond(*region.circle, picture);
-  return features_in(picture, {region, kBlob, from_radius}, most);
+  return features_in(picture, {region, geometry::Masks(region), kBlob, from_radius}, most);
 }
 
 }  // namespace nodal::autocalibration

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "stitch/autocalibration/bundle.h"
+#include "stitch/geometry/masks.h"
 
 namespace nodal::autocalibration {
 namespace {
@@ -47,6 +48,24 @@ Picture detail_of(const Picture& picture) {
   return detail;
 }
 
+/// `px`: pixels of the whole picture in one of `small`.
+std::vector<std::uint8_t> masked_pixels(const Shape& shape, double px, const Picture& small) {
+  const geometry::Masks masks(
+      Region{0, 0, static_cast<double>(shape.width), static_cast<double>(shape.height), {}, shape.masks});
+  std::vector<std::uint8_t> masked;
+  for (int y = 0; y < small.height; ++y) {
+    for (int x = 0; x < small.width; ++x)
+      masked.push_back(masks.distance({(x + 0.5) * px, (y + 0.5) * px}, px) < px ? 1 : 0);
+  }
+  return masked;
+}
+
+bool is_masked(const std::vector<std::uint8_t>& masked, const Picture& picture, int x, int y) {
+  return !masked.empty() &&
+         masked[static_cast<std::size_t>(y) * static_cast<std::size_t>(picture.width) + static_cast<std::size_t>(x)] !=
+             0;
+}
+
 }  // namespace
 
 Overlaps::Overlaps(const std::vector<Shape>& shapes, const std::vector<Picture>& small) {
@@ -57,6 +76,7 @@ Overlaps::Overlaps(const std::vector<Shape>& shapes, const std::vector<Picture>&
     detail.scale = px / shapes[h].unit();
     detail.center = Eigen::Vector2d(shapes[h].center().x, shapes[h].center().y) / px;
     detail.radius = shapes[h].circle ? kInside * shapes[h].circle->radius / px : 0;
+    if (!shapes[h].masks.empty()) detail.masked = masked_pixels(shapes[h], px, detail.picture);
     details_.push_back(std::move(detail));
   }
 }
@@ -72,6 +92,7 @@ double Overlaps::correlation(std::size_t a, std::size_t b, const Eigen::Matrix3d
     for (int x = 0; x < in_a.picture.width; ++x) {
       const Eigen::Vector2d from = Eigen::Vector2d(x + 0.5, y + 0.5) - in_a.center;
       if (in_a.radius > 0 && from.norm() > in_a.radius) continue;
+      if (is_masked(in_a.masked, in_a.picture, x, y)) continue;
       const auto ray = rays->ray(from * in_a.scale);
       const auto at = ray ? rays_b->at(R_b_a * *ray) : std::nullopt;
       if (!at) continue;
@@ -80,6 +101,7 @@ double Overlaps::correlation(std::size_t a, std::size_t b, const Eigen::Matrix3d
       const double u = to.x() + in_b.center.x() - 0.5, v = to.y() + in_b.center.y() - 0.5;
       if (u < 0 || v < 0 || u >= in_b.picture.width - 1 || v >= in_b.picture.height - 1) continue;
       const int i = static_cast<int>(u), j = static_cast<int>(v);
+      if (is_masked(in_b.masked, in_b.picture, i, j)) continue;
       const double fx = u - i, fy = v - j;
       const double there =
           (1 - fy) * ((1 - fx) * double{in_b.picture.at(i, j)} + fx * double{in_b.picture.at(i + 1, j)}) +

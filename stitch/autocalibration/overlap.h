@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <vector>
 
 #include "stitch/autocalibration/arrangement.h"
@@ -30,7 +31,8 @@ class Overlaps {
     Picture picture;
     double scale = 1;  ///< units of radius per pixel
     Eigen::Vector2d center{0, 0};
-    double radius = 0;  ///< radius of the image circle, px; 0: none
+    double radius = 0;                 ///< radius of the image circle, px; 0: none
+    std::vector<std::uint8_t> masked;  ///< by pixel: 1 if it is masked, or near to what is; empty: none is
   };
   std::vector<Detail> details_;
 };

@@ -28,6 +28,10 @@ std::vector<Feature> features_of(const DecodedImage& whole, const Shape& shape, 
     const Region::Circle& circle = *shape.circle;
     region.circle = Region::Circle{circle.x / scale, circle.y / scale, circle.radius / scale};
   }
+  region.masks = shape.masks;
+  for (std::vector<Region::Point>& mask : region.masks) {
+    for (Region::Point& corner : mask) corner = {corner.x / scale, corner.y / scale};
+  }
   std::vector<Feature> features = effort.from > 0 ? find_rim_features(std::move(picture), region, effort.features,
                                                                       effort.from * region.circle->radius)
                                                   : find_features(picture, region, effort.features);

@@ -54,6 +54,24 @@ Result<ImageHeader> header_of(std::span<const std::uint8_t> bytes, const std::st
   return header;
 }
 
+/// Refuses pictures that cannot be in so few bytes.
+Status check_expansion(std::span<const std::uint8_t> bytes, const ImageHeader& header, PixelFormat format,
+                       const std::string& name) {
+  if (packed_size(format, header.width, header.height) <= kSmallImageBytes + kMaxExpansion * bytes.size()) return {};
+  return fail(Errc::kTruncated, "picture '" + name + "': " + std::to_string(bytes.size()) + " bytes cannot hold " +
+                                    std::to_string(header.width) + "x" + std::to_string(header.height) +
+                                    " pixels; fetch or export it again");
+}
+
+Result<std::span<const std::uint8_t>> all_of(PictureBytes& file) {
+  NODAL_TRY_ASSIGN(const auto bytes, file.first(kMaxImageFileBytes + 1));
+  if (bytes.size() > kMaxImageFileBytes) {
+    return fail(Errc::kTooLarge,
+                "picture '" + file.name() + "': is over " + std::to_string(kMaxImageFileBytes >> 20) + " MiB");
+  }
+  return bytes;
+}
+
 }  // namespace
 
 Result<DecodedImage> decode_image(std::span<const std::uint8_t> bytes, const std::string& name,
@@ -69,12 +87,7 @@ Result<DecodedImage> decode_image(std::span<const std::uint8_t> bytes, const std
     return fail(Errc::kUnsupported, "picture '" + name + "': does not have 16 bits a sample as " +
                                         std::string(pixel_format_name(*as)) + " needs");
   }
-  if (packed_size(deep ? *as : header.natural, header.width, header.height) >
-      kSmallImageBytes + kMaxExpansion * bytes.size()) {
-    return fail(Errc::kTruncated, "picture '" + name + "': " + std::to_string(bytes.size()) + " bytes cannot hold " +
-                                      std::to_string(header.width) + "x" + std::to_string(header.height) +
-                                      " pixels; fetch or export it again");
-  }
+  NODAL_TRY(check_expansion(bytes, header, deep ? *as : header.natural, name));
   auto image = begins_with(bytes, kJpegMagic) ? decode_jpeg(bytes, name, as == PixelFormat::kRgb24)
                                               : decode_png(bytes, name, deep);
   if (!image || !as || *as == image->format) return image;
@@ -85,12 +98,17 @@ Result<DecodedImage> decode_image(std::span<const std::uint8_t> bytes, const std
 }
 
 Result<DecodedImage> decode_image(PictureBytes& file, std::optional<PixelFormat> as) {
-  NODAL_TRY_ASSIGN(const auto bytes, file.first(kMaxImageFileBytes + 1));
-  if (bytes.size() > kMaxImageFileBytes) {
-    return fail(Errc::kTooLarge,
-                "picture '" + file.name() + "': is over " + std::to_string(kMaxImageFileBytes >> 20) + " MiB");
-  }
+  NODAL_TRY_ASSIGN(const auto bytes, all_of(file));
   return decode_image(bytes, file.name(), as);
+}
+
+Result<DecodedImage> decode_opacity(PictureBytes& file) {
+  NODAL_TRY_ASSIGN(const auto bytes, all_of(file));
+  NODAL_TRY_ASSIGN(const auto header, header_of(bytes, file.name()));
+  NODAL_TRY(check_expansion(bytes, header, header.natural, file.name()));
+  if (begins_with(bytes, kPngMagic)) return decode_png_opacity(bytes, file.name());
+  const auto pixels = packed_size(PixelFormat::kGrey8, header.width, header.height);
+  return DecodedImage{PixelFormat::kGrey8, header.width, header.height, std::vector<std::uint8_t>(pixels, 255)};
 }
 
 Result<ImageHeader> image_header(PictureBytes& file) {

@@ -43,6 +43,10 @@ Result<ImageHeader> read_image_header(const std::filesystem::path& file);
 Result<DecodedImage> decode_image(PictureBytes& file, std::optional<PixelFormat> as = std::nullopt);
 Result<ImageHeader> image_header(PictureBytes& file);
 
+/// How opaque the pixels of a JPEG or PNG are, GREY of its size: 255 everywhere if it has no alpha channel.
+/// Errors: those of decode_image().
+Result<DecodedImage> decode_opacity(PictureBytes& file);
+
 /// Converts a picture to another format (neither may be kMjpeg, Bayer or of 16 bits): RGB and YUV by full-range BT.601;
 /// chroma is interpolated or averaged when its resolution changes. Slow: for opening files, not for the frame path.
 DecodedImage convert_image(const ImageView& image, PixelFormat to);

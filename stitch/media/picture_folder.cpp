@@ -20,6 +20,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
+constexpr std::string_view kMaskEnding = ".mask.png";
+
 /// Files that are left out, by their kind.
 class LeftOut {
  public:
@@ -75,6 +77,7 @@ Looked look_at(const fs::path& file) {
 Result<PictureFolder> pictures_in(const fs::path& folder, const HeaderReader& header, bool tiff) {
   PictureFolder pictures;
   LeftOut left_out;
+  std::vector<std::string> masks;
   std::error_code error;
   fs::directory_iterator entries(folder, error);
   for (; !error && entries != fs::directory_iterator(); entries.increment(error)) {
@@ -85,6 +88,8 @@ Result<PictureFolder> pictures_in(const fs::path& folder, const HeaderReader& he
       left_out.add("a folder", "folders", "give it by its own name", file);
     } else if (!entries->is_regular_file(unknown)) {
       left_out.add("no regular file", "that are no regular files", "", file);
+    } else if (is_mask_name(file)) {
+      masks.push_back(file);
     } else if (header(file)) {
       pictures.files.push_back(file);
     } else {
@@ -102,6 +107,12 @@ Result<PictureFolder> pictures_in(const fs::path& folder, const HeaderReader& he
     }
   }
   if (error) return fail(Errc::kIo, folder.string() + ": the folder cannot be read: " + error.message());
+  for (const std::string& mask : masks) {
+    const std::string stem = mask.substr(0, mask.size() - kMaskEnding.size());
+    const auto its = [&](const std::string& file) { return fs::path(file).replace_extension().string() == stem; };
+    if (std::ranges::any_of(pictures.files, its)) continue;
+    left_out.add("a mask without its picture", "masks without their pictures", "a.mask.png is the mask of a.jpg", mask);
+  }
   if (pictures.files.empty()) {
     const std::string others = left_out.text();
     return fail(
@@ -122,6 +133,10 @@ Result<PictureFolder> pictures_in(const fs::path& folder, const HeaderReader& he
 
 Result<PictureFolder> jpegs_and_pngs_in(const fs::path& folder) {
   return pictures_in(folder, read_image_header, false);
+}
+
+bool is_mask_name(std::string_view file) {
+  return has_ending(file, kMaskEnding) && fs::path(file).filename().string().size() > kMaskEnding.size();
 }
 
 bool named_like_a_picture(std::string_view file) {

@@ -15,12 +15,16 @@ namespace nodal::media {
 using HeaderReader = std::function<Result<ImageHeader>(const std::filesystem::path& file)>;
 
 /// The pictures of a folder: the files whose header `header` reads. `tiff`: whether TIFFs, HEIF and
-/// WebP files are among them. Files that begin with a dot are left out without a word, folders in it with the sentence.
+/// WebP files are among them. Files that begin with a dot and the pictures' masks (is_mask_name) are left out without a
+/// word, folders in it with the sentence.
 /// Errors: kIo when the folder cannot be read, kNotFound, with what is there instead, when no file in it is a picture.
 Result<PictureFolder> pictures_in(const std::filesystem::path& folder, const HeaderReader& header, bool tiff);
 
 /// The same for JPEGs and PNGs.
 Result<PictureFolder> jpegs_and_pngs_in(const std::filesystem::path& folder);
+
+/// Whether a file is a mask by its name: a.mask.png.
+bool is_mask_name(std::string_view file);
 
 /// Whether a name ends like that of a picture, in any case.
 bool named_like_a_picture(std::string_view file);

@@ -60,6 +60,24 @@ bool read_header(Reader& reader) {
   return true;
 }
 
+/// Reads the pixels of 8 bits with their alpha into `bytes`, which becomes as long as they are; alpha is the last of
+/// `channels`.
+bool read_with_alpha(Reader& reader, std::vector<std::uint8_t>& bytes, std::size_t& channels) {
+  if (setjmp(png_jmpbuf(reader.png)) != 0) return false;
+  png_set_expand(reader.png);
+  png_set_scale_16(reader.png);
+  png_set_interlace_handling(reader.png);
+  png_read_update_info(reader.png, reader.info);
+  channels = png_get_channels(reader.png, reader.info);
+  const std::size_t stride = png_get_rowbytes(reader.png, reader.info);
+  bytes.resize(stride * static_cast<std::size_t>(reader.image.height));
+  reader.rows.resize(static_cast<std::size_t>(reader.image.height));
+  for (std::size_t y = 0; y < reader.rows.size(); ++y) reader.rows[y] = bytes.data() + y * stride;
+  png_read_image(reader.png, reader.rows.data());
+  png_read_end(reader.png, reader.info);
+  return true;
+}
+
 bool read_rows(Reader& reader) {
   if (setjmp(png_jmpbuf(reader.png)) != 0) return false;
   png_set_expand(reader.png);
@@ -121,6 +139,18 @@ Result<DecodedImage> decode_png(std::span<const std::uint8_t> bytes, const std::
   if (!read_rows(reader)) return fail(broken(reader, name));
   read_meaning(reader.png, reader.info, image.meaning, image.metadata);
   return std::move(image);
+}
+
+Result<DecodedImage> decode_png_opacity(std::span<const std::uint8_t> bytes, const std::string& name) {
+  Reader reader;
+  if (!open(reader, bytes)) return fail(broken(reader, name));
+  std::vector<std::uint8_t> pixels;
+  std::size_t channels = 1;
+  if (!read_with_alpha(reader, pixels, channels)) return fail(broken(reader, name));
+  DecodedImage opacity{PixelFormat::kGrey8, reader.image.width, reader.image.height, {}};
+  const bool alpha = channels == 2 || channels == 4;
+  for (std::size_t k = channels - 1; k < pixels.size(); k += channels) opacity.bytes.push_back(alpha ? pixels[k] : 255);
+  return opacity;
 }
 
 }  // namespace nodal::media

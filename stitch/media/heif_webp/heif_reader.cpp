@@ -122,6 +122,35 @@ Result<ImageHeader> header_of(const heif_image_handle* handle, const std::string
   return header;
 }
 
+/// The decoded picture, its channels interleaved.
+struct Pixels {
+  Image image;
+  const std::uint8_t* first = nullptr;
+  int stride = 0;
+
+  const std::uint8_t* row(int y) const { return first + static_cast<std::ptrdiff_t>(y) * stride; }
+};
+
+Result<Pixels> pixels_of(std::span<const std::uint8_t> bytes, heif_chroma channels, const ImageHeader& header,
+                         const std::string& name) {
+  NODAL_TRY_ASSIGN(const File file, opened(bytes, name));
+  const DecodingOptions options(heif_decoding_options_alloc());
+  if (!options) return fail(Errc::kInternal, "picture '" + name + "': no memory for libheif");
+  options->strict_decoding = 1;
+  options->convert_hdr_to_8bit = 1;
+  heif_image* decoded = nullptr;
+  const heif_error error =
+      heif_decode_image(file.primary.get(), &decoded, heif_colorspace_RGB, channels, options.get());
+  if (error.code != heif_error_Ok) return fail(error_of(error, name));
+  Pixels pixels{Image(decoded)};
+  pixels.first = heif_image_get_plane_readonly(decoded, heif_channel_interleaved, &pixels.stride);
+  if (pixels.first == nullptr || heif_image_get_width(decoded, heif_channel_interleaved) != header.width ||
+      heif_image_get_height(decoded, heif_channel_interleaved) != header.height) {
+    return fail(Errc::kBadFormat, "picture '" + name + "': its pixels are not as many as the HEIF file says");
+  }
+  return pixels;
+}
+
 }  // namespace
 
 bool is_heif(std::span<const std::uint8_t> bytes) {
@@ -136,30 +165,25 @@ Result<ImageHeader> heif_header(std::span<const std::uint8_t> bytes, const std::
 
 Result<DecodedImage> decode_heif(std::span<const std::uint8_t> bytes, const ImageHeader& header,
                                  const std::string& name) {
-  NODAL_TRY_ASSIGN(const File file, opened(bytes, name));
-  const DecodingOptions options(heif_decoding_options_alloc());
-  if (!options) return fail(Errc::kInternal, "picture '" + name + "': no memory for libheif");
-  options->strict_decoding = 1;
-  options->convert_hdr_to_8bit = 1;
-  heif_image* decoded = nullptr;
-  const heif_error error =
-      heif_decode_image(file.primary.get(), &decoded, heif_colorspace_RGB, heif_chroma_interleaved_RGB, options.get());
-  if (error.code != heif_error_Ok) return fail(error_of(error, name));
-  const Image image(decoded);
-  int stride = 0;
-  const std::uint8_t* const plane = heif_image_get_plane_readonly(image.get(), heif_channel_interleaved, &stride);
-  const int width = heif_image_get_width(image.get(), heif_channel_interleaved);
-  const int height = heif_image_get_height(image.get(), heif_channel_interleaved);
-  if (plane == nullptr || width != header.width || height != header.height) {
-    return fail(Errc::kBadFormat, "picture '" + name + "': its pixels are not as many as the HEIF file says");
-  }
-  DecodedImage picture{PixelFormat::kRgb24, width, height, {}, header.meaning, header.metadata};
-  picture.bytes.resize(packed_size(picture.format, width, height));
-  for (int y = 0; y < height; ++y) {
-    std::copy_n(plane + static_cast<std::ptrdiff_t>(y) * stride, static_cast<std::ptrdiff_t>(3) * width,
-                picture.bytes.begin() + static_cast<std::ptrdiff_t>(3) * width * y);
+  NODAL_TRY_ASSIGN(const Pixels pixels, pixels_of(bytes, heif_chroma_interleaved_RGB, header, name));
+  DecodedImage picture{PixelFormat::kRgb24, header.width, header.height, {}, header.meaning, header.metadata};
+  picture.bytes.resize(packed_size(picture.format, header.width, header.height));
+  for (int y = 0; y < header.height; ++y) {
+    std::copy_n(pixels.row(y), static_cast<std::ptrdiff_t>(3) * header.width,
+                picture.bytes.begin() + static_cast<std::ptrdiff_t>(3) * header.width * y);
   }
   return picture;
+}
+
+Result<DecodedImage> decode_heif_opacity(std::span<const std::uint8_t> bytes, const ImageHeader& header,
+                                         const std::string& name) {
+  NODAL_TRY_ASSIGN(const Pixels pixels, pixels_of(bytes, heif_chroma_interleaved_RGBA, header, name));
+  DecodedImage opacity{PixelFormat::kGrey8, header.width, header.height, {}};
+  for (int y = 0; y < header.height; ++y) {
+    const std::uint8_t* const row = pixels.row(y);
+    for (int x = 0; x < header.width; ++x) opacity.bytes.push_back(row[4 * x + 3]);
+  }
+  return opacity;
 }
 
 }  // namespace nodal::media

@@ -15,5 +15,8 @@ bool is_heif(std::span<const std::uint8_t> bytes);
 Result<ImageHeader> heif_header(std::span<const std::uint8_t> bytes, const std::string& name);
 Result<DecodedImage> decode_heif(std::span<const std::uint8_t> bytes, const ImageHeader& header,
                                  const std::string& name);
+/// How opaque the pixels are, GREY.
+Result<DecodedImage> decode_heif_opacity(std::span<const std::uint8_t> bytes, const ImageHeader& header,
+                                         const std::string& name);
 
 }  // namespace nodal::media

@@ -60,4 +60,15 @@ Result<DecodedImage> decode_heif_or_webp(PictureBytes& file) {
   return is_webp(bytes) ? decode_webp(bytes, header, file.name()) : decode_heif(bytes, header, file.name());
 }
 
+Result<DecodedImage> decode_heif_or_webp_opacity(PictureBytes& file) {
+  NODAL_TRY_ASSIGN(const ImageHeader header, heif_or_webp_header(file));
+  NODAL_TRY_ASSIGN(const auto bytes, all_of(file));
+  if (!header.meaning.alpha) {
+    const auto pixels = packed_size(PixelFormat::kGrey8, header.width, header.height);
+    return DecodedImage{PixelFormat::kGrey8, header.width, header.height, std::vector<std::uint8_t>(pixels, 255)};
+  }
+  return is_webp(bytes) ? decode_webp_opacity(bytes, header, file.name())
+                        : decode_heif_opacity(bytes, header, file.name());
+}
+
 }  // namespace nodal::media

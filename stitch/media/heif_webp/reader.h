@@ -29,4 +29,7 @@ Result<DecodedImage> decode_heif_or_webp(PictureBytes& file);
 /// Its size and metadata, without decoding it. Errors: the same, except those of its pixels.
 Result<ImageHeader> heif_or_webp_header(PictureBytes& file);
 
+/// How opaque the pixels are, GREY: 255 everywhere if the file has no alpha channel. Errors: the same.
+Result<DecodedImage> decode_heif_or_webp_opacity(PictureBytes& file);
+
 }  // namespace nodal::media

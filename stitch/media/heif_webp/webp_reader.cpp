@@ -87,4 +87,21 @@ Result<DecodedImage> decode_webp(std::span<const std::uint8_t> bytes, const Imag
   return image;
 }
 
+Result<DecodedImage> decode_webp_opacity(std::span<const std::uint8_t> bytes, const ImageHeader& header,
+                                         const std::string& name) {
+  WebPDecoderConfig config;
+  if (WebPInitDecoderConfig(&config) == 0)
+    return fail(Errc::kInternal, "picture '" + name + "': libwebp is another one");
+  std::vector<std::uint8_t> pixels(std::size_t{4} * static_cast<std::size_t>(header.width) *
+                                   static_cast<std::size_t>(header.height));
+  config.output.colorspace = MODE_RGBA;
+  config.output.is_external_memory = 1;
+  config.output.u.RGBA = {pixels.data(), 4 * header.width, pixels.size()};
+  if (const VP8StatusCode status = WebPDecode(bytes.data(), bytes.size(), &config); status != VP8_STATUS_OK)
+    return fail(broken(status, name));
+  DecodedImage opacity{PixelFormat::kGrey8, header.width, header.height, {}};
+  for (std::size_t k = 3; k < pixels.size(); k += 4) opacity.bytes.push_back(pixels[k]);
+  return opacity;
+}
+
 }  // namespace nodal::media

@@ -280,9 +280,12 @@ Status decode_plain(Reader& reader, const Row& row) {
   return {};
 }
 
+/// Which of libtiff's channels are taken.
+enum class Taken : std::uint8_t { kColours, kOpacity };
+
 /// libtiff's own conversion to 8 bits: red in the lowest byte. Rows are appended to `bytes` as they are decoded, those
 /// of a row of strips or tiles at a time, so that a file that ends early takes no memory for the rest.
-Status decode(Reader& reader, std::vector<std::uint8_t>& bytes) {
+Status decode(Reader& reader, std::vector<std::uint8_t>& bytes, Taken taken) {
   TIFF* tiff = reader.tiff.get();
   TIFFRGBAImage image{};
   std::array<char, 1024> why{};
@@ -306,6 +309,10 @@ Status decode(Reader& reader, std::vector<std::uint8_t>& bytes) {
       return fail(reader.broken(Errc::kTruncated, "ends early or is broken"));
     }
     for (const std::uint32_t pixel : std::span(pixels).first(std::size_t{width} * rows)) {
+      if (taken == Taken::kOpacity) {
+        bytes.push_back(static_cast<std::uint8_t>(TIFFGetA(pixel)));
+        continue;
+      }
       bytes.push_back(static_cast<std::uint8_t>(TIFFGetR(pixel)));
       if (grey) continue;
       bytes.push_back(static_cast<std::uint8_t>(TIFFGetG(pixel)));
@@ -351,11 +358,23 @@ Result<DecodedImage> decode_tiff(PictureBytes& file, std::optional<PixelFormat> 
       for (const unsigned value : row) bytes.push_back(static_cast<std::uint8_t>(deep ? (value + 128) / 257 : value));
     });
   } else {
-    decoded = decode(reader, bytes);
+    decoded = decode(reader, bytes, Taken::kColours);
   }
   if (!decoded) return fail(decoded.error());
   read_notes(reader, picture);
   return picture;
+}
+
+Result<DecodedImage> decode_tiff_opacity(PictureBytes& file) {
+  Reader reader{file.name()};
+  NODAL_TRY(open(file, reader));
+  DecodedImage opacity{PixelFormat::kGrey8, reader.header.width, reader.header.height, {}};
+  if (alpha_of(reader) == Alpha::kNone) {
+    opacity.bytes.assign(packed_size(opacity.format, opacity.width, opacity.height), 255);
+    return opacity;
+  }
+  NODAL_TRY(decode(reader, opacity.bytes, Taken::kOpacity));
+  return opacity;
 }
 
 bool is_tiff(const std::filesystem::path& file) {

@@ -55,6 +55,21 @@ TEST(Features, PictureTurnedByARightAngle_MatchesAreExact) {
   EXPECT_GT(static_cast<double>(right), 0.95 * static_cast<double>(matches.size()));
 }
 
+TEST(Features, InAMask_AreNotFoundNorNearerThanADescriptorReaches) {
+  const Picture picture = blobs(300, 1);
+  Region region = whole(picture);
+  const std::size_t all = find_features(picture, region, 1000).size();
+  region.masks = {{{100, 100}, {200, 100}, {200, 200}, {100, 200}}};
+  const auto left = find_features(picture, region, 1000);
+  EXPECT_LT(left.size(), all);
+  EXPECT_GT(left.size(), all / 3);
+  for (const Feature& feature : left) {
+    const double dx = std::max({100 - feature.pixel.x, feature.pixel.x - 200, 0.0});
+    const double dy = std::max({100 - feature.pixel.y, feature.pixel.y - 200, 0.0});
+    EXPECT_GE(std::hypot(dx, dy), 6 * feature.scale - 0.01);
+  }
+}
+
 TEST(Features, PictureOfHalfTheSize_MatchesAreAtHalfTheCoordinates) {
   const Picture picture = blobs(400, 2);
   Picture half{200, 200, {}};

@@ -65,6 +65,29 @@ TEST_F(CodedFile, WebpWithAlpha_SaysSoAndKeepsItsColours) {
   ASSERT_TRUE(image) << image.error().text();
   EXPECT_TRUE(image->meaning.alpha);
   EXPECT_EQ(image->bytes, rgb);
+  std::vector<std::uint8_t> alpha;
+  for (std::size_t k = 3; k < rgba.size(); k += 4) alpha.push_back(rgba[k]);
+  PictureBytes file = open(test::webp_of(told));
+  EXPECT_EQ(decode_heif_or_webp_opacity(file)->bytes, alpha);
+}
+
+TEST_F(CodedFile, HeifWithAlpha_IsAsOpaqueAsItSays) {
+  if (!test::can_code_heif()) GTEST_SKIP() << "libheif has no encoder of HEVC here";
+  CodedPicture told = picture();
+  PictureBytes plain = open(test::heif_of(told));
+  EXPECT_EQ(decode_heif_or_webp_opacity(plain)->bytes, std::vector<std::uint8_t>(64 * 48, 255));
+  told.alpha = true;
+  std::vector<std::uint8_t> rgba;
+  for (std::size_t k = 0; k < told.rgb.size(); k += 3) {
+    const std::uint8_t opaque = k / 3 % 64 < 32 ? 0 : 255;
+    rgba.insert(rgba.end(), {told.rgb[k], told.rgb[k + 1], told.rgb[k + 2], opaque});
+  }
+  told.rgb = rgba;
+  PictureBytes file = open(test::heif_of(told));
+  const auto opacity = decode_heif_or_webp_opacity(file);
+  ASSERT_TRUE(opacity) << opacity.error().text();
+  for (int k = 0; k < 64 * 48; ++k)
+    EXPECT_NEAR(opacity->bytes[static_cast<std::size_t>(k)], k % 64 < 32 ? 0 : 255, 60) << k;
 }
 
 TEST_F(CodedFile, AnimatedWebp_IsRefusedWithWhatToDo) {

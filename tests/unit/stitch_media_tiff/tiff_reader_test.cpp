@@ -8,6 +8,7 @@
 #include <cstring>
 #include <fstream>
 
+#include "stitch/media/picture_bytes.h"
 #include "tests/support/pictures.h"
 
 namespace nodal::media {
@@ -169,6 +170,13 @@ TEST_F(TiffReader, AlphaIn8Bits_LeavesTheColoursThatTheFileMeans) {
       const auto picture = read_tiff(write("a.tif", kind, static_cast<std::uint16_t>(alpha)));
       ASSERT_TRUE(picture) << picture.error().text();
       EXPECT_TRUE(picture->meaning.alpha);
+      PictureBytes file = PictureBytes::open(path("a.tif")).value();
+      const auto opacity = decode_tiff_opacity(file);
+      ASSERT_TRUE(opacity) << opacity.error().text();
+      for (int k = 0; k < kWidth * kHeight; ++k) {
+        const int alpha_stored = sample(k % kWidth, k / kWidth, kind.channels - 1);
+        ASSERT_NEAR(opacity->bytes[static_cast<std::size_t>(k)], alpha_stored / 257.0, 1.01) << k;
+      }
       const int channels = kind.channels - 1, most = kind.bits == 8 ? 255 : 65535;
       std::size_t at = 0;
       for (int y = 0; y < kHeight; ++y) {
