@@ -1,6 +1,8 @@
 // The entries of one folder, up to a limit, for every implementation of DiskPort.
 #pragma once
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstddef>
 #include <string>
@@ -26,8 +28,11 @@ class FolderListing {
   Status add(FolderEntry entry) {
     names_bytes_ += entry.name.size();
     if (entries_.size() >= kMaxEntries || names_bytes_ > kMaxNamesBytes) {
-      return fail(Errc::kTooLarge, "folder '" + folder_ + "': has more than " + std::to_string(entries_.size()) +
-                                       " files and folders, too many to be listed; move away what is not Nodal's");
+      return fail(
+          Errc::kTooLarge,
+          fmt::format(
+              "folder '{}': has more than {} files and folders, too many to be listed; move away what is not Nodal's",
+              folder_, entries_.size()));
     }
     entries_.push_back(std::move(entry));
     return {};

@@ -1,11 +1,13 @@
 #include "protocol/bulk_receiver.h"
 
+#include <fmt/format.h>
+
 #include "protocol/base/bytes.h"
 
 namespace nodal {
 namespace {
 
-std::string name(StreamId stream) { return "stream " + std::to_string(stream); }
+std::string name(StreamId stream) { return fmt::format("stream {}", stream); }
 
 tl::unexpected<Error> broken(StreamId stream, std::string how) {
   return fail(Errc::kProtocol, name(stream) + ": " + std::move(how));
@@ -17,10 +19,10 @@ Status BulkReceiver::open(StreamId id, std::uint32_t policy) {
   if (id != next_id_) return broken(id, "was opened out of turn; " + name(next_id_) + " is next");
   if (policy != static_cast<std::uint32_t>(StreamPolicy::kLossless) &&
       policy != static_cast<std::uint32_t>(StreamPolicy::kLatest)) {
-    return broken(id, "was opened with policy " + std::to_string(policy) + ", which is neither lossless nor latest");
+    return broken(id, fmt::format("was opened with policy {}, which is neither lossless nor latest", policy));
   }
   if (streams_.size() >= kMaxStreams) {
-    return broken(id, "was opened while " + std::to_string(kMaxStreams) + " others were, which is the limit");
+    return broken(id, fmt::format("was opened while {} others were, which is the limit", kMaxStreams));
   }
   next_id_ += 2;
   Stream& stream = streams_[id];
@@ -33,12 +35,10 @@ Status BulkReceiver::open(StreamId id, std::uint32_t policy) {
 Status BulkReceiver::check_order(const Stream& stream, const PieceHeader& header, std::size_t bytes) {
   const auto wrong = [](std::string how) { return fail(Errc::kProtocol, std::move(how)); };
   if (header.total > kMaxItemBytes || header.meta > kMaxMetaBytes || header.meta > header.total) {
-    return wrong("an item of " + std::to_string(header.total) + " bytes with a meta of " + std::to_string(header.meta) +
-                 " is over the limits");
+    return wrong(fmt::format("an item of {} bytes with a meta of {} is over the limits", header.total, header.meta));
   }
   if (header.offset != stream.next_offset) {
-    return wrong("a piece at byte " + std::to_string(header.offset) + " came where byte " +
-                 std::to_string(stream.next_offset) + " was due");
+    return wrong(fmt::format("a piece at byte {} came where byte {} was due", header.offset, stream.next_offset));
   }
   if (header.offset > 0) {
     if (header.item != stream.item || header.total != stream.total || header.meta != stream.meta) {
@@ -46,8 +46,7 @@ Status BulkReceiver::check_order(const Stream& stream, const PieceHeader& header
     }
   } else if (header.item < stream.next_item ||
              (stream.policy == StreamPolicy::kLossless && header.item != stream.next_item)) {
-    return wrong("item " + std::to_string(header.item) + " came where item " + std::to_string(stream.next_item) +
-                 " was due");
+    return wrong(fmt::format("item {} came where item {} was due", header.item, stream.next_item));
   }
   if (bytes > header.total - header.offset) return wrong("a piece goes past its item's end");
   if (bytes == 0 && header.total > 0) return wrong("a piece without bytes");
@@ -107,11 +106,11 @@ Result<bool> BulkReceiver::close(StreamId id, std::uint64_t offered, std::uint64
   streams_.erase(found);
   if (stream.next_offset != 0 && !torn) return broken(id, "was closed in the middle of an item");
   if (offered < stream.whole || dropped != offered - stream.whole) {
-    return broken(id, "says " + std::to_string(offered) + " items were offered and " + std::to_string(dropped) +
-                          " dropped, but " + std::to_string(stream.whole) + " came");
+    return broken(
+        id, fmt::format("says {} items were offered and {} dropped, but {} came", offered, dropped, stream.whole));
   }
   if (stream.policy == StreamPolicy::kLossless && dropped > 0 && !torn) {
-    return broken(id, "is lossless, but lost " + std::to_string(dropped) + " items");
+    return broken(id, fmt::format("is lossless, but lost {} items", dropped));
   }
   return !stream.stopped;
 }

@@ -1,5 +1,7 @@
 #include "protocol/bulk_sender.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <string>
 #include <utility>
@@ -10,7 +12,7 @@
 namespace nodal {
 namespace {
 
-std::string stream_text(StreamId stream) { return "stream " + std::to_string(stream); }
+std::string stream_text(StreamId stream) { return fmt::format("stream {}", stream); }
 
 std::uint64_t whole_body(const BulkItem& item) {
   if (const auto* const bytes = std::get_if<SharedBytes>(&item.body)) return bytes->size();
@@ -33,7 +35,7 @@ std::uint64_t BulkSender::Pending::total() const { return item.meta.size() + bod
 
 Result<StreamId> BulkSender::open(StreamPolicy policy) {
   if (streams_.size() >= kMaxStreams) {
-    return fail(Errc::kOverload, std::to_string(kMaxStreams) + " streams are open already; close one first");
+    return fail(Errc::kOverload, fmt::format("{} streams are open already; close one first", kMaxStreams));
   }
   const StreamId id = next_id_;
   next_id_ += 2;
@@ -50,14 +52,13 @@ Status BulkSender::offer(StreamId id, BulkItem item) {
     return fail(Errc::kBadValue, stream_text(id) + ": an item that begins after its own end");
   }
   if (item.meta.size() > kMaxMetaBytes || body_bytes(item) > kMaxItemBytes - item.meta.size()) {
-    return fail(Errc::kTooLarge, stream_text(id) + ": an item's meta of " + std::to_string(item.meta.size()) +
-                                     " bytes or its body of " + std::to_string(body_bytes(item)) +
-                                     " bytes is over the limit");
+    return fail(Errc::kTooLarge, fmt::format("{}: an item's meta of {} bytes or its body of {} bytes is over the limit",
+                                             stream_text(id), item.meta.size(), body_bytes(item)));
   }
   Stream& stream = found->second;
   if (stream.policy == StreamPolicy::kLossless && stream.queue.size() >= kLosslessQueueItems) {
-    return fail(Errc::kOverload, stream_text(id) + " has " + std::to_string(kLosslessQueueItems) +
-                                     " items waiting; offer again when counts() shows fewer");
+    return fail(Errc::kOverload, fmt::format("{} has {} items waiting; offer again when counts() shows fewer",
+                                             stream_text(id), kLosslessQueueItems));
   }
   const bool replaces = stream.policy == StreamPolicy::kLatest && !stream.queue.empty() && !stream.queue.back().begun;
   if (replaces) {
@@ -100,8 +101,8 @@ Status BulkSender::credit(StreamId id, std::uint64_t allowed) {
     return fail(Errc::kProtocol, "a credit for " + stream_text(id) + ", which this end never opened");
   }
   if (allowed < found->second.allowed) {
-    return fail(Errc::kProtocol, stream_text(id) + ": a credit was taken back, from " +
-                                     std::to_string(found->second.allowed) + " to " + std::to_string(allowed));
+    return fail(Errc::kProtocol, fmt::format("{}: a credit was taken back, from {} to {}", stream_text(id),
+                                             found->second.allowed, allowed));
   }
   found->second.allowed = allowed;
   return {};

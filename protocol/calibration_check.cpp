@@ -1,4 +1,6 @@
 // Checks of a calibration beyond the presence of its fields; the first problem found is the error.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -40,7 +42,7 @@ Status in_range(const std::string& field, double value, double least, double mos
 
 Status coefficients_in_range(const std::string& field, std::span<const double> values) {
   for (std::size_t k = 0; k < values.size(); ++k) {
-    NODAL_TRY(in_range(field + "[" + std::to_string(k) + "]", values[k], -kMaxCoefficient, kMaxCoefficient));
+    NODAL_TRY(in_range(fmt::format("{}[{}]", field, k), values[k], -kMaxCoefficient, kMaxCoefficient));
   }
   return {};
 }
@@ -49,7 +51,7 @@ Status check_focal(double focal) { return in_range("lens.focal", focal, 1, 1e6);
 
 Status check_count(const std::string& field, std::size_t count) {
   if (count >= 1 && count <= 9) return {};
-  return fail(Errc::kBadValue, field + " has " + std::to_string(count) + " numbers; it must have 1 to 9");
+  return fail(Errc::kBadValue, fmt::format("{} has {} numbers; it must have 1 to 9", field, count));
 }
 
 Status check_model(const TsaiLens& lens) {
@@ -112,11 +114,11 @@ Status check_rotation(const std::array<double, 9>& R) {
 /// A mask without effect is an error, because it is most likely not what its author intended.
 Status check_mask(const HeadCalibration& head, const std::string& field, const std::vector<Region::Point>& mask) {
   if (mask.size() < 3) {
-    return fail(Errc::kBadValue, field + " has " + std::to_string(mask.size()) + " corners; a polygon has 3 or more");
+    return fail(Errc::kBadValue, fmt::format("{} has {} corners; a polygon has 3 or more", field, mask.size()));
   }
   double left = kMaxPlace, right = -kMaxPlace, top = kMaxPlace, bottom = -kMaxPlace;
   for (std::size_t k = 0; k < mask.size(); ++k) {
-    const std::string corner = field + "[" + std::to_string(k) + "]";
+    const std::string corner = fmt::format("{}[{}]", field, k);
     NODAL_TRY(in_range(corner + "[0]", mask[k].x, -kMaxPlace, kMaxPlace));
     NODAL_TRY(in_range(corner + "[1]", mask[k].y, -kMaxPlace, kMaxPlace));
     left = std::min(left, mask[k].x);
@@ -131,8 +133,8 @@ Status check_mask(const HeadCalibration& head, const std::string& field, const s
   }
   if (!(area > 1e-3)) return fail(Errc::kBadValue, field + " has no area: its corners lie on a line");
   if (!(right > 0 && left < head.width && bottom > 0 && top < head.height)) {
-    return fail(Errc::kBadValue, field + " lies outside the picture of " + std::to_string(head.width) + "x" +
-                                     std::to_string(head.height) + ": does it belong to another head?");
+    return fail(Errc::kBadValue, fmt::format("{} lies outside the picture of {}x{}: does it belong to another head?",
+                                             field, head.width, head.height));
   }
   return {};
 }
@@ -140,16 +142,19 @@ Status check_mask(const HeadCalibration& head, const std::string& field, const s
 Status check_masks(const HeadCalibration& head) {
   const auto& masks = head.region.masks;
   if (masks.size() > kMaxMasks) {
-    return fail(Errc::kBadValue, "region.masks has more than " + std::to_string(kMaxMasks) + " polygons, the most");
+    return fail(Errc::kBadValue, fmt::format("region.masks has more than {} polygons, the most", kMaxMasks));
   }
   std::size_t corners = 0;
   for (const std::vector<Region::Point>& mask : masks) corners += mask.size();
   if (corners > kMaxMaskPoints) {
-    return fail(Errc::kBadValue, "region.masks has more than " + std::to_string(kMaxMaskPoints) +
-                                     " corners, the most for all polygons of a head together; draw simpler ones");
+    return fail(
+        Errc::kBadValue,
+        fmt::format(
+            "region.masks has more than {} corners, the most for all polygons of a head together; draw simpler ones",
+            kMaxMaskPoints));
   }
   for (std::size_t k = 0; k < masks.size(); ++k) {
-    NODAL_TRY(check_mask(head, "region.masks[" + std::to_string(k) + "]", masks[k]));
+    NODAL_TRY(check_mask(head, fmt::format("region.masks[{}]", k), masks[k]));
   }
   return {};
 }
@@ -157,10 +162,9 @@ Status check_masks(const HeadCalibration& head) {
 Status check_region(const HeadCalibration& head) {
   const Region& region = head.region;
   if (!(region.left >= 0 && region.top >= 0 && region.right <= head.width && region.bottom <= head.height)) {
-    return fail(Errc::kBadValue, "region " + six_digits(region.left) + "," + six_digits(region.top) + " to " +
-                                     six_digits(region.right) + "," + six_digits(region.bottom) +
-                                     " is not inside the picture of " + std::to_string(head.width) + "x" +
-                                     std::to_string(head.height));
+    return fail(Errc::kBadValue, fmt::format("region {},{} to {},{} is not inside the picture of {}x{}",
+                                             six_digits(region.left), six_digits(region.top), six_digits(region.right),
+                                             six_digits(region.bottom), head.width, head.height));
   }
   if (!(region.left < region.right && region.top < region.bottom)) {
     return fail(Errc::kBadValue, "region is empty: left must be less than right, and top less than bottom");
@@ -243,7 +247,7 @@ Status check_gain(const std::array<double, 3>& gain) {
 
 Status check_position(const std::array<double, 3>& position) {
   for (std::size_t k = 0; k < 3; ++k) {
-    const std::string field = "position[" + std::to_string(k) + "]";
+    const std::string field = fmt::format("position[{}]", k);
     if (Status s = in_range(field, position[k], -kFarthestPosition, kFarthestPosition); !s) {
       return fail(s.error().code, s.error().message + " m from the rig's nodal point");
     }
@@ -333,17 +337,18 @@ Status check_calibration(const Calibration& calibration) {
                 "control; use letters, digits, spaces and punctuation only");
   }
   if (calibration.heads.size() < kMinHeads || calibration.heads.size() > kMaxCalibratedHeads) {
-    return fail(Errc::kBadValue, "the calibration has " + std::to_string(calibration.heads.size()) +
-                                     " heads; it may have 1 to " + std::to_string(kMaxCalibratedHeads));
+    return fail(Errc::kBadValue, fmt::format("the calibration has {} heads; it may have 1 to {}",
+                                             calibration.heads.size(), kMaxCalibratedHeads));
   }
   for (std::size_t i = 0; i < calibration.heads.size(); ++i) {
     const HeadCalibration& head = calibration.heads[i];
     if (Status s = check_head(head); !s)
-      return is_name(head.name) ? s : fail(s.error().in("heads[" + std::to_string(i) + "]"));
+      return is_name(head.name) ? s : fail(s.error().in(fmt::format("heads[{}]", i)));
     for (std::size_t j = 0; j < i; ++j) {
       if (calibration.heads[j].name == head.name) {
-        return fail(Errc::kBadValue, "heads[" + std::to_string(j) + "] and heads[" + std::to_string(i) +
-                                         "] are both called '" + head.name + "'; every head needs a name of its own");
+        return fail(Errc::kBadValue,
+                    fmt::format("heads[{}] and heads[{}] are both called '{}'; every head needs a name of its own", j,
+                                i, head.name));
       }
     }
   }

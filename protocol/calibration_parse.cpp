@@ -1,4 +1,6 @@
 // From JSON to a checked Calibration. Every field must be present and known; the first problem is the error.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -129,7 +131,7 @@ class Fields {
       }
     }
     if (good) return numbers;
-    refuse(key, count == 0 ? "must be a list of numbers" : "must be a list of " + std::to_string(count) + " numbers");
+    refuse(key, count == 0 ? "must be a list of numbers" : fmt::format("must be a list of {} numbers", count));
     return {};
   }
 
@@ -324,9 +326,9 @@ Status check_version(const json& document) {
   }
   if (version > kCalibrationVersion) {
     return fail(Errc::kFutureVersion,
-                "the calibration is of version " + version.dump() + ", and this Nodal reads up to " +
-                    std::to_string(kCalibrationVersion) +
-                    ": update Nodal here, or write the calibration again with a Nodal of this age");
+                fmt::format("the calibration is of version {}, and this Nodal reads up to {}: update Nodal here, or "
+                            "write the calibration again with a Nodal of this age",
+                            version.dump(), kCalibrationVersion));
   }
   return {};
 }
@@ -353,10 +355,10 @@ Result<Calibration> parse_calibration(std::string_view text) {
   if (const json* heads = fields.array("heads")) {
     if (heads->size() > kMaxCalibratedHeads) {
       return fail(Errc::kBadValue,
-                  "the calibration has more heads than it may have: 1 to " + std::to_string(kMaxCalibratedHeads));
+                  fmt::format("the calibration has more heads than it may have: 1 to {}", kMaxCalibratedHeads));
     }
     for (std::size_t i = 0; i < heads->size(); ++i) {
-      calibration.heads.push_back(parse_head(Fields(&(*heads)[i], "heads[" + std::to_string(i) + "]", error)));
+      calibration.heads.push_back(parse_head(Fields(&(*heads)[i], fmt::format("heads[{}]", i), error)));
     }
   }
   fields.done();

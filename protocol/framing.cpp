@@ -1,5 +1,7 @@
 #include "protocol/framing.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstring>
 #include <string>
@@ -13,8 +15,6 @@ namespace {
 
 constexpr std::uint32_t kFrameMagic = 0x4C444F4E;  // "NODL"
 constexpr std::size_t kCheckedHeaderBytes = kFrameHeaderBytes - 4;
-
-std::string decimal(std::uint64_t n) { return std::to_string(n); }
 
 }  // namespace
 
@@ -85,9 +85,10 @@ Status FrameDecoder::check_header() {
                "Nodal's protocol, or bytes were lost");
   }
   if (const unsigned version = in.u8(); version != kFramingVersion) {
-    return die(Errc::kVersionMismatch, "the other end frames by version " + decimal(version) +
-                                           ", this end by version " + decimal(kFramingVersion) +
-                                           ": use programs of the same release");
+    return die(
+        Errc::kVersionMismatch,
+        fmt::format("the other end frames by version {}, this end by version {}: use programs of the same release",
+                    version, kFramingVersion));
   }
   header_.type = static_cast<FrameType>(in.u8());
   header_.flags = in.u16();
@@ -100,16 +101,18 @@ Status FrameDecoder::check_header() {
   }
   const std::string_view name = frame_type_name(header_.type);
   if (name.empty()) {
-    return die(Errc::kProtocol, "a frame of type " + decimal(static_cast<unsigned>(header_.type)) +
-                                    ", which this end does not know: use programs of the same release");
+    return die(Errc::kProtocol,
+               fmt::format("a frame of type {}, which this end does not know: use programs of the same release",
+                           static_cast<unsigned>(header_.type)));
   }
   if (const std::size_t limit = std::min(most_, max_payload_bytes(header_.type)); length_ > limit) {
-    return die(Errc::kTooLarge, "a " + std::string(name) + " frame says it has " + decimal(length_) +
-                                    " bytes; at most " + decimal(limit) + " are allowed");
+    return die(Errc::kTooLarge,
+               fmt::format("a {} frame says it has {} bytes; at most {} are allowed", name, length_, limit));
   }
   if (header_.sequence != sequence_) {
-    return die(Errc::kProtocol, "frame " + decimal(header_.sequence) + " came where frame " + decimal(sequence_) +
-                                    " was due: frames were lost, repeated or put in another order");
+    return die(Errc::kProtocol,
+               fmt::format("frame {} came where frame {} was due: frames were lost, repeated or put in another order",
+                           header_.sequence, sequence_));
   }
   return {};
 }
@@ -140,8 +143,9 @@ Result<std::optional<WireFrame>> FrameDecoder::next(std::span<const std::uint8_t
     payload = std::span(payload_).first(length_);
   }
   if (crc32c(payload) != payload_crc_) {
-    return die(Errc::kChecksum, "the payload of " + std::string(frame_type_name(header_.type)) + " frame " +
-                                    decimal(header_.sequence) + " does not match its CRC32C: the link changes bytes");
+    return die(Errc::kChecksum,
+               fmt::format("the payload of {} frame {} does not match its CRC32C: the link changes bytes",
+                           frame_type_name(header_.type), header_.sequence));
   }
   have_ = 0;
   ++sequence_;

@@ -1,5 +1,7 @@
 #include "protocol/reply_size.h"
 
+#include <fmt/format.h>
+
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/wire_format_lite.h>
 
@@ -24,9 +26,8 @@ Status check_reply_size(std::span<const std::uint8_t> payload) {
     if (field != wire::Reply::kCalibrationFieldNumber) lists += static_cast<std::size_t>(in.CurrentPosition() - begin);
   }
   if (lists <= kMaxListReplyBytes) return {};
-  return fail(Errc::kTooLarge, "a reply of " + std::to_string(payload.size()) +
-                                   " bytes that is not a calibration; at most " + std::to_string(kMaxListReplyBytes) +
-                                   " are taken");
+  return fail(Errc::kTooLarge, fmt::format("a reply of {} bytes that is not a calibration; at most {} are taken",
+                                           payload.size(), kMaxListReplyBytes));
 }
 
 }  // namespace nodal

@@ -1,5 +1,7 @@
 #include "protocol/session.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -30,7 +32,7 @@ std::size_t max_queued_bytes(Role role) {
 bool is_stream_frame(FrameType type) { return type >= FrameType::kStreamOpen; }
 
 std::string range(std::uint32_t low, std::uint32_t high) {
-  return low == high ? std::to_string(low) : std::to_string(low) + " to " + std::to_string(high);
+  return low == high ? std::to_string(low) : fmt::format("{} to {}", low, high);
 }
 
 }  // namespace
@@ -103,8 +105,7 @@ Status Session::receive(std::span<const std::uint8_t> bytes) {
 Status Session::handle(const WireFrame& frame) {
   const FrameType type = frame.header.type;
   if (is_stream_frame(type) != (frame.header.stream != 0)) {
-    return fail(Errc::kProtocol,
-                "a " + std::string(frame_type_name(type)) + " frame on stream " + std::to_string(frame.header.stream));
+    return fail(Errc::kProtocol, fmt::format("a {} frame on stream {}", frame_type_name(type), frame.header.stream));
   }
   // A Bye may come first: an end without room for another client refuses it that way.
   if ((type == FrameType::kHello) == (peer_hello_ != std::nullopt) && type != FrameType::kBye) {
@@ -144,8 +145,8 @@ Status Session::handle(const WireFrame& frame) {
 Status Session::handle_hello(const WireFrame& frame) {
   NODAL_TRY_ASSIGN(auto hello, parse<wire::Hello>(frame));
   if (hello.protocol_min() == 0 || hello.protocol_min() > hello.protocol_max()) {
-    return fail(Errc::kProtocol, "a hello that speaks protocol " + std::to_string(hello.protocol_min()) + " to " +
-                                     std::to_string(hello.protocol_max()) + ", which is no range");
+    return fail(Errc::kProtocol, fmt::format("a hello that speaks protocol {} to {}, which is no range",
+                                             hello.protocol_min(), hello.protocol_max()));
   }
   if (hello.features_size() > kMaxFeatures) {
     wire::Hello kept = hello;
@@ -244,12 +245,12 @@ Status Session::send_message(FrameType type, const google::protobuf::MessageLite
   if (dead_) return fail(*dead_);
   const std::size_t bytes = message.ByteSizeLong();
   if (const std::size_t limit = max_payload_bytes(type); bytes > limit) {
-    return fail(Errc::kTooLarge, "a " + std::string(frame_type_name(type)) + " of " + std::to_string(bytes) +
-                                     " bytes; at most " + std::to_string(limit) + " can be sent");
+    return fail(Errc::kTooLarge,
+                fmt::format("a {} of {} bytes; at most {} can be sent", frame_type_name(type), bytes, limit));
   }
   if (outgoing_.queued_bytes() + bytes > max_queued_bytes(role_)) {
-    return fail(Errc::kOverload, peer_name() + " does not read: " + std::to_string(outgoing_.queued_bytes()) +
-                                     " bytes of messages wait for it");
+    return fail(Errc::kOverload, fmt::format("{} does not read: {} bytes of messages wait for it", peer_name(),
+                                             outgoing_.queued_bytes()));
   }
   // The peer ends the session at a message that it cannot parse, so such a message is refused here.
   std::string payload = message.SerializeAsString();

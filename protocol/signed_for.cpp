@@ -1,5 +1,7 @@
 #include "protocol/signed_for.h"
 
+#include <fmt/format.h>
+
 #include <charconv>
 
 #include "protocol/base/text.h"
@@ -8,7 +10,7 @@
 namespace nodal {
 
 std::string namespace_of(const SignedFor& what) {
-  return std::string(kCalibrationNamespace) + ":" + what.rig + ":" + std::to_string(what.generation);
+  return fmt::format("{}:{}:{}", kCalibrationNamespace, what.rig, what.generation);
 }
 
 Result<SignedFor> parse_namespace(std::string_view name_space) {

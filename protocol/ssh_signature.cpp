@@ -1,5 +1,7 @@
 #include "protocol/ssh_signature.h"
 
+#include <fmt/format.h>
+
 #include <openssl/evp.h>
 
 #include <algorithm>
@@ -96,7 +98,7 @@ Result<Bytes> unarmour(std::string_view armoured) {
     return fail(Errc::kBadFormat, "the signature is damaged or not one of `ssh-keygen -Y sign`");
   };
   if (armoured.size() > kMaxSignatureBytes) {
-    return fail(Errc::kTooLarge, "the signature has over " + std::to_string(kMaxSignatureBytes) + " bytes");
+    return fail(Errc::kTooLarge, fmt::format("the signature has over {} bytes", kMaxSignatureBytes));
   }
   const std::size_t begin = armoured.find(kBegin);
   const std::size_t end = armoured.find(kEnd);
@@ -180,7 +182,7 @@ Result<AllowedSigners::Signer> AllowedSigners::parse_line(std::string_view line)
 
 Result<AllowedSigners> AllowedSigners::parse(std::string_view text) {
   if (text.size() > kMaxAllowedSignersBytes) {
-    return fail(Errc::kTooLarge, "has over " + std::to_string(kMaxAllowedSignersBytes) + " bytes");
+    return fail(Errc::kTooLarge, fmt::format("has over {} bytes", kMaxAllowedSignersBytes));
   }
   AllowedSigners signers;
   for (int number = 1; !text.empty(); ++number) {
@@ -191,9 +193,9 @@ Result<AllowedSigners> AllowedSigners::parse(std::string_view text) {
     line.remove_prefix(std::min(line.find_first_not_of(" \t"), line.size()));
     if (line.empty() || line.front() == '#') continue;
     auto signer = parse_line(line);
-    if (!signer) return fail(signer.error().in("line " + std::to_string(number)));
+    if (!signer) return fail(signer.error().in(fmt::format("line {}", number)));
     if (signers.signers_.size() == kMaxSigners) {
-      return fail(Errc::kTooLarge, "has over " + std::to_string(kMaxSigners) + " signers");
+      return fail(Errc::kTooLarge, fmt::format("has over {} signers", kMaxSigners));
     }
     signers.signers_.push_back(std::move(*signer));
   }

@@ -1,5 +1,7 @@
 #include "protocol/strict_json.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstddef>
 #include <iterator>
@@ -38,8 +40,8 @@ class Characters {
     }
     pass();
     if (++token_ > kLongestToken) {
-      error_ = Error{Errc::kTooLarge, "the JSON has no text and no number for more than " +
-                                          std::to_string(kLongestToken) + " bytes before " + place()};
+      error_ = Error{Errc::kTooLarge, fmt::format("the JSON has no text and no number for more than {} bytes before {}",
+                                                  kLongestToken, place())};
     }
   }
   /// The lexer begins a new token.
@@ -48,9 +50,7 @@ class Characters {
   bool ended() const { return ended_; }
   const std::optional<Error>& error() const { return error_; }
   /// Line and column of the byte that was taken last.
-  std::string place() const {
-    return "line " + std::to_string(line_) + ", column " + std::to_string(std::max<std::size_t>(column_, 1));
-  }
+  std::string place() const { return fmt::format("line {}, column {}", line_, std::max<std::size_t>(column_, 1)); }
 
  private:
   static bool is_space(char c) { return c == ' ' || c == '\n' || c == '\t' || c == '\r'; }
@@ -79,8 +79,8 @@ class Characters {
     }
     ++at_;
     if (++bytes_ > limits_.bytes && !error_) {
-      error_ = Error{Errc::kTooLarge,
-                     "the document has more than the " + std::to_string(limits_.bytes) + " bytes that are read"};
+      error_ =
+          Error{Errc::kTooLarge, fmt::format("the document has more than the {} bytes that are read", limits_.bytes)};
     }
   }
 
@@ -254,7 +254,7 @@ class JsonBuilder final : public nlohmann::json_sax<json> {
 
   bool open(json value, JsonShape::Kind kind) {
     if (static_cast<int>(open_.size()) >= limits_.depth) {
-      error_ = Error{Errc::kTooLarge, "the JSON is nested more than " + std::to_string(limits_.depth) + " deep"};
+      error_ = Error{Errc::kTooLarge, fmt::format("the JSON is nested more than {} deep", limits_.depth)};
       return false;
     }
     const JsonShape* const shape = next_shape();
@@ -302,8 +302,8 @@ Result<json> parse_strict_json(const TextPieces& pieces, const JsonLimits& limit
 
 Result<json> parse_strict_json(std::string_view text, const JsonLimits& limits, const JsonShape& shape) {
   if (text.size() > limits.bytes) {
-    return fail(Errc::kTooLarge, "the document has " + std::to_string(text.size()) + " bytes; at most " +
-                                     std::to_string(limits.bytes) + " are read");
+    return fail(Errc::kTooLarge,
+                fmt::format("the document has {} bytes; at most {} are read", text.size(), limits.bytes));
   }
   return parse_strict_json(one_piece(text), limits, shape);
 }

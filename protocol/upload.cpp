@@ -1,5 +1,7 @@
 #include "protocol/upload.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -13,7 +15,7 @@ std::string short_name(const Sha256& sha256) { return "upload " + to_hex(sha256)
 Result<Sha256> sha256_from_wire(const std::string& bytes) {
   Sha256 digest{};
   if (bytes.size() != digest.size()) {
-    return fail(Errc::kBadValue, "a SHA-256 has 32 bytes, not " + std::to_string(bytes.size()));
+    return fail(Errc::kBadValue, fmt::format("a SHA-256 has 32 bytes, not {}", bytes.size()));
   }
   std::copy(bytes.begin(), bytes.end(), digest.begin());
   return digest;
@@ -53,8 +55,8 @@ void UploadReceiver::leave(Owner owner) {
 
 Result<std::uint64_t> UploadReceiver::begin(const Sha256& sha256, std::uint64_t length, Owner owner) {
   if (length > limits_.document_bytes) {
-    return fail(Errc::kTooLarge, short_name(sha256) + " has " + std::to_string(length) + " bytes; at most " +
-                                     std::to_string(limits_.document_bytes) + " are allowed");
+    return fail(Errc::kTooLarge, fmt::format("{} has {} bytes; at most {} are allowed", short_name(sha256), length,
+                                             limits_.document_bytes));
   }
   const auto found = find(sha256);
   // Same name, different length: one of them is wrong, and it is unknown which. The newer one is used.
@@ -78,12 +80,13 @@ Status UploadReceiver::write(const Sha256& sha256, std::uint64_t offset, std::sp
   Document& document = documents_.front();
   const std::uint64_t have = document.bytes.size();
   if (offset > document.length || bytes.size() > document.length - offset) {
-    return fail(Errc::kBadValue, short_name(sha256) + ": " + std::to_string(bytes.size()) + " bytes at " +
-                                     std::to_string(offset) + " go past its end at " + std::to_string(document.length));
+    return fail(Errc::kBadValue, fmt::format("{}: {} bytes at {} go past its end at {}", short_name(sha256),
+                                             bytes.size(), offset, document.length));
   }
   if (offset > have) {
-    return fail(Errc::kBadValue, short_name(sha256) + ": bytes at " + std::to_string(offset) + ", but only " +
-                                     std::to_string(have) + " are here; begin again to learn where to go on");
+    return fail(Errc::kBadValue,
+                fmt::format("{}: bytes at {}, but only {} are here; begin again to learn where to go on",
+                            short_name(sha256), offset, have));
   }
   const std::uint64_t known = std::min<std::uint64_t>(have - offset, bytes.size());
   const auto fresh = bytes.subspan(known);
@@ -97,8 +100,8 @@ Result<std::vector<std::uint8_t>> UploadReceiver::take(const Sha256& sha256) {
     return fail(Errc::kNotFound, short_name(sha256) + " is not here; begin it first");
   }
   if (found->bytes.size() < found->length) {
-    return fail(Errc::kTruncated, short_name(sha256) + ": " + std::to_string(found->bytes.size()) + " of " +
-                                      std::to_string(found->length) + " bytes are here; begin again to go on");
+    return fail(Errc::kTruncated, fmt::format("{}: {} of {} bytes are here; begin again to go on", short_name(sha256),
+                                              found->bytes.size(), found->length));
   }
   std::vector<std::uint8_t> bytes = std::move(found->bytes);
   documents_.erase(found);
@@ -145,8 +148,8 @@ wire::UploadBegin UploadSender::begin() const {
 
 Result<BulkItem> UploadSender::item(std::uint64_t offset) const {
   if (offset > document_.size()) {
-    return fail(Errc::kProtocol, short_name(sha256_) + ": the rig wants to go on from byte " + std::to_string(offset) +
-                                     " of " + std::to_string(document_.size()));
+    return fail(Errc::kProtocol, fmt::format("{}: the rig wants to go on from byte {} of {}", short_name(sha256_),
+                                             offset, document_.size()));
   }
   wire::UploadPart part;
   part.set_sha256(sha256_to_wire(sha256_));

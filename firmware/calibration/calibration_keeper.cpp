@@ -1,5 +1,7 @@
 #include "firmware/calibration/calibration_keeper.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <new>
 
@@ -173,9 +175,11 @@ Status CalibrationKeeper::start(const CalibrationRequest& request) {
   if (const auto* how = std::get_if<CalibrationRequest::EndTrial>(&request.what)) return end_trial(request, *how);
   if (trial_.running()) {
     if (std::holds_alternative<CalibrationRequest::Rollback>(request.what)) return end_trial(request, {});
-    return fail(Errc::kBusy, "calibration " + short_id(trial_.report().id) + " is on trial for another " +
-                                 std::to_string((trial_.report().until - now_).ms() / 1000) +
-                                 " s; wait, or end the trial with `nodal calibration rollback`");
+    return fail(
+        Errc::kBusy,
+        fmt::format(
+            "calibration {} is on trial for another {} s; wait, or end the trial with `nodal calibration rollback`",
+            short_id(trial_.report().id), (trial_.report().until - now_).ms() / 1000));
   }
   if (std::holds_alternative<CalibrationRequest::Install>(request.what))
     return rehearsal_ ? rehearse(request) : install(request);
@@ -274,8 +278,7 @@ bool CalibrationKeeper::compile_some() {
   if (now.job && !now.job->tables().done()) {
     sets::TableJob& tables = now.job->tables();
     tables.compile_some(kRowsAStep);
-    report_.activity =
-        "compiling the table of calibration " + short_id(now.id) + ": " + std::to_string(tables.percent()) + " %";
+    report_.activity = fmt::format("compiling the table of calibration {}: {} %", short_id(now.id), tables.percent());
     return true;
   }
   if (!tables_.room() || answers_.full()) return false;  // the blend has not taken the table yet

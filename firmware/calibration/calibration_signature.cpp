@@ -1,5 +1,7 @@
 #include "firmware/calibration/calibration_signature.h"
 
+#include <fmt/format.h>
+
 #include <span>
 
 #include "protocol/base/text.h"
@@ -41,8 +43,8 @@ Status check_generation(const SignatureRules& rules, const Permitted& permitted,
   if (permitted.generation == rules.generation && permitted.generation != 0 && known) return {};
   const std::string what = permitted.generation == 0
                                ? "its signature names no rig and no generation"
-                               : "its signature is of generation " + std::to_string(permitted.generation) +
-                                     ", and this rig has had generation " + std::to_string(rules.generation);
+                               : fmt::format("its signature is of generation {}, and this rig has had generation {}",
+                                             permitted.generation, rules.generation);
   return fail(with_command({Errc::kBadValue, what + "; --allow-older permits it"}, rules));
 }
 

@@ -1,5 +1,7 @@
 #include "firmware/calibration/calibration_store.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
 #include <cstdio>
@@ -176,7 +178,7 @@ void CalibrationStore::read_signed() {
 
 Status CalibrationStore::note_signed(std::uint64_t generation) {
   if (generation <= signed_generation_) return {};
-  const std::string text = std::string(kSignedHead) + "\n" + std::to_string(generation) + "\n";
+  const std::string text = fmt::format("{}\n{}\n", kSignedHead, generation);
   NODAL_TRY(write_durably(*disk_, kFolder, kSignedFile, text));
   signed_generation_ = generation;
   return {};

@@ -1,5 +1,7 @@
 #include "firmware/calibration/rehearsal.h"
 
+#include <fmt/format.h>
+
 #include <charconv>
 #include <sstream>
 #include <string_view>
@@ -17,9 +19,7 @@ std::string text_of(const HeadShapes& heads) {
   for (const auto& head : heads) {
     if (!text.empty()) text += ' ';
     if (!head) text += '-';
-    else
-      text += std::to_string(static_cast<int>(head->format)) + ' ' + std::to_string(head->width) + ' ' +
-              std::to_string(head->height);
+    else text += fmt::format("{} {} {}", static_cast<int>(head->format), head->width, head->height);
   }
   return text;
 }

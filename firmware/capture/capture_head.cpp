@@ -1,5 +1,7 @@
 #include "firmware/capture/capture_head.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstdlib>
 #include <numeric>
@@ -13,9 +15,9 @@ namespace {
 /// cheap.
 constexpr Duration kRetry = Duration::milliseconds(200);
 
-std::string microseconds(Exposure exposure) { return std::to_string(exposure.us()) + " us"; }
-std::string thousandths(hal::Gamma gamma) { return std::to_string(gamma.thousandths()) + "/1000"; }
-std::string decibels(Gain gain) { return std::to_string(gain.mdb()) + " mdB"; }
+std::string microseconds(Exposure exposure) { return fmt::format("{} us", exposure.us()); }
+std::string thousandths(hal::Gamma gamma) { return fmt::format("{}/1000", gamma.thousandths()); }
+std::string decibels(Gain gain) { return fmt::format("{} mdB", gain.mdb()); }
 
 std::optional<LossReason> bad_verdict(hal::FrameVerdict verdict) {
   switch (verdict) {

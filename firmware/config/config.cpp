@@ -1,5 +1,7 @@
 #include "firmware/config/config.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -72,7 +74,7 @@ void read_trigger(TomlReader reader, FrameRate rate, TriggerConfig& trigger) {
   trigger.start = reader.boolean("start", false);
   trigger.pulse_width = Duration::microseconds(reader.integer("pulse_width_us", 1, 100'000, 100));
   if (trigger.pulse_width >= rate.period()) {
-    reader.refuse("pulse_width_us", "must be shorter than a frame, " + std::to_string(rate.period().us()) + " us here");
+    reader.refuse("pulse_width_us", fmt::format("must be shorter than a frame, {} us here", rate.period().us()));
   }
   trigger.active_high = reader.choice<bool>("polarity", {{"high", true}, {"low", false}});
   trigger.source = reader.choice<SyncSource>(
@@ -105,8 +107,7 @@ void read_exposure(TomlReader reader, const std::vector<HeadConfig>& heads, Expo
 std::string read_socket(TomlReader& reader, const std::string& key, const std::string& otherwise, SocketFile& file) {
   const std::string path = reader.text(key, otherwise);
   if (path.size() > kMaxUnixPath) {
-    reader.refuse(key, "is " + std::to_string(path.size()) + " bytes long; a Unix socket's path has at most " +
-                           std::to_string(kMaxUnixPath));
+    reader.refuse(key, fmt::format("is {} bytes long; a Unix socket's path has at most {}", path.size(), kMaxUnixPath));
   }
   constexpr std::int64_t kAllBits = 0777;
   if (reader.has(key + "_mode")) {
@@ -193,8 +194,7 @@ void read_heads(TomlReader& file, RigConfig& config, TakeMode mode, FirstError& 
     return;
   }
   if (heads->size() > static_cast<std::size_t>(kMaxHeads)) {
-    file.refuse("heads",
-                "has " + std::to_string(heads->size()) + " entries; a rig has at most " + std::to_string(kMaxHeads));
+    file.refuse("heads", fmt::format("has {} entries; a rig has at most {}", heads->size(), kMaxHeads));
     return;
   }
   std::set<std::string> names;
@@ -205,7 +205,7 @@ void read_heads(TomlReader& file, RigConfig& config, TakeMode mode, FirstError& 
       file.refuse("heads", "must be tables, written [[heads]]");
       return;
     }
-    TomlReader reader(*table, "heads[" + std::to_string(i) + "]",
+    TomlReader reader(*table, fmt::format("heads[{}]", i),
                       {"name",     "port",  "format",       "exposure_us",   "gain_mdb",         "red_q12",
                        "blue_q12", "gamma", "fields",       "trigger_mode",  "trigger_delay_us", "trigger",
                        "size",     "input", "standard",     "gain_step_mdb", "readout_us",       "separate_fields",
@@ -314,8 +314,8 @@ RigConfig read_file(const toml::table& root, FirstError& error, const ReadRayFil
 
 Result<RigConfig> parse_rig_config(std::string_view text, std::string_view file, const ReadRayFile& read_rays) {
   if (text.size() > kMaxRigTomlBytes) {
-    return fail(Errc::kTooLarge, std::string(file) + ": is " + std::to_string(text.size()) +
-                                     " bytes; a rig.toml has at most " + std::to_string(kMaxRigTomlBytes));
+    return fail(Errc::kTooLarge,
+                fmt::format("{}: is {} bytes; a rig.toml has at most {}", file, text.size(), kMaxRigTomlBytes));
   }
   FirstError error(file);
   const toml::parse_result parsed = toml::parse(text);

@@ -1,5 +1,7 @@
 #include "firmware/config/gpio_entry.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
 #include <utility>
@@ -93,10 +95,10 @@ void check_delays(TomlReader& file, const RigConfig& config) {
       return !other.wired && line_of(config, other) != nullptr && *line_of(config, other) == *line;
     });
     if (first.trigger_delay == head.trigger_delay) continue;
-    return file.refuse("heads", "'" + first.name + "' and '" + head.name + "' share the trigger line " + line->text() +
-                                    ", but their trigger_delay_us are " + std::to_string(first.trigger_delay.us()) +
-                                    " and " + std::to_string(head.trigger_delay.us()) +
-                                    "; add trigger with a line of its own to the entry of one of them");
+    return file.refuse(
+        "heads", fmt::format("'{}' and '{}' share the trigger line {}, but their trigger_delay_us are {} and {}; add "
+                             "trigger with a line of its own to the entry of one of them",
+                             first.name, head.name, line->text(), first.trigger_delay.us(), head.trigger_delay.us()));
   }
 }
 
@@ -119,15 +121,15 @@ void check_trigger(TomlReader& file, const RigConfig& config) {
   }
   if (trigger.readback && !trigger.port) return refuse("has a readback without a port, whose pulses it would measure");
   if (trigger.pulse_width > config.rate.period() - kGap) {
-    return refuse("has a pulse_width_us that leaves less than " + std::to_string(kGap.us()) +
-                  " us between two pulses on a gpio: line");
+    return refuse(
+        fmt::format("has a pulse_width_us that leaves less than {} us between two pulses on a gpio: line", kGap.us()));
   }
   if (trigger.source == SyncSource::kOwn) check_delays(file, config);
 }
 
 }  // namespace
 
-std::string GpioLine::text() const { return std::string(kGpio) + chip + ":" + std::to_string(offset); }
+std::string GpioLine::text() const { return fmt::format("{}{}:{}", kGpio, chip, offset); }
 
 std::optional<GpioLine> read_line(TomlReader& reader, std::string_view key, const LineOptions& allowed) {
   if (!reader.has(key)) return std::nullopt;

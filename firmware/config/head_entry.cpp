@@ -1,5 +1,7 @@
 #include "firmware/config/head_entry.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -55,7 +57,7 @@ void read_size(TomlReader& reader, DeviceConfig& device) {
   const auto width = parse_whole(std::string_view(size).substr(0, cross));
   const auto height = cross == std::string::npos ? std::nullopt : parse_whole(std::string_view(size).substr(cross + 1));
   if (!width || !height || *width > kLargestSide || *height > kLargestSide) {
-    return reader.refuse("size", "must be WIDTHxHEIGHT such as \"720x480\", each 1 to " + std::to_string(kLargestSide));
+    return reader.refuse("size", fmt::format("must be WIDTHxHEIGHT such as \"720x480\", each 1 to {}", kLargestSide));
   }
   device.width = static_cast<int>(*width);
   device.height = static_cast<int>(*height);
@@ -149,8 +151,7 @@ HeadConfig read_head(TomlReader& reader, FrameRate rate) {
   head.wired = reader.choice<bool>("trigger_mode", {{"input", false}, {"wired", true}});
   head.trigger_delay = Duration::microseconds(reader.integer("trigger_delay_us", 0, 1'000'000, 0));
   if (head.trigger_delay >= rate.period()) {
-    reader.refuse("trigger_delay_us",
-                  "must be shorter than a frame, " + std::to_string(rate.period().us()) + " us here");
+    reader.refuse("trigger_delay_us", fmt::format("must be shorter than a frame, {} us here", rate.period().us()));
   } else if (head.trigger_delay.ns() > 0 && is_replayed(head.port.kind)) {
     reader.refuse("trigger_delay_us", "is not allowed for replay: and take: ports; replayed pictures have no trigger");
   } else if (head.trigger_delay.ns() > 0 && head.port.kind == PortKind::kV4l2 && !head.wired) {

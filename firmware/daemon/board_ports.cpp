@@ -1,5 +1,7 @@
 #include "firmware/daemon/board_ports.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
@@ -48,7 +50,7 @@ Result<std::string> read_text(const std::filesystem::path& file, std::size_t lim
   text.resize(std::fread(text.data(), 1, text.size(), in->get()));
   if (std::ferror(in->get()) != 0) return fail(Errc::kIo, file.string() + ": " + std::strerror(errno));
   if (text.size() > limit) {
-    return fail(Errc::kTooLarge, file.string() + ": is over " + std::to_string(limit) + " bytes");
+    return fail(Errc::kTooLarge, fmt::format("{}: is over {} bytes", file.string(), limit));
   }
   return text;
 }
@@ -142,14 +144,14 @@ Result<std::unique_ptr<hal::sim::SimRig>> make_sim(const RigConfig& config, cons
     const auto found = std::find_if(truth->heads.begin(), truth->heads.end(),
                                     [&](const HeadCalibration& true_head) { return true_head.name == head.port.name; });
     if (found == truth->heads.end()) {
-      return fail(Errc::kNoSuchDevice, "head '" + head.name + "' (line " + std::to_string(head.line) +
-                                           " of rig.toml): " + sim.calibration + " has no head '" + head.port.name +
-                                           "'");
+      return fail(Errc::kNoSuchDevice, fmt::format("head '{}' (line {} of rig.toml): {} has no head '{}'", head.name,
+                                                   head.line, sim.calibration, head.port.name));
     }
     if (head.fields != Fields::kProgressive && found->height % 4 != 0) {
-      return fail(Errc::kBadValue, "head '" + head.name + "' (line " + std::to_string(head.line) +
-                                       " of rig.toml): a simulated head with fields has a multiple of 4 rows, not " +
-                                       std::to_string(found->height));
+      return fail(
+          Errc::kBadValue,
+          fmt::format("head '{}' (line {} of rig.toml): a simulated head with fields has a multiple of 4 rows, not {}",
+                      head.name, head.line, found->height));
     }
     wanted[static_cast<std::size_t>(found - truth->heads.begin())] = &head;
   }
@@ -263,7 +265,7 @@ Status BoardPorts::check_devices(const RigConfig& config) {
     auto opened =
         DeviceHeads::opens(port) ? state_->devices->open_and_wait(port) : state_->enumerators.replay->open(port);
     if (!opened) {
-      return fail(opened.error().in("head '" + head.name + "' (line " + std::to_string(head.line) + " of rig.toml)"));
+      return fail(opened.error().in(fmt::format("head '{}' (line {} of rig.toml)", head.name, head.line)));
     }
     heads.push_back(std::move(*opened));
   }

@@ -1,5 +1,7 @@
 #include "firmware/daemon/confined_work.h"
 
+#include <fmt/format.h>
+
 #include <fcntl.h>
 
 #include <cerrno>
@@ -30,7 +32,7 @@ Result<std::vector<std::uint8_t>> recover(const std::string& takes, const hal::C
   const hal::linux_os::OwnDescriptor folder(::open(path.c_str(), O_PATH | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
   if (!folder) return fail(Errc::kBadFormat, "folder '" + path + "': " + std::strerror(errno));
   Confinement rights;
-  rights.write = {"/proc/self/fd/" + std::to_string(folder.get())};
+  rights.write = {fmt::format("/proc/self/fd/{}", folder.get())};
   rights.calls = Confinement::Calls::kFilesAndMemory;
   NODAL_TRY(hal::linux_os::confine(rights));
   return firmware::recovery_work(*disk, job.what, progress);

@@ -1,5 +1,7 @@
 #include "firmware/daemon/memory.h"
 
+#include <fmt/format.h>
+
 #include <malloc.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -23,13 +25,13 @@ std::string explain_refused_memory() {
   if (const Result<FilePtr> file = open_to_read("/proc/self/statm")) {
     unsigned long pages = 0;
     if (std::fscanf(file->get(), "%lu", &pages) == 1) {
-      text += " with " + std::to_string(pages * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)) / kMiB) +
-              " MiB of addresses in use";
+      text += fmt::format(" with {} MiB of addresses in use",
+                          pages * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)) / kMiB);
     }
   }
   rlimit limit{};
   const bool limited = ::getrlimit(RLIMIT_AS, &limit) == 0 && limit.rlim_cur != RLIM_INFINITY;
-  if (limited) text += ", and the limit (ulimit -v) is " + std::to_string(limit.rlim_cur / kMiB) + " MiB";
+  if (limited) text += fmt::format(", and the limit (ulimit -v) is {} MiB", limit.rlim_cur / kMiB);
   return text +
          "; raise the limits on addresses, memory and threads (ulimit -v, MemoryMax=, TasksMax=), or make the "
          "raymap in rig.toml smaller";

@@ -1,5 +1,7 @@
 #include "firmware/hosts/admission.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <iterator>
 #include <string>
@@ -78,8 +80,9 @@ Client* host_to_close(const ClientList& hosts, Instant now) {
 }
 
 Error too_many(std::size_t limit, const char* of_what) {
-  return Error{Errc::kOverload, "this rig accepts " + std::to_string(limit) + " " + of_what +
-                                    " at once; another one connected, and this one was idle longest"};
+  return Error{Errc::kOverload,
+               fmt::format("this rig accepts {} {} at once; another one connected, and this one was idle longest",
+                           limit, of_what)};
 }
 
 Error displaced(const std::string& why) {
@@ -139,8 +142,8 @@ Status Admission::may_work(const Clients& clients, const Client& client, Instant
   const std::size_t most = places(kMaxWorking, client.access());
   if (client.has_work() || working.size() < most) return {};
   if (Client* one = idle_longest(select(working, [&](const Client& c) { return !c.active(now); }))) {
-    one->end(displaced("this host's link has made no progress for " +
-                       std::to_string(HostActivity::kStalledAfter.ms() / 1000) + " s"),
+    one->end(displaced(fmt::format("this host's link has made no progress for {} s",
+                                   HostActivity::kStalledAfter.ms() / 1000)),
              now);
     return {};
   }
@@ -151,7 +154,7 @@ Status Admission::may_work(const Clients& clients, const Client& client, Instant
     return {};
   }
   return fail(Errc::kOverload,
-              std::to_string(most) + " hosts pull or upload already; `nodal hosts` lists them and can close one");
+              fmt::format("{} hosts pull or upload already; `nodal hosts` lists them and can close one", most));
 }
 
 }  // namespace nodal::firmware

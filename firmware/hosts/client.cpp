@@ -1,5 +1,7 @@
 #include "firmware/hosts/client.h"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <utility>
 
@@ -18,7 +20,7 @@ Client::Client(std::uint64_t number, std::unique_ptr<hal::LinkPort> link, Access
     : number_(number),
       link_(std::move(link)),
       access_(access),
-      name_("host " + std::to_string(number) + " at " + link_->peer()),
+      name_(fmt::format("host {} at {}", number, link_->peer())),
       session_(Role::kRig, mine),
       activity_(now) {}
 
@@ -26,13 +28,13 @@ std::string Client::who() const {
   const auto identity = this->identity();
   if (!identity) return name_;
   // A socket's name of its peer ends with both already.
-  return "user " + std::to_string(identity->user) + ", process " + std::to_string(identity->process) + ", " +
-         name_.substr(0, name_.rfind(" (process "));
+  return fmt::format("user {}, process {}, {}", identity->user, identity->process,
+                     name_.substr(0, name_.rfind(" (process ")));
 }
 
 std::string Client::party() const {
   const auto identity = this->identity();
-  return (identity ? "user " + std::to_string(identity->user) : std::string("somebody")) +
+  return (identity ? fmt::format("user {}", identity->user) : std::string("somebody")) +
          (access_ == Access::kControl ? " at the control socket" : " at the view-only socket");
 }
 

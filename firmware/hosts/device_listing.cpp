@@ -1,5 +1,7 @@
 #include "firmware/hosts/device_listing.h"
 
+#include <fmt/format.h>
+
 #include <optional>
 #include <utility>
 
@@ -22,8 +24,9 @@ bool DeviceListing::step(const Clients& clients, const Replies& replies, Instant
   if (!*listed) {
     error = listed->error();
   } else if ((*listed)->text.size() > kMaxDeviceListBytes || (*listed)->json.size() > kMaxDeviceListBytes) {
-    error = Error{Errc::kTooLarge, "the list of devices is longer than " + std::to_string(kMaxDeviceListBytes / 1024) +
-                                       " KiB; on the board, `nodald --scan` prints it"};
+    error = Error{Errc::kTooLarge,
+                  fmt::format("the list of devices is longer than {} KiB; on the board, `nodald --scan` prints it",
+                              kMaxDeviceListBytes / 1024)};
   } else {
     fill_devices(**listed, *answer.mutable_devices());
   }

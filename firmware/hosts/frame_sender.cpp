@@ -1,5 +1,7 @@
 #include "firmware/hosts/frame_sender.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "firmware/frame/drain.h"
@@ -83,9 +85,9 @@ bool FrameSender::step(Copy& copy, const Clients& clients, Instant now) {
   }
   if (now - transfer.since <= transfer.patience) return false;
   client->session().close_stream(
-      transfer.stream,
-      Error{Errc::kOverload, "no frame set could be copied within " + std::to_string(transfer.patience.ms() / 1000) +
-                                 " s: no frames arrive, or the blend has a backlog; `nodal status` shows which"});
+      transfer.stream, Error{Errc::kOverload, fmt::format("no frame set could be copied within {} s: no frames arrive, "
+                                                          "or the blend has a backlog; `nodal status` shows which",
+                                                          transfer.patience.ms() / 1000)});
   end(copy, clients);
   return true;
 }

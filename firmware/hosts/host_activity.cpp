@@ -1,5 +1,7 @@
 #include "firmware/hosts/host_activity.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <string>
 #include <utility>
@@ -7,7 +9,7 @@
 namespace nodal::firmware {
 namespace {
 
-std::string seconds(Duration duration) { return std::to_string(duration.ms() / 1000) + " s"; }
+std::string seconds(Duration duration) { return fmt::format("{} s", duration.ms() / 1000); }
 
 }  // namespace
 

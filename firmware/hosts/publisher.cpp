@@ -1,5 +1,7 @@
 #include "firmware/hosts/publisher.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "firmware/hosts/shared_bytes.h"
@@ -20,7 +22,7 @@ constexpr std::size_t kInThePath = 8;
 static_assert(Publisher::kMaxPinned + kLosslessQueueItems + kInThePath <= Blender::kMaxBuffers);
 static_assert(Publisher::kMaxPinned + kLosslessQueueItems + kInThePath <= EncodeStage::kMaxBuffers);
 
-std::string in_mib(std::size_t bytes) { return std::to_string(bytes >> 20) + " MiB"; }
+std::string in_mib(std::size_t bytes) { return fmt::format("{} MiB", bytes >> 20); }
 
 bool wanted(const Clients& clients, wire::PullRequest::Coding coding) {
   return std::any_of(clients.begin(), clients.end(), [&](const auto& client) {
@@ -33,18 +35,18 @@ bool wanted(const Clients& clients, wire::PullRequest::Coding coding) {
 
 Result<StreamId> Publisher::start(const Clients& clients, Client& client, const wire::PullRequest& request) {
   if (client.pulls.size() >= kMaxPulls) {
-    return fail(Errc::kOverload, "this host has " + std::to_string(kMaxPulls) + " pulls already; stop one first");
+    return fail(Errc::kOverload, fmt::format("this host has {} pulls already; stop one first", kMaxPulls));
   }
   // A host's first pull is never refused because of other hosts' pulls.
   std::size_t extra = client.pulls.empty() ? 0 : 1;
   for (const auto& other : clients) extra += other->pulls.empty() ? 0 : other->pulls.size() - 1;
   if (!client.pulls.empty() && extra > kMaxExtraPulls) {
-    return fail(Errc::kOverload,
-                "the rig has buffers for " + std::to_string(kMaxExtraPulls) +
-                    " additional pulls of hosts, and all are in use; `nodal hosts` lists the hosts and can close one");
+    return fail(Errc::kOverload, fmt::format("the rig has buffers for {} additional pulls of hosts, and all are in "
+                                             "use; `nodal hosts` lists the hosts and can close one",
+                                             kMaxExtraPulls));
   }
   if (request.coding() < wire::PullRequest::JPEG || request.coding() > wire::PullRequest::EVIDENCE) {
-    return fail(Errc::kUnsupported, "this rig does not support the coding " + std::to_string(request.coding()));
+    return fail(Errc::kUnsupported, fmt::format("this rig does not support the coding {}", request.coding()));
   }
   const StreamPolicy policy = request.lossless() ? StreamPolicy::kLossless : StreamPolicy::kLatest;
   NODAL_TRY_ASSIGN(auto stream, client.session().open_stream(policy));
@@ -58,7 +60,7 @@ Result<StreamId> Publisher::start(const Clients& clients, Client& client, const 
 Status Publisher::stop(Client& client, StreamId stream) {
   const auto pull = client.pulls.find(stream);
   if (pull == client.pulls.end()) {
-    return fail(Errc::kNotFound, "this host has no pull on stream " + std::to_string(stream));
+    return fail(Errc::kNotFound, fmt::format("this host has no pull on stream {}", stream));
   }
   if (!pull->second.ended) client.session().close_stream(stream);
   pull->second.ended = true;
@@ -94,9 +96,9 @@ bool Publisher::offer(Client& client, StreamId stream, Pull& pull, const Raymap&
   if (!evidence && !present) {
     // Raymaps that were already in the path when the pull began may lack a JPEG or pixels; that is no loss.
     if (pull.lossless && before->offered > 0) {
-      end_lossless(client, stream, pull,
-                   {Errc::kOverload,
-                    "a raymap could not be encoded; set " + std::to_string(raymap.info.set) + " would be missing"});
+      end_lossless(
+          client, stream, pull,
+          {Errc::kOverload, fmt::format("a raymap could not be encoded; set {} would be missing", raymap.info.set)});
     }
     return false;
   }
@@ -104,10 +106,10 @@ bool Publisher::offer(Client& client, StreamId stream, Pull& pull, const Raymap&
   if (pull.lossless && before->pending >= most) {
     end_lossless(
         client, stream, pull,
-        {Errc::kTimeout, "this lossless pull is too slow: its backlog is " + std::to_string(most) +
-                             " raymaps, and the rig keeps at most " + std::to_string(kLosslessQueueItems) + " or " +
-                             in_mib(kLosslessBytes) + "; the raymaps until here are complete. Pull JPEGs, use a " +
-                             "faster link, or leave out --lossless"});
+        {Errc::kTimeout,
+         fmt::format("this lossless pull is too slow: its backlog is {} raymaps, and the rig keeps at most {} or {}; "
+                     "the raymaps until here are complete. Pull JPEGs, use a faster link, or leave out --lossless",
+                     most, kLosslessQueueItems, in_mib(kLosslessBytes))});
     return false;
   }
   if (!client.session().offer(stream, item(raymap, pull.coding))) return false;

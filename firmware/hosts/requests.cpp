@@ -1,4 +1,6 @@
 // The part of Control that answers requests.
+#include <fmt/format.h>
+
 #include <utility>
 
 #include "firmware/hosts/control.h"
@@ -169,7 +171,7 @@ Status Control::end_host(Client& client, const wire::Request& request, Instant n
   const std::uint64_t number = request.host_end().number();
   Client* const ended = find_client(clients_, number);
   if (!ended || ended->ending()) {
-    return fail(Errc::kNotFound, "there is no host " + std::to_string(number) + "; `nodal hosts` lists them");
+    return fail(Errc::kNotFound, fmt::format("there is no host {}; `nodal hosts` lists them", number));
   }
   if (ended == &client) return fail(Errc::kBadValue, "this host cannot close itself");
   ended->end(Error{Errc::kCancelled, client.name() + " closed this connection"}, now);

@@ -1,5 +1,7 @@
 #include "firmware/hosts/status.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -36,12 +38,12 @@ void fill_hosts(const Clients& clients, const Client& asking, Instant now, wire:
                                 : "evidence") +
                          (pull.lossless ? " lossless" : "");
       const auto counts = client->session().counts(stream);
-      if (pull.lossless && counts && counts->pending > 1) what += ", " + std::to_string(counts->pending) + " behind";
+      if (pull.lossless && counts && counts->pending > 1) what += fmt::format(", {} behind", counts->pending);
       host.add_streams(std::move(what));
     }
     if (client->lossless_ended > 0) {
-      host.add_streams("was too slow for " + std::to_string(client->lossless_ended) + " lossless pull" +
-                       (client->lossless_ended > 1 ? "s" : ""));
+      host.add_streams(fmt::format("was too slow for {} lossless pull{}", client->lossless_ended,
+                                   client->lossless_ended > 1 ? "s" : ""));
     }
     if (client->frame_set) host.add_streams("pulls a frame set");
     for (std::size_t i = 0; i < client->uploads.size(); ++i) host.add_streams("uploads");
@@ -71,11 +73,11 @@ void fill_losses(const FrameCounts& counts, google::protobuf::RepeatedPtrField<w
 std::string mended(const hal::HeadRecoveries& recoveries) {
   std::string text;
   if (recoveries.restarts > 0) {
-    text = "its stream broke and was started again, " + std::to_string(recoveries.restarts) + " times so far";
+    text = fmt::format("its stream broke and was started again, {} times so far", recoveries.restarts);
   }
   if (recoveries.refused_buffers > 0) {
-    text += (text.empty() ? "" : "; ") + std::string("its driver refused buffers and was given them again, ") +
-            std::to_string(recoveries.refused_buffers) + " times so far";
+    text += fmt::format("{}its driver refused buffers and was given them again, {} times so far",
+                        text.empty() ? "" : "; ", recoveries.refused_buffers);
   }
   return text;
 }
@@ -97,7 +99,7 @@ const char* name_of(hal::TriggerMode mode) {
 
 std::string ppm_of(std::int32_t ppb) {
   const std::int32_t ppm = (ppb + (ppb < 0 ? -500 : 500)) / 1000;
-  return (ppm < 0 ? "" : "+") + std::to_string(ppm) + " ppm";
+  return fmt::format("{}{} ppm", ppm < 0 ? "" : "+", ppm);
 }
 
 std::uint64_t ns_of(Duration duration) { return static_cast<std::uint64_t>(duration.ns()); }
@@ -199,8 +201,8 @@ void fill_heads(const RigConfig& config, const CaptureReport& capture, const Ble
     state.set_serial(shown(head.serial));
     state.set_present(head.present);
     if (head.format) {
-      state.set_format(std::string(pixel_format_name(head.format->pixels)) + " " + std::to_string(head.format->width) +
-                       "x" + std::to_string(head.format->height));
+      state.set_format(
+          fmt::format("{} {}x{}", pixel_format_name(head.format->pixels), head.format->width, head.format->height));
     }
     if (head.started_by) state.set_trigger(name_of(*head.started_by));
     state.set_exposure_ns(ns_of(head.in_effect.exposure.duration()));

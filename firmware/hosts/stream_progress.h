@@ -1,6 +1,8 @@
 // Distinguishes a host that reads slowly from one that reads nothing.
 #pragma once
 
+#include <fmt/format.h>
+
 #include <cstdint>
 #include <string>
 
@@ -31,8 +33,7 @@ class StreamProgress {
     return now - moved_ > kLongestPause;
   }
   static Error error(const std::string& what) {
-    return {Errc::kTimeout,
-            "this host has read nothing of " + what + " for " + std::to_string(kLongestPause.ms() / 1000) + " s"};
+    return {Errc::kTimeout, fmt::format("this host has read nothing of {} for {} s", what, kLongestPause.ms() / 1000)};
   }
 
  private:

@@ -1,5 +1,7 @@
 #include "firmware/hosts/take_sender.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -74,9 +76,11 @@ Status TakeSender::check_unread(const Clients& clients, const Client& client, st
     if (reading.client == 0 || reading.client == client.number() || reading.take != take) continue;
     const auto who = std::ranges::find(clients, reading.client, [](const auto& each) { return each->number(); });
     if (who == clients.end() || (*who)->ending()) continue;
-    return fail(Errc::kBusy, "take " + std::to_string(take) + " is being copied by " + (*who)->name() +
-                                 "; delete it when the copy is done, or close that host: nodal hosts --end " +
-                                 std::to_string(reading.client));
+    return fail(
+        Errc::kBusy,
+        fmt::format(
+            "take {} is being copied by {}; delete it when the copy is done, or close that host: nodal hosts --end {}",
+            take, (*who)->name(), reading.client));
   }
   return {};
 }

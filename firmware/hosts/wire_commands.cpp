@@ -1,5 +1,7 @@
 #include "firmware/hosts/wire_commands.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <limits>
 #include <utility>
@@ -28,8 +30,8 @@ Stops stops_of(std::uint32_t thousandths) {
 
 Result<Command> head_command(const wire::HeadSetRequest& request, const RigConfig& config, std::uint64_t host) {
   if (request.heads_size() > kMaxHeads) {
-    return fail(Errc::kBadValue, std::to_string(request.heads_size()) + " heads are named; a rig has at most " +
-                                     std::to_string(kMaxHeads));
+    return fail(Errc::kBadValue,
+                fmt::format("{} heads are named; a rig has at most {}", request.heads_size(), kMaxHeads));
   }
   HeadChange command;
   for (const std::uint32_t head : request.heads()) {
@@ -69,7 +71,7 @@ Result<Command> exposure_command(const wire::ExposureRequest& request, const Rig
   }
   if (request.has_anchor()) {
     if (request.anchor() < -1 || request.anchor() >= static_cast<std::int32_t>(config.heads.size())) {
-      return fail(Errc::kBadValue, "the anchor is head " + std::to_string(request.anchor()) + ", which does not exist");
+      return fail(Errc::kBadValue, fmt::format("the anchor is head {}, which does not exist", request.anchor()));
     }
     change.anchor.emplace();
     if (request.anchor() >= 0) *change.anchor = static_cast<HeadIndex>(request.anchor());
@@ -92,9 +94,9 @@ Result<Command> genlock_command(const wire::GenlockRequest& request) {
   if (request.rate_numerator() != 0 || request.rate_denominator() != 0) {
     start.rate = FrameRate::make(request.rate_numerator(), request.rate_denominator());
     if (!start.rate) {
-      return fail(Errc::kBadValue, "a rate of " + std::to_string(request.rate_numerator()) + "/" +
-                                       std::to_string(request.rate_denominator()) + " is not allowed; allowed is " +
-                                       std::string(kFrameRatesAllowed));
+      return fail(Errc::kBadValue,
+                  fmt::format("a rate of {}/{} is not allowed; allowed is {}", request.rate_numerator(),
+                              request.rate_denominator(), kFrameRatesAllowed));
     }
   }
   if (request.pulse_width_ns() != 0) start.pulse_width = duration_of(request.pulse_width_ns());
@@ -153,7 +155,7 @@ Result<Command> command_of(const wire::Request& request, const RigConfig& config
 
 Result<CalibrationRequest::Install> install_of(const wire::UploadCommit& commit) {
   if (commit.signature().size() > kMaxSignatureBytes) {
-    return fail(Errc::kTooLarge, "a signature has at most " + std::to_string(kMaxSignatureBytes) + " bytes");
+    return fail(Errc::kTooLarge, fmt::format("a signature has at most {} bytes", kMaxSignatureBytes));
   }
   CalibrationRequest::Install install{"", std::nullopt, commit.signature(), commit.allow_older()};
   if (commit.has_trial_ns()) install.trial = duration_of(commit.trial_ns());

@@ -1,5 +1,7 @@
 #include "firmware/operate/audit.h"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <charconv>
 #include <utility>
@@ -15,13 +17,12 @@ void add(std::string& text, const std::string& part) { text += (text.empty() ? "
 
 std::string text_of(const SettingsChange& set) {
   std::string text;
-  if (set.exposure) add(text, "exposure " + std::to_string(set.exposure->duration().ns()) + " ns");
-  if (set.gain) add(text, "gain " + std::to_string(set.gain->mdb()) + " mdB");
+  if (set.exposure) add(text, fmt::format("exposure {} ns", set.exposure->duration().ns()));
+  if (set.gain) add(text, fmt::format("gain {} mdB", set.gain->mdb()));
   if (set.white_balance) {
-    add(text, "white balance " + std::to_string(set.white_balance->red_q12) + "/" +
-                  std::to_string(set.white_balance->blue_q12) + " q12");
+    add(text, fmt::format("white balance {}/{} q12", set.white_balance->red_q12, set.white_balance->blue_q12));
   }
-  if (set.gamma) add(text, "gamma " + std::to_string(set.gamma->thousandths()) + "/1000");
+  if (set.gamma) add(text, fmt::format("gamma {}/1000", set.gamma->thousandths()));
   return text;
 }
 
@@ -39,8 +40,7 @@ std::string heads_before(const HeadChange& set, const CaptureReport& capture) {
   std::string text;
   for (std::size_t i = 0; i < capture.heads.size(); ++i) {
     if ((set.heads & head_bit(i)) == 0) continue;
-    text += (text.empty() ? "" : "; ") + ("head " + std::to_string(i) + ": ") +
-            text_of(set.change, capture.heads[i].in_effect);
+    text += fmt::format("{}head {}: {}", text.empty() ? "" : "; ", i, text_of(set.change, capture.heads[i].in_effect));
   }
   return text;
 }
@@ -56,36 +56,33 @@ std::string heads_after(const HeadChange& set, std::size_t heads) {
 
 /// The fields of `values`, only those that `named` has.
 std::string text_of(const ExposureSettings& values, const ExposureChange& named) {
-  const auto mstops = [](Stops stops) { return std::to_string(std::int64_t{stops} * 1000 / kStop) + " mstops"; };
+  const auto mstops = [](Stops stops) { return fmt::format("{} mstops", std::int64_t{stops} * 1000 / kStop); };
   std::string text;
   if (named.program) add(text, "program " + std::string(exposure_program_name(values.program)));
-  if (named.anchor) add(text, "anchor " + (values.anchor ? std::to_string(*values.anchor) : "none"));
+  if (named.anchor) add(text, values.anchor ? fmt::format("anchor {}", *values.anchor) : "anchor none");
   if (named.target) add(text, "target " + mstops(values.target));
   if (named.difference) add(text, "difference " + mstops(values.difference));
   if (named.ramp) add(text, "ramp " + mstops(values.ramp));
-  if (named.longest) add(text, "longest " + std::to_string(values.longest.duration().ns()) + " ns");
-  if (named.highest) add(text, "highest gain " + std::to_string(values.highest.mdb()) + " mdB");
+  if (named.longest) add(text, fmt::format("longest {} ns", values.longest.duration().ns()));
+  if (named.highest) add(text, fmt::format("highest gain {} mdB", values.highest.mdb()));
   if (named.locked) add(text, values.locked ? "locked" : "not locked");
   return text;
 }
 
-std::string text_of(const FrameRate& rate) {
-  return "rate " + std::to_string(rate.numerator) + "/" + std::to_string(rate.denominator);
-}
+std::string text_of(const FrameRate& rate) { return fmt::format("rate {}/{}", rate.numerator, rate.denominator); }
 
 std::string text_of(const GenlockStart& start) {
   std::string text = "start";
   if (start.rate) add(text, text_of(*start.rate));
-  if (start.pulse_width) add(text, "pulse " + std::to_string(start.pulse_width->ns()) + " ns");
+  if (start.pulse_width) add(text, fmt::format("pulse {} ns", start.pulse_width->ns()));
   return text;
 }
 
 }  // namespace
 
 std::string to_line(const AuditEntry& entry) {
-  std::string line = std::to_string(entry.utc_ns) + "\t" + std::to_string(entry.last_utc_ns) + "\t" +
-                     std::to_string(entry.count) + "\t" +
-                     std::to_string(entry.error ? static_cast<std::uint32_t>(entry.error->code) : 0);
+  std::string line = fmt::format("{}\t{}\t{}\t{}", entry.utc_ns, entry.last_utc_ns, entry.count,
+                                 entry.error ? static_cast<std::uint32_t>(entry.error->code) : 0);
   const std::string message = entry.error ? entry.error->message : "";
   for (const std::string* text : {&entry.who, &entry.what, &entry.before, &entry.after, &message}) {
     line += "\t" + printable(*text, kMaxAuditText);
@@ -136,10 +133,9 @@ std::string values_before(const Command& command, const CaptureReport& capture, 
 std::string values_after(const Command& command, const RigConfig& config, const std::optional<Sha256>& in_force) {
   if (const auto* take = std::get_if<TakeCommand>(&command)) {
     if (const auto* mark = std::get_if<TakeRequest::Mark>(take)) return "mark '" + mark->text + "'";
-    if (const auto* gone = std::get_if<TakeRequest::Delete>(take))
-      return "take " + std::to_string(gone->take) + " deleted";
+    if (const auto* gone = std::get_if<TakeRequest::Delete>(take)) return fmt::format("take {} deleted", gone->take);
     if (const auto* kept = std::get_if<TakeRequest::Protect>(take)) {
-      return "take " + std::to_string(kept->take) + (kept->on ? " protected" : " not protected");
+      return fmt::format("take {}{}", kept->take, kept->on ? " protected" : " not protected");
     }
     if (std::holds_alternative<TakeRequest::TestDisk>(*take)) return "the disk is tested";
     if (std::holds_alternative<TakeRequest::Eject>(*take)) return "the disk is ejected";

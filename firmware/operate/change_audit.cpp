@@ -1,5 +1,7 @@
 #include "firmware/operate/change_audit.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -35,8 +37,8 @@ void ChangeAudit::note_refused(const Requester& requester, std::string_view what
 }
 
 void ChangeAudit::note_take_read(const Requester& requester, std::uint64_t take, Instant now) {
-  log_.record(entry_of(requester.name, "take_read", "takes", "take " + std::to_string(take) + " is read"),
-              party_of(requester), false, now);
+  log_.record(entry_of(requester.name, "take_read", "takes", fmt::format("take {} is read", take)), party_of(requester),
+              false, now);
 }
 
 AuditLog::Receipt ChangeAudit::note_host_end(const Requester& requester, const std::string& host, Instant now) {

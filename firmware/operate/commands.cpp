@@ -1,5 +1,7 @@
 #include "firmware/operate/commands.h"
 
+#include <fmt/format.h>
+
 #include <bit>
 #include <type_traits>
 
@@ -20,16 +22,15 @@ Overloaded(Of...) -> Overloaded<Of...>;  // clang 14 deduces nothing for aggrega
 
 Status gain_allowed(Gain gain) {
   if (gain.mdb() >= -kMaxGainMdb && gain.mdb() <= kMaxGainMdb) return {};
-  return fail(Errc::kBadValue, "a gain of " + std::to_string(gain.mdb()) + " mdB is not allowed; allowed is " +
-                                   std::to_string(-kMaxGainMdb) + " to " + std::to_string(kMaxGainMdb) + " mdB");
+  return fail(Errc::kBadValue, fmt::format("a gain of {} mdB is not allowed; allowed is {} to {} mdB", gain.mdb(),
+                                           -kMaxGainMdb, kMaxGainMdb));
 }
 
 Status stops_allowed(Stops stops, std::int64_t low, const char* what) {
   const std::int64_t thousandths = std::int64_t{stops} * 1000 / kStop;
   const auto at_least = static_cast<Stops>((low * kStop + 500) / 1000);
   if (stops >= at_least && stops <= 8 * kStop) return {};
-  return fail(Errc::kBadValue, std::string(what) + " is " + std::to_string(low) +
-                                   " to 8000 thousandths of a stop, not " + std::to_string(thousandths));
+  return fail(Errc::kBadValue, fmt::format("{} is {} to 8000 thousandths of a stop, not {}", what, low, thousandths));
 }
 
 Status check(const HeadChange& change, const RigConfig& config) {
@@ -40,8 +41,9 @@ Status check(const HeadChange& change, const RigConfig& config) {
   const SettingsChange& wanted = change.change;
   constexpr Duration kLongest = Duration::seconds(3600);  // a head's own limit is far below
   if (wanted.exposure && (wanted.exposure->duration() <= Duration() || wanted.exposure->duration() > kLongest)) {
-    return fail(Errc::kBadValue, "an exposure of " + std::to_string(wanted.exposure->duration().ns()) +
-                                     " ns is not allowed; allowed is 1 ns to 1 hour (most heads allow less)");
+    return fail(Errc::kBadValue,
+                fmt::format("an exposure of {} ns is not allowed; allowed is 1 ns to 1 hour (most heads allow less)",
+                            wanted.exposure->duration().ns()));
   }
   if (wanted.gain) {
     NODAL_TRY(gain_allowed(*wanted.gain));
@@ -58,7 +60,7 @@ Status check(const HeadChange& change, const RigConfig& config) {
 
 Status check(const ExposureChange& change, const RigConfig& config) {
   if (change.anchor && *change.anchor && **change.anchor >= config.heads.size()) {
-    return fail(Errc::kBadValue, "the anchor is head " + std::to_string(**change.anchor) + ", which does not exist");
+    return fail(Errc::kBadValue, fmt::format("the anchor is head {}, which does not exist", **change.anchor));
   }
   Status good;
   if (change.target) good = stops_allowed(-*change.target, 500, "the target");
@@ -77,7 +79,7 @@ Status check(const GenlockStart& start, const RigConfig& config) {
   const Duration period = start.rate.value_or(config.rate).period();
   if (!start.pulse_width || (*start.pulse_width > Duration() && *start.pulse_width < period)) return {};
   return fail(Errc::kBadValue,
-              "a trigger pulse must be shorter than a frame, " + std::to_string(period.ns()) + " ns, and not 0");
+              fmt::format("a trigger pulse must be shorter than a frame, {} ns, and not 0", period.ns()));
 }
 
 Status check(const CalibrationRequest::Install& install) {
@@ -152,7 +154,7 @@ Status check(const Command& command, const RigConfig& config) {
     const auto* mark = std::get_if<TakeRequest::Mark>(take);
     if (mark && (mark->text.size() > TakeRequest::Mark::kMaxBytes || !is_printable(mark->text))) {
       return fail(Errc::kBadValue,
-                  "a mark's text has at most " + std::to_string(TakeRequest::Mark::kMaxBytes) + " printable bytes");
+                  fmt::format("a mark's text has at most {} printable bytes", TakeRequest::Mark::kMaxBytes));
     }
     return {};
   }
@@ -161,8 +163,7 @@ Status check(const Command& command, const RigConfig& config) {
 }
 
 Error no_such_head(std::uint64_t head, const RigConfig& config) {
-  return {Errc::kBadValue,
-          "there is no head " + std::to_string(head) + "; the rig has 0 to " + std::to_string(config.heads.size() - 1)};
+  return {Errc::kBadValue, fmt::format("there is no head {}; the rig has 0 to {}", head, config.heads.size() - 1)};
 }
 
 }  // namespace nodal::firmware

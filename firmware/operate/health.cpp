@@ -1,5 +1,7 @@
 #include "firmware/operate/health.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstdio>
 
@@ -54,9 +56,8 @@ std::string first_head_problem(const RigConfig& config, const CaptureReport& cap
 
 std::string too_slow(const HealthInputs& inputs) {
   std::string shed;
-  if (inputs.shed.publish_every > 1)
-    shed = "; hosts get 1 of " + std::to_string(inputs.shed.publish_every) + " raymaps";
-  if (inputs.shed.preview_every > 1) shed += ", 1 of " + std::to_string(inputs.shed.preview_every) + " sets is blended";
+  if (inputs.shed.publish_every > 1) shed = fmt::format("; hosts get 1 of {} raymaps", inputs.shed.publish_every);
+  if (inputs.shed.preview_every > 1) shed += fmt::format(", 1 of {} sets is blended", inputs.shed.preview_every);
   const std::uint64_t enough = std::uint64_t{inputs.rate_wanted_millihertz} * 95 / 100;
   const bool slow = inputs.blending > kSettling.at(inputs.capture.genlock.rate.period()) &&
                     inputs.rate_millihertz > 0 && inputs.rate_millihertz < enough;
@@ -73,10 +74,9 @@ std::string take_trouble(const RigConfig& config, const HealthInputs& inputs) {
   std::string left_out;
   const auto add = [&](const std::string& what) { left_out += (left_out.empty() ? ": " : ", ") + what; };
   if (takes.quality != 0 && takes.quality < config.takes->quality)
-    add("JPEG quality is " + std::to_string(takes.quality) + " of " + std::to_string(config.takes->quality));
+    add(fmt::format("JPEG quality is {} of {}", takes.quality, config.takes->quality));
   if (takes.leaves_out_raymaps) add("raymaps are left out");
-  if (inputs.since_lost_set < kLossShown)
-    add(std::to_string(takes.lost_sets - takes.lost_by_errors) + " sets were lost");
+  if (inputs.since_lost_set < kLossShown) add(fmt::format("{} sets were lost", takes.lost_sets - takes.lost_by_errors));
   if (!left_out.empty()) left_out = "the disk is too slow for the take" + left_out;
   if (!left_out.empty() && !takes.problem.empty()) return takes.problem + "; " + left_out;
   return left_out.empty() ? takes.problem : left_out;
@@ -115,8 +115,8 @@ const hal::Heartbeat* silent_thread(const std::vector<hal::Heartbeat>& threads, 
 }
 
 std::string at_one_call(const hal::Heartbeat& thread) {
-  return "the thread '" + thread.name + "' has been at one call for over " +
-         std::to_string(patience_for(thread).at_most.ms() / 1000) + " s";
+  return fmt::format("the thread '{}' has been at one call for over {} s", thread.name,
+                     patience_for(thread).at_most.ms() / 1000);
 }
 
 /// The row of a condition. It holds in every state but kStopping, which is final.

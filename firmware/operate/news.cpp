@@ -1,5 +1,7 @@
 #include "firmware/operate/news.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -30,8 +32,8 @@ void News::step(Instant now) {
     }
     const Duration since = now - bucket.summed_up;
     if (since < kSummaryEvery) continue;
-    sentences_.push_back(std::to_string(bucket.left_out) + " messages about " + std::string(kAbout[kind]) +
-                         " left out in the last " + std::to_string(since.ms() / 1000) + " s");
+    sentences_.push_back(fmt::format("{} messages about {} left out in the last {} s", bucket.left_out, kAbout[kind],
+                                     since.ms() / 1000));
     bucket.left_out = 0;
     bucket.summed_up = now;
   }

@@ -1,5 +1,7 @@
 #include "firmware/operate/operation.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -279,7 +281,7 @@ void Operation::act(PanelAction action, Instant now) {
   if (action == PanelAction::kMark) {
     marks_.push_back({capture().sets == 0 ? 0 : capture().sets - 1, now});
     if (marks_.size() > kMarksKept) marks_.pop_front();
-    news_.say(NewsKind::kRig, "marked set " + std::to_string(marks_.back().set));
+    news_.say(NewsKind::kRig, fmt::format("marked set {}", marks_.back().set));
     if (takes()) ask_by_button(TakeCommand(TakeRequest::Mark{"button"}), now);
     return;
   }

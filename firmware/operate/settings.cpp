@@ -1,5 +1,7 @@
 #include "firmware/operate/settings.h"
 
+#include <fmt/format.h>
+
 #include <limits>
 #include <string_view>
 
@@ -23,7 +25,7 @@ std::string hex_of(std::string_view text) {
 // --- writing ---
 
 void write(std::string& text, std::string_view key, std::int64_t value) {
-  text += std::string(key) + " = " + std::to_string(value) + "\n";
+  text += fmt::format("{} = {}\n", key, value);
 }
 
 void write(std::string& text, std::string_view key, std::string_view word) {
@@ -123,8 +125,8 @@ std::variant<GenlockStart, GenlockStop> read_genlock(TomlReader reader) {
     const auto below = static_cast<std::uint32_t>(reader.integer("rate_denominator", 0, kMax, 0));
     start.rate = FrameRate::make(above, below);
     if (!start.rate) {
-      reader.refuse("rate_numerator", "makes a rate of " + std::to_string(above) + "/" + std::to_string(below) +
-                                          ", which is not allowed; allowed is " + std::string(kFrameRatesAllowed));
+      reader.refuse("rate_numerator", fmt::format("makes a rate of {}/{}, which is not allowed; allowed is {}", above,
+                                                  below, kFrameRatesAllowed));
     }
   }
   if (reader.has("pulse_width_ns")) start.pulse_width = duration(reader, "pulse_width_ns");

@@ -1,5 +1,7 @@
 #include "firmware/replay/take_reel.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstdint>
 #include <optional>
@@ -23,7 +25,7 @@ class FileOnDisk final : public media::TakeFile {
   std::uint64_t size() const override { return size_; }
   Status read(std::uint64_t at, std::span<std::uint8_t> bytes) override {
     NODAL_TRY_ASSIGN(const auto got, disk_.read_at(file_, at, bytes));
-    if (got < bytes.size()) return fail(Errc::kTruncated, shown_ + ": ends at byte " + std::to_string(at + got));
+    if (got < bytes.size()) return fail(Errc::kTruncated, fmt::format("{}: ends at byte {}", shown_, at + got));
     return {};
   }
 

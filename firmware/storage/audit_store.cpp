@@ -1,5 +1,7 @@
 #include "firmware/storage/audit_store.h"
 
+#include <fmt/format.h>
+
 #include <charconv>
 #include <optional>
 #include <span>
@@ -21,7 +23,7 @@ std::span<const std::uint8_t> bytes_of(std::string_view text) {
 }
 
 Sha256 hash_after(const Sha256& before, std::uint64_t number, std::string_view text) {
-  const std::string hashed = to_hex(before) + " " + std::to_string(number) + " " + std::string(text);
+  const std::string hashed = fmt::format("{} {} {}", to_hex(before), number, text);
   return sha256(bytes_of(hashed));
 }
 
@@ -69,7 +71,7 @@ std::optional<Line> parse_head(std::string_view line) {
 }
 
 std::string head_line(std::uint64_t number, const Sha256& hash) {
-  return std::string(kHead) + std::to_string(number) + " " + to_hex(hash) + "\n";
+  return fmt::format("{}{} {}\n", kHead, number, to_hex(hash));
 }
 
 bool fits(const Line& line, const Sha256& before, std::uint64_t number_before) {
@@ -114,7 +116,7 @@ bool AuditStore::step(Instant now) {
   std::optional<AuditRecord> record = failed_ ? std::exchange(failed_, std::nullopt) : writes_.pop();
   if (!record) return false;
   const Sha256 hash = hash_after(head_, record->number, record->text);
-  const std::string line = to_hex(hash) + " " + std::to_string(record->number) + " " + record->text + "\n";
+  const std::string line = fmt::format("{} {} {}\n", to_hex(hash), record->number, record->text);
   const std::uint64_t number = record->number;
   Status written = write(line, head_);
   if (written) {
@@ -182,16 +184,16 @@ void AuditStore::read_file(const std::string& name, bool newest, AuditReport& re
   const bool continues = head->hash == head_ && head->number == newest_;
   const bool removed = newest_ == 0 && name == kAuditFile && head->number > 0;  // by a rotation before the oldest file
   if (!continues && (newest_ != 0 || removed)) {
-    found("the chain is broken between records " + std::to_string(newest_) + " and " +
-          std::to_string(head->number + 1) + ": a file was changed or removed");
+    found(fmt::format("the chain is broken between records {} and {}: a file was changed or removed", newest_,
+                      head->number + 1));
   }
   head_ = head->hash;
   newest_ = head->number;
   std::size_t at = whole.find('\n') + 1;
   for (auto next = next_line(whole, at); next; next = next_line(whole, at)) {
     if (next->begin != at || !fits(next->line, head_, newest_)) {
-      found("the chain is broken after record " + std::to_string(newest_) + ": lines of " + name +
-            " were changed, damaged or removed");
+      found(fmt::format("the chain is broken after record {}: lines of {} were changed, damaged or removed", newest_,
+                        name));
     }
     head_ = next->line.hash;
     newest_ = next->line.number;
@@ -199,8 +201,8 @@ void AuditStore::read_file(const std::string& name, bool newest, AuditReport& re
     at = next->end;
   }
   if (at < whole.size()) {
-    found(std::to_string(whole.size() - at) + " bytes at the end of " + name +
-          " are an incomplete record, as a power cut leaves it; they are cut off");
+    found(fmt::format("{} bytes at the end of {} are an incomplete record, as a power cut leaves it; they are cut off",
+                      whole.size() - at, name));
   }
   if (newest) bytes_ = at;
 }

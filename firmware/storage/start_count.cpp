@@ -1,5 +1,7 @@
 #include "firmware/storage/start_count.h"
 
+#include <fmt/format.h>
+
 #include "firmware/storage/durable_file.h"
 #include "firmware/storage/settings_store.h"
 
@@ -19,8 +21,9 @@ std::optional<std::string> StartCount::begin() {
     (void)write_durably(disk_, "", kStartsFile, std::to_string(failed + 1));
     return std::nullopt;
   }
-  const std::string reason = "the rig failed " + std::to_string(failed) +
-                             " times with the stored settings; it starts with those of rig.toml; the stored ones are ";
+  const std::string reason = fmt::format(
+      "the rig failed {} times with the stored settings; it starts with those of rig.toml; the stored ones are ",
+      failed);
   Status moved = disk_.rename(kSettingsFile, kSettingsAsideFile);
   if (moved) moved = disk_.remove(kStartsFile);
   if (moved) moved = disk_.sync_folder("");

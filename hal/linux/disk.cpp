@@ -1,5 +1,7 @@
 #include "hal/linux/disk.h"
 
+#include <fmt/format.h>
+
 #include <fcntl.h>
 #include <linux/openat2.h>
 #include <sys/stat.h>
@@ -74,7 +76,7 @@ Result<FileHandle> LinuxDisk::open_file(const std::string& name, int flags) {
 
 Result<LinuxDisk::File*> LinuxDisk::file_of(FileHandle handle, bool to_read) {
   const auto file = files_.find(handle);
-  if (file == files_.end()) return fail(Errc::kWrongState, "file handle " + std::to_string(handle) + ": is not open");
+  if (file == files_.end()) return fail(Errc::kWrongState, fmt::format("file handle {}: is not open", handle));
   if (file->second.to_read != to_read) {
     return fail(Errc::kWrongState, "file '" + file->second.name + "': is open to be " + (to_read ? "written" : "read") +
                                        ", not to be " + (to_read ? "read" : "written"));
@@ -157,7 +159,7 @@ Status LinuxDisk::overwrite(FileHandle handle, std::uint64_t offset, std::span<c
 Status LinuxDisk::truncate(FileHandle handle, std::uint64_t size) {
   NODAL_TRY_ASSIGN(const auto file, file_of(handle, false));
   if (size > file->end) {
-    return fail(Errc::kBadValue, "file '" + path_ + "/" + file->name + "': is shorter than " + std::to_string(size));
+    return fail(Errc::kBadValue, fmt::format("file '{}/{}': is shorter than {}", path_, file->name, size));
   }
   if (again_when_interrupted([&] { return ::ftruncate(file->descriptor.get(), static_cast<off_t>(size)); }) < 0) {
     return fail(failure("shortening it", file->name, errno));
@@ -193,7 +195,7 @@ Status LinuxDisk::sync_all() {
 
 Status LinuxDisk::sync(FileHandle handle) {
   const auto file = files_.find(handle);
-  if (file == files_.end()) return fail(Errc::kWrongState, "file handle " + std::to_string(handle) + ": is not open");
+  if (file == files_.end()) return fail(Errc::kWrongState, fmt::format("file handle {}: is not open", handle));
   if (again_when_interrupted([&] { return ::fsync(file->second.descriptor.get()); }) < 0) {
     return fail(failure("syncing it", file->second.name, errno));
   }
@@ -226,9 +228,8 @@ Result<std::vector<std::uint8_t>> LinuxDisk::read(const std::string& name, std::
     bytes.resize(have);
   }
   if (length > limit_bytes || bytes.size() > limit_bytes) {
-    return fail(Errc::kTooLarge, "file '" + path_ + "/" + name + "': is " +
-                                     std::to_string(std::max<std::uint64_t>(length, bytes.size())) +
-                                     " bytes, over the limit of " + std::to_string(limit_bytes));
+    return fail(Errc::kTooLarge, fmt::format("file '{}/{}': is {} bytes, over the limit of {}", path_, name,
+                                             std::max<std::uint64_t>(length, bytes.size()), limit_bytes));
   }
   return bytes;
 }

@@ -1,5 +1,7 @@
 #include "hal/replay/deck.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <deque>
@@ -33,10 +35,10 @@ class ReplayTrigger final : public TriggerPort {
   Status start(const TriggerSettings& settings) override {
     if (safe_.load()) return fail(gone());
     if (!settings.rate.valid() || settings.pulse_width.ns() <= 0 || settings.pulse_width >= settings.rate.period()) {
-      return fail(Errc::kBadValue, "trigger 'replay': a rate of " + std::to_string(settings.rate.numerator) + "/" +
-                                       std::to_string(settings.rate.denominator) + " with pulses of " +
-                                       std::to_string(settings.pulse_width.us()) + " us cannot be made; allowed is " +
-                                       std::string(kFrameRatesAllowed) + ", with pulses shorter than the period");
+      return fail(Errc::kBadValue, fmt::format("trigger 'replay': a rate of {}/{} with pulses of {} us cannot be made; "
+                                               "allowed is {}, with pulses shorter than the period",
+                                               settings.rate.numerator, settings.rate.denominator,
+                                               settings.pulse_width.us(), kFrameRatesAllowed));
     }
     if (settings.follow) return fail(Errc::kUnsupported, "trigger 'replay': there is nobody to follow; drive it");
     stop();
@@ -359,7 +361,7 @@ class Deck::State::Enumerator final : public HeadEnumerator {
     }
     const FrameRate rate = reel.rate().value_or(deck_.options.rate);
     if (rate == deck_.options.rate) return {};
-    const std::string text = std::to_string(rate.numerator) + "/" + std::to_string(rate.denominator);
+    const std::string text = fmt::format("{}/{}", rate.numerator, rate.denominator);
     return fail(Errc::kBadValue, "the take has " + text + " sets a second; write rate = \"" + text + "\"");
   }
 

@@ -1,5 +1,7 @@
 #include "hal/replay/reel.h"
 
+#include <fmt/format.h>
+
 #include <glob.h>
 
 #include <algorithm>
@@ -85,9 +87,8 @@ Result<std::unique_ptr<Reel>> PictureReel::open(const fs::path& where, std::opti
   for (const fs::path& file : reel.files_) {
     NODAL_TRY_ASSIGN(const auto header, reader.header(file));
     if (header.width != reel.width_ || header.height != reel.height_) {
-      return fail(Errc::kBadValue, "picture '" + file.string() + "': is " + std::to_string(header.width) + "x" +
-                                       std::to_string(header.height) + ", but the head's first is " +
-                                       std::to_string(reel.width_) + "x" + std::to_string(reel.height_));
+      return fail(Errc::kBadValue, fmt::format("picture '{}': is {}x{}, but the head's first is {}x{}", file.string(),
+                                               header.width, header.height, reel.width_, reel.height_));
     }
   }
   reel.kept_.resize(reel.files_.size());

@@ -1,5 +1,7 @@
 #include "hal/sim/card_slot.h"
 
+#include <fmt/format.h>
+
 #include "protocol/base/try.h"
 
 namespace nodal::hal::sim {
@@ -109,7 +111,7 @@ class SimCardSlot::Port final : public DiskPort {
   template <class Call>
   auto with(FileHandle file, Call call) -> decltype(call(std::declval<File&>())) {
     const auto found = files_.find(file);
-    if (found == files_.end()) return fail(Errc::kWrongState, "file handle " + std::to_string(file) + ": is not open");
+    if (found == files_.end()) return fail(Errc::kWrongState, fmt::format("file handle {}: is not open", file));
     return call(found->second);
   }
   Result<FileHandle> opened(Result<FileHandle> (DiskPort::*open)(const std::string&), const std::string& name) {

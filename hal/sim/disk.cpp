@@ -1,5 +1,7 @@
 #include "hal/sim/disk.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <optional>
 #include <utility>
@@ -103,7 +105,7 @@ Result<FileHandle> SimDisk::hand_out(InodePtr inode, const std::string& name, bo
 
 Result<SimDisk::Handle*> SimDisk::handle_of(FileHandle file, bool to_read) {
   const auto found = handles_.find(file);
-  if (found == handles_.end()) return fail(Errc::kWrongState, "file handle " + std::to_string(file) + ": is not open");
+  if (found == handles_.end()) return fail(Errc::kWrongState, fmt::format("file handle {}: is not open", file));
   if (found->second.to_read != to_read) {
     return fail(Errc::kWrongState, "file '" + found->second.name + "': is open to be " +
                                        (to_read ? "written" : "read") + ", not to be " +
@@ -202,7 +204,7 @@ Status SimDisk::truncate(FileHandle file, std::uint64_t size) {
   NODAL_TRY(begin("shortening it", handle->name));
   Inode& inode = *handle->inode;
   if (size > inode.bytes.size()) {
-    return fail(Errc::kBadValue, "file '" + handle->name + "': is shorter than " + std::to_string(size));
+    return fail(Errc::kBadValue, fmt::format("file '{}': is shorter than {}", handle->name, size));
   }
   if (dying_ && random_.below(2) == 0) return fail(no_power(handle->name));
   if (size < inode.synced) {
@@ -228,7 +230,7 @@ void SimDisk::make_durable(Inode& inode) {
 
 Status SimDisk::sync(FileHandle file) {
   const auto found = handles_.find(file);
-  if (found == handles_.end()) return fail(Errc::kWrongState, "file handle " + std::to_string(file) + ": is not open");
+  if (found == handles_.end()) return fail(Errc::kWrongState, fmt::format("file handle {}: is not open", file));
   const std::string& name = found->second.name;
   NODAL_TRY(begin("syncing it", name));
   Inode& inode = *found->second.inode;
@@ -264,8 +266,8 @@ void SimDisk::close(FileHandle file) { handles_.erase(file); }
 Result<std::vector<std::uint8_t>> SimDisk::read(const std::string& name, std::uint64_t limit_bytes) {
   NODAL_TRY_ASSIGN(const auto length, size(name));
   if (length > limit_bytes) {
-    return fail(Errc::kTooLarge, "file '" + name + "': is " + std::to_string(length) + " bytes, over the limit of " +
-                                     std::to_string(limit_bytes));
+    return fail(Errc::kTooLarge,
+                fmt::format("file '{}': is {} bytes, over the limit of {}", name, length, limit_bytes));
   }
   NODAL_TRY(begin_read(name, length));
   return tree_.at(name)->bytes;

@@ -1,5 +1,7 @@
 #include "hal/sim/head_port.h"
 
+#include <fmt/format.h>
+
 #include <string>
 
 namespace nodal::hal::sim {
@@ -7,9 +9,8 @@ namespace nodal::hal::sim {
 Status SimHead::Port::set_exposure(Exposure exposure) {
   if (head_ == nullptr) return fail(gone());
   if (exposure < limits_.exposure_min || exposure > limits_.exposure_max) {
-    return fail(Errc::kBadValue, "head '" + identity_.path + "': exposure " + std::to_string(exposure.us()) +
-                                     " us is not between " + std::to_string(limits_.exposure_min.us()) + " and " +
-                                     std::to_string(limits_.exposure_max.us()) + " us");
+    return fail(Errc::kBadValue, fmt::format("head '{}': exposure {} us is not between {} and {} us", identity_.path,
+                                             exposure.us(), limits_.exposure_min.us(), limits_.exposure_max.us()));
   }
   HeadSettings wanted = head_->settings_;
   wanted.exposure = exposure;
@@ -20,9 +21,8 @@ Status SimHead::Port::set_exposure(Exposure exposure) {
 Status SimHead::Port::set_gain(Gain gain) {
   if (head_ == nullptr) return fail(gone());
   if (gain < limits_.gain_min || gain > limits_.gain_max) {
-    return fail(Errc::kBadValue, "head '" + identity_.path + "': gain " + std::to_string(gain.mdb()) +
-                                     " mdB is not between " + std::to_string(limits_.gain_min.mdb()) + " and " +
-                                     std::to_string(limits_.gain_max.mdb()) + " mdB");
+    return fail(Errc::kBadValue, fmt::format("head '{}': gain {} mdB is not between {} and {} mdB", identity_.path,
+                                             gain.mdb(), limits_.gain_min.mdb(), limits_.gain_max.mdb()));
   }
   HeadSettings wanted = head_->settings_;
   wanted.gain = gain;
@@ -36,9 +36,8 @@ Status SimHead::Port::set_white_balance(WhiteBalance balance) {
     return fail(Errc::kUnsupported, "head '" + identity_.path + "': has no white balance to set");
   }
   if (balance.red_q12 < kWhiteBalanceMin || balance.blue_q12 < kWhiteBalanceMin) {
-    return fail(Errc::kBadValue, "head '" + identity_.path + "': white balance " + std::to_string(balance.red_q12) +
-                                     ", " + std::to_string(balance.blue_q12) + " is not between " +
-                                     std::to_string(kWhiteBalanceMin) + " and 65535");
+    return fail(Errc::kBadValue, fmt::format("head '{}': white balance {}, {} is not between {} and 65535",
+                                             identity_.path, balance.red_q12, balance.blue_q12, kWhiteBalanceMin));
   }
   HeadSettings wanted = head_->settings_;
   wanted.white_balance = balance;
@@ -52,9 +51,9 @@ Status SimHead::Port::set_gamma(Gamma gamma) {
     return fail(Errc::kUnsupported, "head '" + identity_.path + "': has no gamma to set");
   }
   if (gamma != Gamma() && (gamma < limits_.gamma_min || gamma > limits_.gamma_max)) {
-    return fail(Errc::kBadValue, "head '" + identity_.path + "': gamma " + std::to_string(gamma.thousandths()) +
-                                     "/1000 is not between " + std::to_string(limits_.gamma_min.thousandths()) +
-                                     " and " + std::to_string(limits_.gamma_max.thousandths()));
+    return fail(Errc::kBadValue,
+                fmt::format("head '{}': gamma {}/1000 is not between {} and {}", identity_.path, gamma.thousandths(),
+                            limits_.gamma_min.thousandths(), limits_.gamma_max.thousandths()));
   }
   HeadSettings wanted = head_->settings_;
   wanted.gamma = gamma;

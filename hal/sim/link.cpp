@@ -1,5 +1,7 @@
 #include "hal/sim/link.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 namespace nodal::hal::sim {
@@ -84,7 +86,7 @@ Result<std::unique_ptr<LinkPort>> SimLinkListener::accept() {
 std::unique_ptr<SimLink> SimLinkListener::connect(PeerIdentity host) {
   auto to_rig = std::make_shared<LinkPipe>();
   auto to_host = std::make_shared<LinkPipe>();
-  knocking_.push_back(std::make_unique<SimLink>(to_rig, to_host, "sim:host" + std::to_string(++count_), host));
+  knocking_.push_back(std::make_unique<SimLink>(to_rig, to_host, fmt::format("sim:host{}", ++count_), host));
   return std::make_unique<SimLink>(to_host, to_rig, "sim:rig");
 }
 

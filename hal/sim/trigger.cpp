@@ -1,5 +1,7 @@
 #include "hal/sim/trigger.h"
 
+#include <fmt/format.h>
+
 #include "hal/sim/crystal.h"
 #include "protocol/base/limits.h"
 #include "protocol/base/try.h"
@@ -18,21 +20,21 @@ Status SimTrigger::check_present() const {
 Status SimTrigger::check(const TriggerSettings& settings) const {
   NODAL_TRY(check_present());
   if (!settings.rate.valid() || settings.rate.period() < options_.fastest.period()) {
-    return fail(Errc::kBadValue, "trigger 'sim': a rate of " + std::to_string(settings.rate.numerator) + "/" +
-                                     std::to_string(settings.rate.denominator) + " cannot be made; allowed is " +
-                                     std::string(kFrameRatesAllowed) + ", and here at most " +
-                                     std::to_string(options_.fastest.numerator) + "/" +
-                                     std::to_string(options_.fastest.denominator));
+    return fail(Errc::kBadValue,
+                fmt::format("trigger 'sim': a rate of {}/{} cannot be made; allowed is {}, and here at most {}/{}",
+                            settings.rate.numerator, settings.rate.denominator, kFrameRatesAllowed,
+                            options_.fastest.numerator, options_.fastest.denominator));
   }
   const Duration period = settings.rate.period();
   if (settings.pulse_width.ns() <= 0 || settings.pulse_width >= period) {
-    return fail(Errc::kBadValue, "trigger 'sim': a pulse of " + std::to_string(settings.pulse_width.us()) +
-                                     " us does not fit a period of " + std::to_string(period.us()) + " us");
+    return fail(Errc::kBadValue, fmt::format("trigger 'sim': a pulse of {} us does not fit a period of {} us",
+                                             settings.pulse_width.us(), period.us()));
   }
   for (std::size_t head = 0; head < settings.delay.size(); ++head) {
     if (settings.delay[head].ns() < 0 || settings.delay[head] >= period) {
-      return fail(Errc::kBadValue, "trigger 'sim': the delay of head " + std::to_string(head) +
-                                       " is not between 0 and the period of " + std::to_string(period.us()) + " us");
+      return fail(Errc::kBadValue,
+                  fmt::format("trigger 'sim': the delay of head {} is not between 0 and the period of {} us", head,
+                              period.us()));
     }
   }
   if (settings.follow && !options_.external) {

@@ -1,6 +1,8 @@
 // The options --layout and --size of commands that make or use a raymap.
 #pragma once
 
+#include <fmt/format.h>
+
 #include <charconv>
 #include <string>
 
@@ -52,7 +54,7 @@ inline Result<geometry::RaymapSize> parse_size(const std::string& text, int most
     good = wrong == std::errc() && at == end;
   }
   if (!good || size.width < 1 || size.height < 1 || size.width > most || size.height > most)
-    return fail(Errc::kBadValue, "'" + text + "': write WIDTHxHEIGHT, each 1 to " + std::to_string(most));
+    return fail(Errc::kBadValue, fmt::format("'{}': write WIDTHxHEIGHT, each 1 to {}", text, most));
   return size;
 }
 

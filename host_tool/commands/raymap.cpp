@@ -212,7 +212,7 @@ class Pull {
   Status conclude(bool early) {
     if (tally_.pulled != 0) tell_summary(console_, tally_, name_);
     if (interrupted() && !args_.continuous && !enough() && early) {
-      const std::string wanted = endless_ ? args_.seconds : std::to_string(args_.count) + " raymaps";
+      const std::string wanted = endless_ ? args_.seconds : fmt::format("{} raymaps", args_.count);
       return fail(Errc::kCancelled, fmt::format("stopped by a signal after {} raymap{}; {} were asked for",
                                                 tally_.pulled, tally_.pulled == 1 ? "" : "s", wanted));
     }

@@ -40,8 +40,9 @@ Result<std::uint64_t> picture_bytes(const wire::HeadPicture& head) {
   const int height = static_cast<int>(head.height());
   if (*format != PixelFormat::kMjpeg) return packed_size(*format, width, height);
   if (head.jpeg_bytes() > packed_size(PixelFormat::kI420, width, height)) {
-    return fail(Errc::kTooLarge, "head '" + head.name() + "': the rig sent a JPEG of " +
-                                     std::to_string(head.jpeg_bytes()) + " bytes, more than the picture itself has");
+    return fail(Errc::kTooLarge,
+                fmt::format("head '{}': the rig sent a JPEG of {} bytes, more than the picture itself has", head.name(),
+                            head.jpeg_bytes()));
   }
   return head.jpeg_bytes();
 }
@@ -58,8 +59,7 @@ Result<std::uint64_t> read_header(const BulkPiece& first, wire::FrameSetHeader& 
     decoded += packed_size(PixelFormat::kI420, static_cast<int>(head.width()), static_cast<int>(head.height()));
   }
   if (decoded > kMaxSetBytes) {
-    return fail(Errc::kTooLarge,
-                "the rig sent a frame set of more than " + std::to_string(kMaxSetBytes >> 20) + " MiB");
+    return fail(Errc::kTooLarge, fmt::format("the rig sent a frame set of more than {} MiB", kMaxSetBytes >> 20));
   }
   return std::min(sum, kMaxSetBytes);
 }

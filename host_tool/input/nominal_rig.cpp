@@ -187,7 +187,7 @@ Result<Calibration> nominal_rig(const Nominal& nominal, std::span<const ImageVie
   rig.comment = "From the data sheet.";
   for (std::size_t h = 0; h < heads; ++h) {
     HeadCalibration head;
-    head.name = "cam" + std::to_string(h);
+    head.name = fmt::format("cam{}", h);
     head.width = pictures[h].width;
     head.height = pictures[h].height;
     head.region = {0, 0, static_cast<double>(head.width), static_cast<double>(head.height), {}, {}};

@@ -43,7 +43,7 @@ std::vector<std::string> head_names(const std::vector<std::string>& paths) {
   const auto plain = [](unsigned char c) { return std::isalnum(c) != 0 || c == '.' || c == '_' || c == '-'; };
   bool good = true;
   for (const std::string& path : paths) {
-    numbered.push_back("cam" + std::to_string(names.size()));
+    numbered.push_back(fmt::format("cam{}", names.size()));
     const fs::path whole = fs::path(path).lexically_normal();
     names.push_back((whole.has_filename() ? whole : whole.parent_path()).stem().string());
     good = good && !names.back().empty() && names.back().size() <= 64 && std::ranges::all_of(names.back(), plain) &&

@@ -136,7 +136,7 @@ Result<RigPictures> read_nominal_pictures(const NominalWords& words, const std::
   NODAL_TRY_ASSIGN(const Nominal nominal, nominal_of(words));
   RigPictures rig;
   rig.origin = RigPictures::Origin::kDataSheet;
-  for (int h = 0; h < nominal.heads; ++h) rig.heads.push_back("cam" + std::to_string(h));
+  for (int h = 0; h < nominal.heads; ++h) rig.heads.push_back(fmt::format("cam{}", h));
   if (arguments.empty()) return fail(Errc::kMissingField, "no pictures; give one a head");
   NODAL_TRY_ASSIGN(rig.sets, sets_of(arguments, choice, rig.heads, rig.notes));
   NODAL_TRY(decode_all(rig.sets.front()));

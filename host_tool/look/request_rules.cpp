@@ -1,5 +1,7 @@
 #include "host_tool/look/request_rules.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cctype>
 #include <string_view>
@@ -42,13 +44,13 @@ bool begins_with_token(const std::string& path, const std::string& token) {
 }
 
 std::vector<std::string> own_hosts(std::uint16_t port) {
-  const std::string end = ":" + std::to_string(port);
+  const std::string end = fmt::format(":{}", port);
   return {"127.0.0.1" + end, "[::1]" + end, "localhost" + end};
 }
 
 }  // namespace
 
-std::string Rules::link() const { return "http://127.0.0.1:" + std::to_string(port) + "/" + token + "/"; }
+std::string Rules::link() const { return fmt::format("http://127.0.0.1:{}/{}/", port, token); }
 
 std::optional<Refusal> Rules::check(const Asked& asked) const {
   const std::vector<std::string> hosts = own_hosts(port), named = values_of(asked, "Host");

@@ -147,7 +147,7 @@ void add_table(const StitchedSphere& sphere, HtmlReport& page) {
 }  // namespace
 
 HtmlReport stitch_report(const StitchedSphere& sphere) {
-  HtmlReport page("Sphere of " + std::to_string(sphere.heads.size()) + " pictures", sphere.verdict.sentence);
+  HtmlReport page(fmt::format("Sphere of {} pictures", sphere.heads.size()), sphere.verdict.sentence);
   for (const std::string& note : sphere.notes) page.warning(note);
   const Pictures pictures(sphere);
   if (std::vector<std::uint8_t> picture = pictures.of(whole(sphere)); !picture.empty()) {

@@ -1,5 +1,7 @@
 #include "protocol/base/result.h"
 
+#include <fmt/format.h>
+
 #include <cstdio>
 #include <exception>
 
@@ -47,7 +49,7 @@ std::string_view errc_name(Errc code) {
 }
 
 std::string Error::text() const {
-  return std::string(errc_name(code)) + " (" + std::to_string(static_cast<unsigned>(code)) + "): " + message;
+  return fmt::format("{} ({}): {}", errc_name(code), static_cast<unsigned>(code), message);
 }
 
 Error Error::in(std::string_view where) const& { return Error{code, std::string(where) + ": " + message}; }

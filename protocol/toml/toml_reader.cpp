@@ -1,5 +1,7 @@
 #include "protocol/toml/toml_reader.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <sstream>
 
@@ -95,7 +97,7 @@ std::int64_t TomlReader::integer(std::string_view key, std::int64_t low, std::in
   if (!node) return fallback;
   const std::int64_t value = node->as_integer()->get();
   if (value >= low && value <= high) return value;
-  refuse(key, "is " + std::to_string(value) + "; allowed is " + std::to_string(low) + " to " + std::to_string(high));
+  refuse(key, fmt::format("is {}; allowed is {} to {}", value, low, high));
   return fallback;
 }
 

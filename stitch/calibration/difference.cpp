@@ -1,5 +1,7 @@
 #include "stitch/calibration/difference.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Core>
 #include <Eigen/LU>
 #include <Eigen/SVD>
@@ -31,9 +33,9 @@ Result<Pairs> pair_heads(const Calibration& a, const Calibration& b, std::vector
   }
   if (pairs.empty()) {
     if (a.heads.size() != b.heads.size()) {
-      return fail(Errc::kHeadMismatch, "the two calibrations have no head's name in common, and " +
-                                           std::to_string(a.heads.size()) + " and " + std::to_string(b.heads.size()) +
-                                           " heads: they cannot be paired; rename the heads of one");
+      return fail(Errc::kHeadMismatch, fmt::format("the two calibrations have no head's name in common, and {} and {} "
+                                                   "heads: they cannot be paired; rename the heads of one",
+                                                   a.heads.size(), b.heads.size()));
     }
     notes.emplace_back("No head's name is in both: heads are paired by their order.");
     for (std::size_t i = 0; i < a.heads.size(); ++i) pairs.emplace_back(i, i);

@@ -1,5 +1,7 @@
 #include "stitch/geometry/rotation.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <Eigen/SVD>
@@ -35,7 +37,7 @@ Result<Eigen::Matrix3d> nearest_rotation(const Eigen::Matrix3d& R, double tolera
   const double off = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
   if (off > tolerance) {
     return fail(Errc::kNotARotation,
-                "the matrix is not orthonormal: R times its transpose is off the identity by " + std::to_string(off));
+                fmt::format("the matrix is not orthonormal: R times its transpose is off the identity by {:f}", off));
   }
   if (R.determinant() < 0) {
     return fail(Errc::kNotARotation,

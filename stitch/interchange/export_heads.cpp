@@ -1,5 +1,7 @@
 #include "stitch/interchange/export_heads.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -59,9 +61,9 @@ HeadCalibration resampled(const HeadCalibration& head, ExportResult& result) {
         }
       },
       square.lens);
-  result.notes.push_back("The numbers of head '" + head.name + "' are for its picture resampled to " +
-                         std::to_string(width) + "x" + std::to_string(height) + " px (ffmpeg -i IN -vf scale=" +
-                         std::to_string(width) + ":" + std::to_string(height) + " OUT).");
+  result.notes.push_back(fmt::format(
+      "The numbers of head '{}' are for its picture resampled to {}x{} px (ffmpeg -i IN -vf scale={}:{} OUT).",
+      head.name, width, height, width, height));
   return square;
 }
 

@@ -1,5 +1,7 @@
 // Hugin's .pto, PTGui's text .pts and VideoStitch's .ptv: all three use the Panorama Tools polynomial
 //   r = N (a p^4 + b p^3 + c p^2 + (1 - a - b - c) p),  p = ideal radius / N.
+#include <fmt/format.h>
+
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -78,12 +80,11 @@ Status export_hugin(const Calibration& calibration, std::vector<SampledHead>& he
     NODAL_TRY_ASSIGN(const Written w, written_head(head, width, height));
     tell_fit(head, w.fit, kNoAspect, result);
     const bool circle = c.region.circle.has_value();
-    text += "i w" + std::to_string(c.width) + " h" + std::to_string(c.height) + " f" +
-            (w.rectilinear ? "0"
-             : circle      ? "2"
-                           : "3") +
-            lens_numbers(w) + " d" + exact(w.fit.cx - width / 2) + " e" + exact(w.fit.cy - height / 2) + " g0 t0" +
-            pose_numbers(w);
+    text += fmt::format("i w{} h{} f{}{} d{} e{} g0 t0{}", c.width, c.height,
+                        w.rectilinear ? "0"
+                        : circle      ? "2"
+                                      : "3",
+                        lens_numbers(w), exact(w.fit.cx - width / 2), exact(w.fit.cy - height / 2), pose_numbers(w));
     // Our V is a function of radius^2 in units of its own radius; Hugin's, in units of half the diagonal.
     const double scale = std::pow(std::hypot(width, height) / 2 / c.vignetting.radius, 2);
     const auto& v = c.vignetting.coefficients;
@@ -127,13 +128,12 @@ Status export_ptgui(const Calibration& calibration, std::vector<SampledHead>& he
     }
     NODAL_TRY_ASSIGN(const Written w, written_head(head, right - left, bottom - top));
     tell_fit(head, w.fit, kNoAspect, result);
-    text += "#-imgfile " + std::to_string(c.width) + " " + std::to_string(c.height) + " \"" + head.image + "\"\no f" +
-            (w.rectilinear   ? "0"
-             : region.circle ? "2"
-                             : "3") +
-            pose_numbers(w) + lens_numbers(w) + " d" + exact(w.fit.cx - (left + right) / 2) + " e" +
-            exact(w.fit.cy - (top + bottom) / 2) + " g0 t0 C" + whole(left) + "," + whole(right) + "," + whole(top) +
-            "," + whole(bottom) + "\n";
+    text += fmt::format("#-imgfile {} {} \"{}\"\no f{}{}{} d{} e{} g0 t0 C{},{},{},{}\n", c.width, c.height, head.image,
+                        w.rectilinear   ? "0"
+                        : region.circle ? "2"
+                                        : "3",
+                        pose_numbers(w), lens_numbers(w), exact(w.fit.cx - (left + right) / 2),
+                        exact(w.fit.cy - (top + bottom) / 2), whole(left), whole(right), whole(top), whole(bottom));
   }
   tell_aspect(heads, result);
   tell_radiometry(calibration, false, result);

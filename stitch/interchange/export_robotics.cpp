@@ -1,4 +1,6 @@
 // Surround360's rig JSON, OpenCV's camera YAML and Kalibr's chain.
+#include <fmt/format.h>
+
 #include <Eigen/Core>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -79,8 +81,8 @@ PolynomialHead rational_residual(const SampledHead& head, const Rational& ration
 std::string matrix_text(const std::string& name, int rows, int columns, const std::vector<double>& values) {
   std::string data;
   for (std::size_t k = 0; k < values.size(); ++k) data += (k == 0 ? " " : ", ") + yaml_real(values[k]);
-  return name + ": !!opencv-matrix\n   rows: " + std::to_string(rows) + "\n   cols: " + std::to_string(columns) +
-         "\n   dt: d\n   data: [" + data + " ]\n";
+  return fmt::format("{}: !!opencv-matrix\n   rows: {}\n   cols: {}\n   dt: d\n   data: [{} ]\n", name, rows, columns,
+                     data);
 }
 
 Eigen::Vector3d position_of(const HeadCalibration& head) {
@@ -146,9 +148,8 @@ Status export_opencv(const Calibration& calibration, std::vector<SampledHead>& h
       k = rational.k;
     }
     std::string text = "%YAML:1.0\n---\n# Head '" + c.name + "' of the rig '" + calibration.name + "', by Nodal.\n";
-    text += "image_width: " + std::to_string(c.width) + "\nimage_height: " + std::to_string(c.height) +
-            "\ncamera_name: " + c.name + "\nfisheye_model: " + (fisheye ? "1" : "0") +
-            "\ndistortion_model: " + (fisheye ? "fisheye" : "rational_polynomial") + "\n";
+    text += fmt::format("image_width: {}\nimage_height: {}\ncamera_name: {}\nfisheye_model: {}\ndistortion_model: {}\n",
+                        c.width, c.height, c.name, fisheye ? "1" : "0", fisheye ? "fisheye" : "rational_polynomial");
     text += matrix_text("camera_matrix", 3, 3, {f, 0, cx - 0.5, 0, f * aspect, cy - 0.5, 0, 0, 1});
     text += matrix_text("distortion_coefficients", static_cast<int>(k.size()), 1, k);
     text += matrix_text("R_head_rig", 3, 3, {c.R_head_rig.begin(), c.R_head_rig.end()});
@@ -176,7 +177,7 @@ Status export_kalibr(const Calibration& calibration, std::vector<SampledHead>& h
     if (pinhole) k.resize(4, 0.0);  // p1, p2
     const Eigen::Matrix3d R = geometry::matrix_of(c.R_head_rig);
     const Eigen::Matrix3d step = R * before.transpose();
-    text += "cam" + std::to_string(n) + ":\n";
+    text += fmt::format("cam{}:\n", n);
     if (n > 0) {
       text += "  T_cn_cnm1:\n";
       const Eigen::Vector3d shift = R * (position_of(calibration.heads[n - 1]) - position_of(c));
@@ -185,10 +186,11 @@ Status export_kalibr(const Calibration& calibration, std::vector<SampledHead>& h
       }
       text += "  - [0, 0, 0, 1]\n";
     }
-    text += "  camera_model: pinhole\n  distortion_model: " + std::string(pinhole ? "radtan" : "equidistant") +
-            "\n  distortion_coeffs: " + list(k) +
-            "\n  intrinsics: " + list({f, f * fit->aspect, fit->cx - 0.5, fit->cy - 0.5}) + "\n  resolution: [" +
-            std::to_string(c.width) + ", " + std::to_string(c.height) + "]\n  rostopic: /" + c.name + "/image_raw\n";
+    text += fmt::format(
+        "  camera_model: pinhole\n  distortion_model: {}\n  distortion_coeffs: {}\n  intrinsics: {}\n  resolution: "
+        "[{}, {}]\n  rostopic: /{}/image_raw\n",
+        pinhole ? "radtan" : "equidistant", list(k), list({f, f * fit->aspect, fit->cx - 0.5, fit->cy - 0.5}), c.width,
+        c.height, c.name);
     before = R;
   }
   const Eigen::Matrix3d first = geometry::matrix_of(calibration.heads[0].R_head_rig);

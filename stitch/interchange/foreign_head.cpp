@@ -1,5 +1,7 @@
 #include "stitch/interchange/foreign_head.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -89,9 +91,14 @@ void tell_lens_fit(double rms_px, double max_px, const std::string& what_was_los
 
 Status check_head_count(std::size_t heads) {
   if (heads >= static_cast<std::size_t>(kMinHeads) && heads <= kMaxCalibratedHeads) return {};
-  return fail(Errc::kUnsupported, "it has " + std::to_string(heads) + " cameras; a calibration has " +
-                                      std::to_string(kMinHeads) + " to " + std::to_string(kMaxCalibratedHeads) +
-                                      " heads");
+  return fail(Errc::kUnsupported, fmt::format("it has {} cameras; a calibration has {} to {} heads", heads, kMinHeads,
+                                              kMaxCalibratedHeads));
+}
+
+Status check_project_size(std::string_view text) {
+  if (text.size() <= kMaxProjectBytes) return {};
+  return fail(Errc::kTooLarge,
+              fmt::format("it has {} bytes; a calibration has at most {}", text.size(), kMaxProjectBytes));
 }
 
 }  // namespace nodal::interchange

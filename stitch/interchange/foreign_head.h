@@ -38,5 +38,7 @@ Result<int> picture_side(const Result<double>& value, const std::string& field);
 
 /// Errors: kUnsupported if there is no head, or more than a rig may have.
 Status check_head_count(std::size_t heads);
+/// Errors: kTooLarge if a file has more than kMaxProjectBytes.
+Status check_project_size(std::string_view text);
 
 }  // namespace nodal::interchange

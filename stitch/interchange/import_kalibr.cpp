@@ -1,5 +1,7 @@
 // Kalibr's camchain.yaml: a chain of cameras. T_cn_cnm1 gives each camera's pose relative to the previous one,
 // T_cam_imu relative to the inertial sensor.
+#include <fmt/format.h>
+
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cmath>
@@ -50,7 +52,7 @@ Result<Projection> read_projection(const YamlFields& camera, std::vector<double>
   NODAL_TRY_ASSIGN(std::vector<double> numbers, camera.numbers("intrinsics"));
   if (numbers.size() != 4 + p.extra()) {
     return fail(Errc::kBadValue,
-                camera.where() + ": 'intrinsics' must hold " + std::to_string(4 + p.extra()) + " numbers for " + model);
+                fmt::format("{}: 'intrinsics' must hold {} numbers for {}", camera.where(), 4 + p.extra(), model));
   }
   if (p.extra() > 0) p.first = numbers[0];
   if (p.extra() > 1) p.second = numbers[1];
@@ -191,8 +193,9 @@ Status check_chain_fields(const YAML::Node& root, std::size_t cameras, std::vect
     if (!is_camera(name)) continue;
     see_members(member.second, "camera", name, check);
     if (name.size() > 6 || std::stoul(name.substr(3)) >= cameras) {
-      return fail(Errc::kBadValue, "there is a '" + printable(name, 40) + "', and no 'cam" + std::to_string(cameras) +
-                                       "': cameras are counted from cam0 without a gap");
+      return fail(Errc::kBadValue,
+                  fmt::format("there is a '{}', and no 'cam{}': cameras are counted from cam0 without a gap",
+                              printable(name, 40), cameras));
     }
   }
   return check.tell(notes);
@@ -220,8 +223,8 @@ Result<ImportResult> import_kalibr(std::string_view text, std::string_view name)
   Places places;
   std::vector<Eigen::Vector3d> positions;  // positions in the first camera's frame
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (std::size_t n = 0; n <= kMaxCalibratedHeads && chain.has("cam" + std::to_string(n)); ++n) {
-    const std::string camera_name = "cam" + std::to_string(n);
+  for (std::size_t n = 0; n <= kMaxCalibratedHeads && chain.has(fmt::format("cam{}", n)); ++n) {
+    const std::string camera_name = fmt::format("cam{}", n);
     const YamlFields camera(chain.at(camera_name), camera_name);
     NODAL_TRY_ASSIGN(const std::vector<double> resolution, camera.numbers("resolution"));
     if (resolution.size() != 2 || !(resolution[0] >= 1 && resolution[0] <= 32768) ||

@@ -1,5 +1,7 @@
 // calib_results.txt of Scaramuzza's OCamCalib toolbox: one camera, no orientation. Scaramuzza, Martinelli, Siegwart, "A
 // toolbox for easily calibrating omnidirectional cameras", IROS 2006.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -37,11 +39,10 @@ Result<std::vector<Row>> read_rows(std::string_view text) {
       double number = 0;
       const auto [stop, error] = std::from_chars(word.data(), word.data() + word.size(), number);
       if (error != std::errc() || stop != word.data() + word.size() || !std::isfinite(number)) {
-        return fail(Errc::kBadFormat,
-                    "line " + std::to_string(line) + ": '" + std::string(word.substr(0, 32)) + "' is no number");
+        return fail(Errc::kBadFormat, fmt::format("line {}: '{}' is no number", line, word.substr(0, 32)));
       }
       if (row.numbers.size() > kMaxCoefficients) {
-        return fail(Errc::kTooLarge, "line " + std::to_string(line) + ": too many numbers");
+        return fail(Errc::kTooLarge, fmt::format("line {}: too many numbers", line));
       }
       row.numbers.push_back(number);
       rest.remove_prefix(word.size());
@@ -68,14 +69,12 @@ struct OcamModel {
 
 Result<OcamModel> read_model(const std::vector<Row>& rows) {
   if (rows.size() < 5) {
-    return fail(
-        Errc::kMissingField,
-        "an OCamCalib file has five lines of numbers (the polynomial, its inverse, the centre, c d e, and height "
-        "and width), and this one " +
-            std::to_string(rows.size()));
+    return fail(Errc::kMissingField, fmt::format("an OCamCalib file has five lines of numbers (the polynomial, its "
+                                                 "inverse, the centre, c d e, and height and width), and this one {}",
+                                                 rows.size()));
   }
   const auto wrong = [](const Row& row, const std::string& what) {
-    return fail(Errc::kBadValue, "line " + std::to_string(row.line) + ": " + what);
+    return fail(Errc::kBadValue, fmt::format("line {}: {}", row.line, what));
   };
   const Row &polynomial = rows[0], &centre = rows[2], &affine = rows[3], &size = rows[4];
   OcamModel model;
@@ -154,8 +153,8 @@ Status add_ocam_camera(std::string_view text, std::string_view path, ImportResul
            result.notes);
   if (end < farthest) {
     head.region.circle = {head.center_x, head.center_y, end * std::min(1.0, model.c)};
-    result.notes.push_back("The lens of head '" + head.name + "' ends " + std::to_string(static_cast<int>(end)) +
-                           " px from its centre: only that circle is used.");
+    result.notes.push_back(fmt::format("The lens of head '{}' ends {} px from its centre: only that circle is used.",
+                                       head.name, static_cast<int>(end)));
   }
   NODAL_TRY(finish_head(head, result.notes));
   FieldCheck check(ocam_fields());

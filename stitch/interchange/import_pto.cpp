@@ -1,4 +1,6 @@
 // Hugin's project file. Its pixel centres are at integers, its angles are in degrees (yaw, pitch, roll).
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -48,7 +50,7 @@ Result<Photometry> read_photometry(const ImageLines& images, std::size_t image, 
     NODAL_TRY_ASSIGN(const double number, images.number_or(image, name, *value));
     *value = number;
   }
-  const std::string line = "line " + std::to_string(images[image].number);
+  const std::string line = fmt::format("line {}", images[image].number);
   if (!(p.V[0] > 0)) return fail(Errc::kBadValue, line + ": vignetting Va must be more than 0");
   if (!(method >= 0 && method <= 15)) return fail(Errc::kBadValue, line + ": vignetting Vm must be 0 to 15");
   p.radius = std::hypot(head.width, head.height) / 2;
@@ -56,15 +58,15 @@ Result<Photometry> read_photometry(const ImageLines& images, std::size_t image, 
   const int how = static_cast<int>(method);
   if ((how & kByPolynomial) == 0) p.V = {1, 0, 0, 0};
   if ((how & kByFlatField) != 0) {
-    notes.push_back("Head '" + head.name + "' has its vignetting corrected by a picture of a flat field (Vm" +
-                    std::to_string(how) + "): it is left out.");
+    notes.push_back(fmt::format(
+        "Head '{}' has its vignetting corrected by a picture of a flat field (Vm{}): it is left out.", head.name, how));
   }
   return p;
 }
 
 Result<int> picture_side(const ImageLines& images, std::size_t image, const char* name) {
   NODAL_TRY_ASSIGN(const std::optional<double> side, images.find_number(image, name));
-  const std::string line = "line " + std::to_string(images[image].number);
+  const std::string line = fmt::format("line {}", images[image].number);
   if (!side) return fail(Errc::kMissingField, line + ": the image has no " + name + " (its size)");
   if (!(*side >= 1 && *side <= 32768))
     return fail(Errc::kBadValue, line + ": the image's " + name + " must be 1 to 32768");
@@ -112,7 +114,7 @@ HuginImages sort_lines(const std::vector<ScriptLine>& lines) {
     project.all.add(&line);
     if (disabled) {
       const std::string* file = line.find("n");
-      project.disabled.push_back(file == nullptr ? "image " + std::to_string(image) : *file);
+      project.disabled.push_back(file == nullptr ? fmt::format("image {}", image) : *file);
       project.head_of.emplace_back();
     } else {
       project.head_of.emplace_back(project.used.size());
@@ -156,9 +158,8 @@ Result<ImportResult> import_pto(std::string_view text, std::string_view name) {
   const ImageLines& images = project.all;
   if (images.size() == 0) return fail(Errc::kBadFormat, "there is no image line (i) in it: it is not a Hugin project");
   if (images.size() > kMaxCalibratedHeads) {
-    return fail(Errc::kUnsupported, "the project has " + std::to_string(images.size()) +
-                                        " images; a calibration has 1 to " + std::to_string(kMaxCalibratedHeads) +
-                                        " heads");
+    return fail(Errc::kUnsupported, fmt::format("the project has {} images; a calibration has 1 to {} heads",
+                                                images.size(), kMaxCalibratedHeads));
   }
   if (project.used.empty()) {
     return fail(Errc::kUnsupported, "all images of the project are disabled in Hugin; enable those that are heads");

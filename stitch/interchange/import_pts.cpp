@@ -1,5 +1,7 @@
 // PTGui's text project, version 9 and older. Image lines begin with o; the first may be a dummy that only holds the
 // variables to which the others link.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <sstream>
@@ -27,8 +29,9 @@ struct ImageFile {
 /// Parses e.g. #-imgfile 3840 2160 "input-00.jpg"
 Result<ImageFile> read_image_file(const ScriptLine& line) {
   const auto bad = [&] {
-    return fail(Errc::kBadFormat, "line " + std::to_string(line.number) +
-                                      ": #-imgfile should be followed by width, height and a name in quotes");
+    return fail(
+        Errc::kBadFormat,
+        fmt::format("line {}: #-imgfile should be followed by width, height and a name in quotes", line.number));
   };
   const std::size_t quote = line.comment.find('"');
   const std::size_t last = line.comment.rfind('"');
@@ -38,7 +41,7 @@ Result<ImageFile> read_image_file(const ScriptLine& line) {
   ImageFile file;
   if (!(sizes >> file.width >> file.height)) return bad();
   if (file.width < 1 || file.height < 1 || file.width > 32768 || file.height > 32768) {
-    return fail(Errc::kBadValue, "line " + std::to_string(line.number) + ": a picture's sides must be 1 to 32768 px");
+    return fail(Errc::kBadValue, fmt::format("line {}: a picture's sides must be 1 to 32768 px", line.number));
   }
   file.path = line.comment.substr(quote + 1, last - quote - 1);
   return file;
@@ -66,8 +69,7 @@ Result<Project> read_project(const std::vector<ScriptLine>& lines) {
     if (dummy_next && project.lines.size() == 0) {
       project.has_dummy = true;
     } else if (!file) {
-      return fail(Errc::kMissingField,
-                  "line " + std::to_string(line.number) + ": no #-imgfile says how large this image is");
+      return fail(Errc::kMissingField, fmt::format("line {}: no #-imgfile says how large this image is", line.number));
     } else {
       project.files.push_back(std::move(*file));
     }
@@ -127,9 +129,8 @@ Result<ImportResult> import_pts(std::string_view text, std::string_view name) {
     return fail(Errc::kBadFormat, "there is no image (#-imgfile and an o line) in it: it is not a PTGui text project");
   }
   if (project.files.size() > kMaxCalibratedHeads) {
-    return fail(Errc::kUnsupported, "the project has " + std::to_string(project.files.size()) +
-                                        " images; a calibration has 1 to " + std::to_string(kMaxCalibratedHeads) +
-                                        " heads");
+    return fail(Errc::kUnsupported, fmt::format("the project has {} images; a calibration has 1 to {} heads",
+                                                project.files.size(), kMaxCalibratedHeads));
   }
   ImportResult result;
   result.calibration.name = std::string(name);

@@ -1,5 +1,7 @@
 // Facebook's Surround360 and facebook360_dep rigs. Pixel corners are at integers, as in Nodal; a camera looks along its
 // `forward`; the world has x forward, y left, z up.
+#include <fmt/format.h>
+
 #include <Eigen/Core>
 #include <cmath>
 
@@ -92,7 +94,7 @@ Status read_lens(const JsonFields& camera, HeadCalibration& head, std::vector<st
 }
 
 Result<HeadCalibration> read_camera(const nlohmann::json& json, std::size_t index, ImportResult& result) {
-  const JsonFields unnamed(json, "camera " + std::to_string(index));
+  const JsonFields unnamed(json, fmt::format("camera {}", index));
   NODAL_TRY_ASSIGN(const std::string id, unnamed.text("id"));
   const JsonFields camera(json, "camera '" + id + "'");
   NODAL_TRY_ASSIGN(const std::vector<double> resolution, camera.numbers("resolution", 2, 2));

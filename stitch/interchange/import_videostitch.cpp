@@ -1,4 +1,6 @@
 // VideoStitch's project (.ptv), interpreted as by stitchEm: JSON, focal lengths in px, the Panorama Tools polynomial.
+#include <fmt/format.h>
+
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -116,7 +118,7 @@ void see_input(const json& input, const std::string& where, FieldCheck& check) {
 
 Result<HeadCalibration> read_input(const json& value, std::size_t index, Reading& reading) {
   ImportResult& result = reading.result;
-  const JsonFields input(value, "input " + std::to_string(index));
+  const JsonFields input(value, fmt::format("input {}", index));
   NODAL_TRY_ASSIGN(const int width, input.side("width"));
   NODAL_TRY_ASSIGN(const int height, input.side("height"));
   std::string file;
@@ -200,11 +202,11 @@ Status add_points(const JsonFields& pano, const std::vector<int>& head_of, Impor
 Status read_inputs(const json& inputs, Reading& reading) {
   ImportResult& result = reading.result;
   for (std::size_t i = 0; i < inputs.size(); ++i) {
-    const JsonFields input(inputs[i], "input " + std::to_string(i));
+    const JsonFields input(inputs[i], fmt::format("input {}", i));
     reading.head_of.push_back(-1);
     if (is_false(input, "video_enabled")) continue;  // a microphone
     if (is_false(input, "enabled")) {
-      result.notes.push_back("Input " + std::to_string(i) + " is switched off in the project: it is no head.");
+      result.notes.push_back(fmt::format("Input {} is switched off in the project: it is no head.", i));
       continue;
     }
     reading.head_of.back() = static_cast<int>(result.calibration.heads.size());

@@ -1,10 +1,12 @@
 #include "stitch/interchange/json_fields.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
+#include "protocol/base/try.h"
 #include "stitch/interchange/foreign_head.h"
-#include "stitch/interchange/import.h"
 
 namespace nodal::interchange {
 
@@ -24,10 +26,7 @@ std::string text_of(const json& value) {
 }  // namespace
 
 Result<json> parse_foreign_json(std::string_view text) {
-  if (text.size() > kMaxProjectBytes) {
-    return fail(Errc::kTooLarge, "it has " + std::to_string(text.size()) + " bytes; a calibration has at most " +
-                                     std::to_string(kMaxProjectBytes));
-  }
+  NODAL_TRY(check_project_size(text));
   json parsed = json::parse(text, nullptr, false);
   if (parsed.is_discarded()) return fail(Errc::kBadFormat, "it is not JSON, or is cut off");
   return parsed;
@@ -56,8 +55,8 @@ Result<double> JsonFields::number_or(const char* key, double otherwise) const {
 Result<std::vector<double>> JsonFields::numbers(const char* key, std::size_t least, std::size_t most) const {
   if (!has(key)) return missing(key);
   const json& list = object_.at(key);
-  const std::string wanted = least == most ? std::to_string(least) + " numbers"
-                                           : std::to_string(least) + " to " + std::to_string(most) + " numbers";
+  const std::string wanted =
+      least == most ? fmt::format("{} numbers", least) : fmt::format("{} to {} numbers", least, most);
   if (!list.is_array() || list.size() < least || list.size() > most) return bad(key, wanted);
   std::vector<double> values;
   for (const json& value : list) {

@@ -1,5 +1,7 @@
 #include "stitch/interchange/known_fields.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -66,7 +68,7 @@ bool is_neutral(const KnownField& field, std::string_view value) {
 std::string owners(const std::string& whose, std::size_t count) {
   const std::size_t others = count - 1;
   if (whose.empty() || others == 0) return whose;
-  return whose + " and " + std::to_string(others) + (others == 1 ? " other" : " others");
+  return fmt::format("{} and {}{}", whose, others, others == 1 ? " other" : " others");
 }
 
 }  // namespace
@@ -110,7 +112,7 @@ Status FieldCheck::tell(std::vector<std::string>& notes) const {
     names +=
         std::string(told++ == 0 ? "" : ", ") + "'" + seen.name + "' (" + place + (of.empty() ? "" : " of ") + of + ")";
   }
-  if (unknown_.size() > told) names += " and " + std::to_string(unknown_.size() - told) + " more";
+  if (unknown_.size() > told) names += fmt::format(" and {} more", unknown_.size() - told);
   notes.push_back("Not known to Nodal in a file of " + std::string(format_.program) + ", and left out: " + names + ".");
   return {};
 }

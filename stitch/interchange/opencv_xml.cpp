@@ -1,11 +1,13 @@
 #include "stitch/interchange/opencv_xml.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <pugixml.hpp>
 #include <string>
 
 #include "protocol/base/try.h"
-#include "stitch/interchange/import.h"
+#include "stitch/interchange/foreign_head.h"
 
 namespace nodal::interchange {
 namespace {
@@ -60,16 +62,12 @@ bool is_xml(std::string_view text) {
 }
 
 Result<YAML::Node> parse_storage_xml(std::string_view text) {
-  if (text.size() > kMaxProjectBytes) {
-    return fail(Errc::kTooLarge, "it has " + std::to_string(text.size()) + " bytes; a calibration has at most " +
-                                     std::to_string(kMaxProjectBytes));
-  }
+  NODAL_TRY(check_project_size(text));
   pugi::xml_document document;
   const pugi::xml_parse_result parsed =
       document.load_buffer(text.data(), text.size(), pugi::parse_default, pugi::encoding_utf8);
   if (!parsed) {
-    return fail(Errc::kBadFormat,
-                std::string("it is not XML: ") + parsed.description() + " at byte " + std::to_string(parsed.offset));
+    return fail(Errc::kBadFormat, fmt::format("it is not XML: {} at byte {}", parsed.description(), parsed.offset));
   }
   const pugi::xml_node storage = document.child("opencv_storage");
   if (!storage) {

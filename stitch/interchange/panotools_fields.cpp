@@ -1,5 +1,7 @@
 #include "stitch/interchange/panotools_fields.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "protocol/base/try.h"
@@ -40,7 +42,7 @@ Attribute setting_of(std::string_view text) {
 }
 
 void see_variables(const ScriptLine& line, FieldCheck& check) {
-  const std::string where = "line " + std::to_string(line.number);
+  const std::string where = fmt::format("line {}", line.number);
   for (const auto& [name, value] : line.variables) check.see(std::string(1, line.kind), name, value, where);
 }
 

@@ -1,5 +1,7 @@
 #include "stitch/interchange/panotools_head.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -22,9 +24,9 @@ Result<LensModel> to_lens(const PanotoolsImage& image) {
   const bool rectilinear = image.projection == 0;
   if (!rectilinear && image.projection != 2 && image.projection != 3) {
     return fail(Errc::kUnsupported,
-                "its lens type f" + std::to_string(image.projection) +
-                    " has no counterpart here; rectilinear (f0) and equidistant fisheyes (f2, f3) have: "
-                    "convert the lens in the program that wrote the file");
+                fmt::format("its lens type f{} has no counterpart here; rectilinear (f0) and equidistant fisheyes (f2, "
+                            "f3) have: convert the lens in the program that wrote the file",
+                            image.projection));
   }
   if (!(image.hfov > 0 && image.hfov < (rectilinear ? 180 : 720))) {
     return fail(Errc::kBadValue, "its horizontal field of view v is " + short_number(image.hfov) + " degrees");
@@ -80,7 +82,7 @@ void set_max_angle(HeadCalibration& head, std::vector<std::string>& notes) {
 }  // namespace
 
 Status read_geometry(const ImageLines& images, std::size_t image, PanotoolsImage& out) {
-  const std::string line = "line " + std::to_string(images[image].number);
+  const std::string line = fmt::format("line {}", images[image].number);
   double projection = 0;
   const std::array<std::pair<const char*, double*>, 9> optional{{{"f", &projection},
                                                                  {"a", &out.a},
@@ -133,9 +135,9 @@ std::string head_name(std::string_view path, const std::vector<std::string>& tak
         (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' || c == '_' || c == '-';
     name += plain ? c : '_';
   }
-  if (name.empty()) name = "head" + std::to_string(taken.size());
+  if (name.empty()) name = fmt::format("head{}", taken.size());
   std::string unlike = name;
-  for (int n = 2; std::ranges::find(taken, unlike) != taken.end(); ++n) unlike = name + "-" + std::to_string(n);
+  for (int n = 2; std::ranges::find(taken, unlike) != taken.end(); ++n) unlike = fmt::format("{}-{}", name, n);
   return unlike;
 }
 

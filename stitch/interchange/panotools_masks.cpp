@@ -1,5 +1,7 @@
 #include "stitch/interchange/panotools_masks.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <optional>
 #include <vector>
@@ -20,7 +22,7 @@ constexpr double kExclude = 0, kExcludeFromStack = 2, kExcludeFromLens = 4;
 Result<double> number_of(const ScriptLine& line, const char* name) {
   const std::string* value = line.find(name);
   if (value == nullptr) {
-    return fail(Errc::kMissingField, "line " + std::to_string(line.number) + ": the mask has no '" + name + "'");
+    return fail(Errc::kMissingField, fmt::format("line {}: the mask has no '{}'", line.number, name));
   }
   return to_number(line, name, *value);
 }
@@ -41,7 +43,7 @@ Result<std::vector<Region::Point>> corners_of(const ScriptLine& line) {
     x = x ? std::nullopt : std::optional<double>(number);
   }
   if (x && corners.size() <= kMaxMaskPoints) {
-    return fail(Errc::kBadValue, "line " + std::to_string(line.number) + ": the mask has an x without a y");
+    return fail(Errc::kBadValue, fmt::format("line {}: the mask has an x without a y", line.number));
   }
   return corners;
 }
@@ -51,12 +53,12 @@ Result<std::vector<Region::Point>> corners_of(const ScriptLine& line) {
 Status add_masks(std::span<const ScriptLine* const> lines, std::span<const std::optional<std::size_t>> head_of,
                  ImportResult& result) {
   for (const ScriptLine* line : lines) {
-    const std::string where = "line " + std::to_string(line->number);
+    const std::string where = fmt::format("line {}", line->number);
     NODAL_TRY_ASSIGN(const double image, number_of(*line, "i"));
     auto& heads = result.calibration.heads;
     if (!(image >= 0 && image < static_cast<double>(head_of.size())) || image != std::floor(image)) {
-      return fail(Errc::kBadValue, where + ": the mask is of image " + short_number(image) + ", and there are " +
-                                       std::to_string(head_of.size()));
+      return fail(Errc::kBadValue, fmt::format("{}: the mask is of image {}, and there are {}", where,
+                                               short_number(image), head_of.size()));
     }
     NODAL_TRY_ASSIGN(const double type, number_of(*line, "t"));
     const std::optional<std::size_t> own = head_of[static_cast<std::size_t>(image)];
@@ -89,7 +91,7 @@ std::string mask_lines(const Region& region, std::size_t image) {
     for (const Region::Point& corner : mask) {
       corners += (corners.empty() ? "" : " ") + exact(corner.x - kCentre) + " " + exact(corner.y - kCentre);
     }
-    text += "k i" + std::to_string(image) + " t0 p\"" + corners + "\"\n";
+    text += fmt::format("k i{} t0 p\"{}\"\n", image, corners);
   }
   return text;
 }

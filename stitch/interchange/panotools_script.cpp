@@ -1,5 +1,7 @@
 #include "stitch/interchange/panotools_script.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -14,7 +16,7 @@ constexpr std::size_t kMaxLines = 100'000;
 bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); }
 bool is_space(char c) { return c == ' ' || c == '\t'; }
 
-std::string at_line(int number) { return "line " + std::to_string(number); }
+std::string at_line(int number) { return fmt::format("line {}", number); }
 
 Result<ScriptLine> parse_line(std::string_view text, int number) {
   ScriptLine line;
@@ -60,8 +62,7 @@ const std::string* ScriptLine::find(std::string_view name) const {
 
 Result<std::vector<ScriptLine>> parse_script(std::string_view text, std::size_t max_bytes) {
   if (text.size() > max_bytes) {
-    return fail(Errc::kTooLarge, "the file has " + std::to_string(text.size()) + " bytes; at most " +
-                                     std::to_string(max_bytes) + " are read");
+    return fail(Errc::kTooLarge, fmt::format("the file has {} bytes; at most {} are read", text.size(), max_bytes));
   }
   if (text.find('\0') != std::string_view::npos) {
     return fail(Errc::kBadFormat, "this is a binary file, and a project is a text file");
@@ -120,8 +121,8 @@ Result<std::optional<double>> ImageLines::find_number(std::size_t image, std::st
                      to_number(line, name, link ? std::string_view(*value).substr(1) : std::string_view(*value)));
     if (!link) return std::optional<double>(number);
     if (!(number >= 0 && number < static_cast<double>(lines_.size())) || number != std::floor(number)) {
-      return fail(Errc::kBadValue, at_line(line.number) + ": '" + std::string(name) + "' is linked to image " +
-                                       value->substr(1, 20) + ", and there are " + std::to_string(lines_.size()));
+      return fail(Errc::kBadValue, fmt::format("{}: '{}' is linked to image {}, and there are {}", at_line(line.number),
+                                               name, value->substr(1, 20), lines_.size()));
     }
     image = static_cast<std::size_t>(number);
   }

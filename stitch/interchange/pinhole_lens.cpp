@@ -1,5 +1,7 @@
 #include "stitch/interchange/pinhole_lens.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -92,9 +94,9 @@ Status set_plumb_bob(const PinholeNumbers& pinhole, const PlumbBob& bob, HeadCal
                      std::vector<std::string>& notes) {
   const std::vector<double>& k = bob.k;
   if (k.size() > 5 && k.size() != 8 && k.size() != 12 && !(k.size() == 14 && !any(k, 12, 14))) {
-    return fail(Errc::kUnsupported, "head '" + head.name + "': " + std::to_string(k.size()) +
-                                        " distortion coefficients; there are models of 4, 5, 8 and 12 (tilted sensors "
-                                        "are not supported)");
+    return fail(Errc::kUnsupported, fmt::format("head '{}': {} distortion coefficients; there are models of 4, 5, 8 "
+                                                "and 12 (tilted sensors are not supported)",
+                                                head.name, k.size()));
   }
   NODAL_TRY(check_pinhole(pinhole, head.name));
   set_pinhole(pinhole, head);
@@ -141,7 +143,7 @@ Status set_plumb_bob(const PinholeNumbers& pinhole, const PlumbBob& bob, HeadCal
 Status set_kannala_brandt(const PinholeNumbers& pinhole, const std::vector<double>& k, HeadCalibration& head) {
   if (k.size() > 4) {
     return fail(Errc::kUnsupported,
-                "head '" + head.name + "': a fisheye has 4 distortion coefficients, not " + std::to_string(k.size()));
+                fmt::format("head '{}': a fisheye has 4 distortion coefficients, not {}", head.name, k.size()));
   }
   NODAL_TRY(check_pinhole(pinhole, head.name));
   set_pinhole(pinhole, head);

@@ -1,5 +1,7 @@
 #include "stitch/interchange/project.h"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <cstdio>
 
@@ -41,15 +43,14 @@ Status add_control_points(const std::vector<ScriptLine>& lines, std::span<const 
     for (std::size_t k = 0; k < kNames.size(); ++k) {
       const std::string* value = line.find(kNames[k]);
       if (value == nullptr) {
-        return fail(Errc::kMissingField,
-                    "line " + std::to_string(line.number) + ": the control point has no " + kNames[k]);
+        return fail(Errc::kMissingField, fmt::format("line {}: the control point has no {}", line.number, kNames[k]));
       }
       NODAL_TRY_ASSIGN(const double number, to_number(line, kNames[k], *value));
       numbers[k] = number - (k < 2 ? first_image : 0);
     }
     if (!(numbers[0] >= 0 && numbers[0] < heads && numbers[1] >= 0 && numbers[1] < heads)) {
       return fail(Errc::kBadValue,
-                  "line " + std::to_string(line.number) + ": the control point is on an image that is not there");
+                  fmt::format("line {}: the control point is on an image that is not there", line.number));
     }
     const std::optional<std::size_t> a = head_of[static_cast<std::size_t>(numbers[0])];
     const std::optional<std::size_t> b = head_of[static_cast<std::size_t>(numbers[1])];

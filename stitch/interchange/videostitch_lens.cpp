@@ -1,5 +1,7 @@
 #include "stitch/interchange/videostitch_lens.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <initializer_list>
@@ -50,8 +52,9 @@ const nlohmann::json* find_geometry(const nlohmann::json& geometries, std::size_
 Result<double> focal_of(double fov, const Lens& lens, double width, const std::string& where) {
   const double most = lens.basis == RadialBasis::kTangent ? 180 : lens.basis == RadialBasis::kHalfTangent ? 360 : 720;
   if (!(fov > 0 && fov < most)) {
-    return fail(Errc::kBadValue, where + ": a horizontal field of view must be more than 0 and less than " +
-                                     std::to_string(static_cast<int>(most)) + " degrees");
+    return fail(Errc::kBadValue,
+                fmt::format("{}: a horizontal field of view must be more than 0 and less than {} degrees", where,
+                            static_cast<int>(most)));
   }
   const double a = fov * kRadiansPerDegree;
   switch (lens.basis) {

@@ -1,18 +1,17 @@
 #include "stitch/interchange/yaml_fields.h"
 
+#include <fmt/format.h>
+
 #include <charconv>
 #include <cmath>
 
+#include "protocol/base/try.h"
 #include "stitch/interchange/foreign_head.h"
-#include "stitch/interchange/import.h"
 
 namespace nodal::interchange {
 
 Result<YAML::Node> parse_foreign_yaml(std::string_view text) {
-  if (text.size() > kMaxProjectBytes) {
-    return fail(Errc::kTooLarge, "it has " + std::to_string(text.size()) + " bytes; a calibration has at most " +
-                                     std::to_string(kMaxProjectBytes));
-  }
+  NODAL_TRY(check_project_size(text));
   // OpenCV begins its files with %YAML:1.0, which only its own reader accepts.
   if (text.starts_with("%YAML")) text.remove_prefix(std::min(text.find('\n'), text.size()));
   try {
@@ -99,7 +98,7 @@ Result<std::vector<double>> YamlFields::numbers(const std::string& key) const {
 }
 
 Result<std::vector<double>> YamlFields::matrix(const std::string& key, std::size_t rows, std::size_t columns) const {
-  const std::string wanted = std::to_string(rows) + " lists of " + std::to_string(columns) + " numbers";
+  const std::string wanted = fmt::format("{} lists of {} numbers", rows, columns);
   if (!has(key)) return missing(key);
   const YAML::Node list = node_[key];
   if (!list.IsSequence() || list.size() != rows) return bad(key, wanted);

@@ -1,5 +1,7 @@
 #include "stitch/media/code_points.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <string>
@@ -36,7 +38,7 @@ void set_transfer(std::uint8_t code, SampleMeaning& meaning) {
     case 13: meaning.curve = Curve::kSrgb; return;
     case 16: meaning.unread = "PQ (HDR)"; return;
     case 18: meaning.unread = "HLG (HDR)"; return;
-    default: meaning.unread = "the transfer characteristics " + std::to_string(code) + " of H.273"; return;
+    default: meaning.unread = fmt::format("the transfer characteristics {} of H.273", code); return;
   }
 }
 
@@ -50,9 +52,9 @@ void set_code_points(std::span<const std::uint8_t, 4> points, SampleMeaning& mea
   if (named != kCodedPrimaries.end()) {
     meaning.primaries = named->xy;
   } else if (points[0] != kBt709 && points[0] != kUnspecified) {
-    meaning.unread = "the colour primaries " + std::to_string(points[0]) + " of H.273";
+    meaning.unread = fmt::format("the colour primaries {} of H.273", points[0]);
   }
-  if (points[2] != 0) meaning.unread = "the matrix " + std::to_string(points[2]) + " of H.273";
+  if (points[2] != 0) meaning.unread = fmt::format("the matrix {} of H.273", points[2]);
   if (points[3] != 1) meaning.unread = "video's narrow range";
 }
 

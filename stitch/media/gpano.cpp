@@ -1,5 +1,7 @@
 #include "stitch/media/gpano.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -34,11 +36,10 @@ Result<DecodedImage> whole_sphere(DecodedImage part, const SphereArea& said) {
   if (area.full_width == 0 || area.full_height == 0 || area.width == 0 || area.height == 0) return part;
   if (area.left == 0 && area.top == 0 && area.width == area.full_width && area.height == area.full_height) return part;
   if (!fit(area)) {
-    return fail(Errc::kBadFormat, "its metadata says that it shows " + std::to_string(area.width) + "x" +
-                                      std::to_string(area.height) + " px from " + std::to_string(area.left) + ", " +
-                                      std::to_string(area.top) + " on of a sphere of " +
-                                      std::to_string(area.full_width) + "x" + std::to_string(area.full_height) +
-                                      "; --from equirectangular takes it for a whole one");
+    return fail(Errc::kBadFormat,
+                fmt::format("its metadata says that it shows {}x{} px from {}, {} on of a sphere of {}x{}; --from "
+                            "equirectangular takes it for a whole one",
+                            area.width, area.height, area.left, area.top, area.full_width, area.full_height));
   }
   // The picture may have been resized since.
   const double across = static_cast<double>(part.width) / static_cast<double>(area.width);
@@ -50,8 +51,9 @@ Result<DecodedImage> whole_sphere(DecodedImage part, const SphereArea& said) {
   const std::int64_t height = scaled(area.full_height, down);
   if (width < 1 || height < 1 || width > std::int64_t{1} << 30 || height > std::int64_t{1} << 30 ||
       static_cast<std::uint64_t>(width * height) > kMaxPicturePixels) {
-    return fail(Errc::kTooLarge, "the sphere of which it shows a part has " + std::to_string(width) + "x" +
-                                     std::to_string(height) + " pixels, over the limit of 512 * 2^20");
+    return fail(Errc::kTooLarge,
+                fmt::format("the sphere of which it shows a part has {}x{} pixels, over the limit of 512 * 2^20", width,
+                            height));
   }
   // What is wider or higher than the sphere is cut at the right and at the bottom.
   const std::int64_t columns = std::min<std::int64_t>(part.width, width);

@@ -1,5 +1,7 @@
 #include "stitch/media/image_file.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <string>
@@ -41,15 +43,13 @@ Result<ImageHeader> header_of(std::span<const std::uint8_t> bytes, const std::st
   NODAL_TRY_ASSIGN(const auto kind, kind_of(bytes, name));
   auto header = kind == Kind::kJpeg ? jpeg_header(bytes, name) : png_header(bytes, name);
   if (header && (header->width > kMaxImageSide || header->height > kMaxImageSide)) {
-    return fail(Errc::kTooLarge, "picture '" + name + "': is " + std::to_string(header->width) + "x" +
-                                     std::to_string(header->height) + ", over the limit of " +
-                                     std::to_string(kMaxImageSide) + " a side");
+    return fail(Errc::kTooLarge, fmt::format("picture '{}': is {}x{}, over the limit of {} a side", name, header->width,
+                                             header->height, kMaxImageSide));
   }
   if (header &&
       static_cast<std::uint64_t>(header->width) * static_cast<std::uint64_t>(header->height) > kMaxPicturePixels) {
-    return fail(Errc::kTooLarge, "picture '" + name + "': is " + std::to_string(header->width) + "x" +
-                                     std::to_string(header->height) + ", over the limit of " +
-                                     std::to_string(kMaxPicturePixels >> 20) + " * 2^20 pixels");
+    return fail(Errc::kTooLarge, fmt::format("picture '{}': is {}x{}, over the limit of {} * 2^20 pixels", name,
+                                             header->width, header->height, kMaxPicturePixels >> 20));
   }
   return header;
 }
@@ -58,16 +58,14 @@ Result<ImageHeader> header_of(std::span<const std::uint8_t> bytes, const std::st
 Status check_expansion(std::span<const std::uint8_t> bytes, const ImageHeader& header, PixelFormat format,
                        const std::string& name) {
   if (packed_size(format, header.width, header.height) <= kSmallImageBytes + kMaxExpansion * bytes.size()) return {};
-  return fail(Errc::kTruncated, "picture '" + name + "': " + std::to_string(bytes.size()) + " bytes cannot hold " +
-                                    std::to_string(header.width) + "x" + std::to_string(header.height) +
-                                    " pixels; fetch or export it again");
+  return fail(Errc::kTruncated, fmt::format("picture '{}': {} bytes cannot hold {}x{} pixels; fetch or export it again",
+                                            name, bytes.size(), header.width, header.height));
 }
 
 Result<std::span<const std::uint8_t>> all_of(PictureBytes& file) {
   NODAL_TRY_ASSIGN(const auto bytes, file.first(kMaxImageFileBytes + 1));
   if (bytes.size() > kMaxImageFileBytes) {
-    return fail(Errc::kTooLarge,
-                "picture '" + file.name() + "': is over " + std::to_string(kMaxImageFileBytes >> 20) + " MiB");
+    return fail(Errc::kTooLarge, fmt::format("picture '{}': is over {} MiB", file.name(), kMaxImageFileBytes >> 20));
   }
   return bytes;
 }

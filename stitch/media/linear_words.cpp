@@ -1,5 +1,7 @@
 #include "stitch/media/linear_words.h"
 
+#include <fmt/format.h>
+
 #include <charconv>
 
 namespace nodal::media {
@@ -12,8 +14,8 @@ std::string linear_comment(const SampleMeaning& meaning) {
   if (!meaning.is_linear()) return {};
   std::string comment(kLinearWords);
   if (meaning.full_exposure_ns) {
-    comment += " " + std::string(kFullExposure) + std::to_string(*meaning.full_exposure_ns) +
-               ": at 0 dB, the shutter by which the light of 65535 fills a sample.";
+    comment += fmt::format(" {}{}: at 0 dB, the shutter by which the light of 65535 fills a sample.", kFullExposure,
+                           *meaning.full_exposure_ns);
   }
   return comment;
 }

@@ -1,4 +1,6 @@
 // Reads binary glTF 2.0, see glb.h: the triangles of its scene.
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
@@ -55,7 +57,7 @@ Result<Column> column_of(const Json& root, std::uint64_t accessor, std::size_t b
                          const std::string& what) {
   const auto bad = [&](const std::string& why) { return fail(Errc::kBadFormat, what + ": " + why); };
   const Json* its = element(root, "accessors", accessor);
-  if (its == nullptr) return bad("there is no accessor " + std::to_string(accessor));
+  if (its == nullptr) return bad(fmt::format("there is no accessor {}", accessor));
   const Json* view = element(root, "bufferViews", whole(*its, "bufferView", kNone).value_or(kNone));
   if (view == nullptr || its->contains("sparse")) return bad("its accessor has no plain bufferView");
   Column column;
@@ -71,7 +73,7 @@ Result<Column> column_of(const Json& root, std::uint64_t accessor, std::size_t b
                          : "it must be SCALAR of whole numbers (componentType 5121, 5123 or 5125) in buffer 0");
   }
   if (*count > 3 * kMaxMeshTriangles)
-    return fail(Errc::kTooLarge, what + ": more than " + std::to_string(3 * kMaxMeshTriangles) + " elements");
+    return fail(Errc::kTooLarge, fmt::format("{}: more than {} elements", what, 3 * kMaxMeshTriangles));
   const std::size_t element_size = width * size_of(*type);
   column.type = *type, column.count = *count, column.stride = *stride == 0 ? element_size : *stride;
   const std::uint64_t limit = buffer_size;
@@ -152,12 +154,12 @@ class SceneReader {
     const auto list = of.find(key);
     if (list == of.end()) return {};
     if (!list->is_array() || depth > kMaxDepth)
-      return fail(Errc::kBadFormat, "its nodes are no lists, or are nested deeper than " + std::to_string(kMaxDepth));
+      return fail(Errc::kBadFormat, fmt::format("its nodes are no lists, or are nested deeper than {}", kMaxDepth));
     for (const Json& index : *list) {
       const std::uint64_t number = index.is_number_unsigned() ? index.get<std::uint64_t>() : kNone;
       const Json* const node = element(root_, "nodes", number);
       if (node == nullptr) return fail(Errc::kBadFormat, "its scene names a node that is not there: " + index.dump());
-      const std::string what = "nodes[" + std::to_string(number) + "]";
+      const std::string what = fmt::format("nodes[{}]", number);
       NODAL_TRY(count(what));
       NODAL_TRY_ASSIGN(const Eigen::Affine3d own, transform_of(*node, what));
       const Eigen::Affine3d place = to_scene * own;
@@ -172,8 +174,8 @@ class SceneReader {
   /// Counts nodes and primitives, each as often as the scene names it.
   Status count(const std::string& what) {
     if (++parts_ <= kMaxParts) return {};
-    return fail(Errc::kTooLarge, what + ": more than " + std::to_string(kMaxParts) +
-                                     " nodes and primitives in the scene, or nodes in a circle");
+    return fail(Errc::kTooLarge, fmt::format("{}: more than {} nodes and primitives in the scene, or nodes in a circle",
+                                             what, kMaxParts));
   }
 
   Status add_mesh(std::uint64_t number, const Eigen::Affine3d& to_scene) {
@@ -181,7 +183,7 @@ class SceneReader {
     if (mesh == nullptr || element(*mesh, "primitives", 0) == nullptr)
       return fail(Errc::kBadFormat, "its scene names a mesh that is not there, or that has no primitives");
     for (std::size_t k = 0; k < mesh->at("primitives").size(); ++k) {
-      const std::string what = "meshes[" + std::to_string(number) + "].primitives[" + std::to_string(k) + "]";
+      const std::string what = fmt::format("meshes[{}].primitives[{}]", number, k);
       const Json* const primitive = element(*mesh, "primitives", k);
       if (primitive == nullptr) return fail(Errc::kBadFormat, what + ": it is no object");
       NODAL_TRY(count(what));
@@ -219,7 +221,7 @@ class SceneReader {
                   what + ": POSITION and TEXCOORD_0 differ in count, or corners are not three a triangle");
     if (mesh_.triangles.size() + corners / 3 > kMaxMeshTriangles ||
         mesh_.points.size() + points.count > 3 * kMaxMeshTriangles) {
-      return fail(Errc::kTooLarge, "more than " + std::to_string(kMaxMeshTriangles) + " triangles: simplify the mesh");
+      return fail(Errc::kTooLarge, fmt::format("more than {} triangles: simplify the mesh", kMaxMeshTriangles));
     }
     const std::size_t first = mesh_.points.size();
     for (std::size_t k = 0; k < points.count; ++k) {
@@ -233,8 +235,8 @@ class SceneReader {
       const std::size_t index =
           listed ? word_at(buffer_, indices->begin + k * indices->stride, size_of(indices->type)) : k;
       if (index >= points.count) {
-        return fail(Errc::kBadFormat, what + ": triangle " + std::to_string(k / 3 + 1) + ": there is no vertex " +
-                                          std::to_string(index) + "; there are " + std::to_string(points.count));
+        return fail(Errc::kBadFormat, fmt::format("{}: triangle {}: there is no vertex {}; there are {}", what,
+                                                  k / 3 + 1, index, points.count));
       }
       if (k % 3 == 0) mesh_.triangles.emplace_back();
       mesh_.triangles.back()[mirrored ? 2 - k % 3 : k % 3] = static_cast<std::uint32_t>(first + index);
@@ -257,8 +259,7 @@ Result<FileMesh> decode_glb(std::span<const std::uint8_t> bytes, bool textured) 
   const std::size_t json_size = word_at(bytes, 12);
   if (word_at(bytes, 8) > bytes.size() || json_size > bytes.size() - 20)
     return fail(Errc::kTruncated, "the file is shorter than it says");
-  if (json_size > kMaxJson)
-    return fail(Errc::kTooLarge, "its JSON has more than " + std::to_string(kMaxJson) + " bytes");
+  if (json_size > kMaxJson) return fail(Errc::kTooLarge, fmt::format("its JSON has more than {} bytes", kMaxJson));
   if (word_at(bytes, 16) != kJsonChunk) return fail(Errc::kBadFormat, "its first chunk is not JSON");
   const auto* text = reinterpret_cast<const char*>(bytes.data()) + 20;
   const Json root = Json::parse(text, text + json_size, nullptr, false);

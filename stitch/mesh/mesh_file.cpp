@@ -1,5 +1,7 @@
 #include "stitch/mesh/mesh_file.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -35,7 +37,7 @@ std::vector<std::uint8_t> encode_obj(const Raymesh& mesh) {
   for (const Raymesh::Triangle& triangle : mesh.triangles) {
     text += "f";
     for (const std::uint32_t vertex : triangle)
-      text += " " + std::to_string(mesh.vertices[vertex].point + 1) + "/" + std::to_string(vertex + 1);
+      text += fmt::format(" {}/{}", mesh.vertices[vertex].point + 1, vertex + 1);
     text += "\n";
   }
   return {text.begin(), text.end()};
@@ -50,9 +52,9 @@ Result<FileMesh> decode_obj(std::span<const std::uint8_t> bytes) {
     for (std::size_t k = 0; k < 3; ++k) {
       const geometry::ObjMesh::Corner& corner = triangle.corners[k];
       if (corner.texture == geometry::ObjMesh::kNone) {
-        return fail(Errc::kMissingField, "line " + std::to_string(triangle.line) +
-                                             ": the face has no texture coordinates (f v/vt ...); of a mesh without "
-                                             "them, only the shape can be used: --envelope");
+        return fail(Errc::kMissingField, fmt::format("line {}: the face has no texture coordinates (f v/vt ...); of a "
+                                                     "mesh without them, only the shape can be used: --envelope",
+                                                     triangle.line));
       }
       made[k] = static_cast<std::uint32_t>(mesh.points.size());
       mesh.points.push_back(obj.vertices[corner.vertex]);
@@ -66,7 +68,7 @@ Result<FileMesh> decode_obj(std::span<const std::uint8_t> bytes) {
 
 Status check_size(std::span<const std::uint8_t> bytes) {
   if (bytes.size() <= kMaxMeshFileBytes) return {};
-  return fail(Errc::kTooLarge, "more than " + std::to_string(kMaxMeshFileBytes) + " bytes: simplify the mesh");
+  return fail(Errc::kTooLarge, fmt::format("more than {} bytes: simplify the mesh", kMaxMeshFileBytes));
 }
 
 /// Makes points that are equal to a millionth of the farthest one's distance one, and returns for each of the file's
@@ -77,8 +79,9 @@ Result<std::vector<std::uint32_t>> weld(const FileMesh& file, std::vector<Eigen:
     const double far = file.points[k].cwiseAbs().maxCoeff();
     if (!file.points[k].allFinite() || !file.textures[k].allFinite() || far > 1e6 ||
         file.textures[k].cwiseAbs().maxCoeff() > 1e3) {
-      return fail(Errc::kBadValue, "vertex " + std::to_string(k + 1) +
-                                       ": its place must be metres up to 1e6, its texture coordinates up to 1000");
+      return fail(
+          Errc::kBadValue,
+          fmt::format("vertex {}: its place must be metres up to 1e6, its texture coordinates up to 1000", k + 1));
     }
     reach = std::max(reach, far);
   }

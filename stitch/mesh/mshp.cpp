@@ -1,5 +1,7 @@
 // The mesh projection box of spherical video V2 (Google, "Spherical Video V2 RFC"): big-endian, a list of different
 // coordinates, and vertices and triangles as differences of indices in as many bits as the largest needs.
+#include <fmt/format.h>
+
 #include <zlib.h>
 
 #include <algorithm>
@@ -122,8 +124,7 @@ std::vector<std::array<std::uint32_t, 3>> triangles_of(std::uint32_t type, const
 Result<FileMesh> decode_mesh_box(std::span<const std::uint8_t> bytes) {
   const auto cut_short = [] { return fail(Errc::kTruncated, "the mesh box ends in the middle"); };
   const auto too_many = [](const char* what, std::uint32_t most) {
-    return fail(Errc::kTooLarge,
-                "there are none, or more than " + std::to_string(most) + ", " + what + " in the mesh box");
+    return fail(Errc::kTooLarge, fmt::format("there are none, or more than {}, {} in the mesh box", most, what));
   };
   BitReader reader(bytes);
   const std::uint32_t coordinates = reader.get(32);
@@ -140,7 +141,7 @@ Result<FileMesh> decode_mesh_box(std::span<const std::uint8_t> bytes) {
     for (std::size_t n = 0; n < 5; ++n) {
       at[n] += reader.get_difference(bits_for(coordinates));
       if (at[n] < 0 || at[n] >= coordinates)
-        return fail(Errc::kBadFormat, "vertex " + std::to_string(k + 1) + " names a coordinate that is not there");
+        return fail(Errc::kBadFormat, fmt::format("vertex {} names a coordinate that is not there", k + 1));
       numbers[n] = values[static_cast<std::size_t>(at[n])];
     }
     mesh.points.push_back(turned_over({numbers[0], numbers[1], numbers[2]}));
@@ -152,8 +153,7 @@ Result<FileMesh> decode_mesh_box(std::span<const std::uint8_t> bytes) {
   for (std::uint32_t k = 0; k < lists && reader.good(); ++k) {
     reader.get(8);  // the texture
     const std::uint32_t type = reader.get(8), count = reader.get(32);
-    if (type > 2)
-      return fail(Errc::kUnsupported, "list " + std::to_string(k + 1) + " of the mesh box has an unknown type");
+    if (type > 2) return fail(Errc::kUnsupported, fmt::format("list {} of the mesh box has an unknown type", k + 1));
     if (count > left) return too_many("indices", kMaxIndices);
     left -= count;
     std::vector<std::uint32_t> list;
@@ -161,7 +161,7 @@ Result<FileMesh> decode_mesh_box(std::span<const std::uint8_t> bytes) {
     for (std::uint32_t n = 0; n < count && reader.good(); ++n) {
       index += reader.get_difference(bits_for(vertices));
       if (index < 0 || index >= vertices)
-        return fail(Errc::kBadFormat, "list " + std::to_string(k + 1) + " names a vertex that is not there");
+        return fail(Errc::kBadFormat, fmt::format("list {} names a vertex that is not there", k + 1));
       list.push_back(static_cast<std::uint32_t>(index));
     }
     reader.align();
@@ -190,10 +190,9 @@ Result<std::vector<std::uint8_t>> encode_mshp(const Raymesh& mesh) {
   }
   if (coordinates.size() > kMaxCoordinates || vertices.size() > kMaxVertices ||
       3 * mesh.triangles.size() > kMaxIndices) {
-    return fail(Errc::kTooLarge, "the mesh has " + std::to_string(coordinates.size()) + " different coordinates, " +
-                                     std::to_string(vertices.size()) + " vertices and " +
-                                     std::to_string(3 * mesh.triangles.size()) +
-                                     " indices, and players take 10000, 32000 and 128000: allow a larger error");
+    return fail(Errc::kTooLarge, fmt::format("the mesh has {} different coordinates, {} vertices and {} indices, and "
+                                             "players take 10000, 32000 and 128000: allow a larger error",
+                                             coordinates.size(), vertices.size(), 3 * mesh.triangles.size()));
   }
   BitWriter writer;
   writer.put(coordinates.size(), 32);

@@ -1,5 +1,7 @@
 #include "stitch/mesh/of_layout.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -156,8 +158,9 @@ Result<LayoutMesh> of_scattered(const geometry::RaymapLayout& layout, const geom
   const std::size_t count = static_cast<std::size_t>(layout.width()) * static_cast<std::size_t>(layout.height());
   if (rays == nullptr) return fail(Errc::kUnsupported, "there is no mesh of the layout " + std::string(layout.name()));
   if (2 * count > kMaxMeshTriangles) {
-    return fail(Errc::kTooLarge, "a mesh of " + std::to_string(count) + " rays has twice as many triangles; at most " +
-                                     std::to_string(kMaxMeshTriangles) + " are made: give a smaller size");
+    return fail(Errc::kTooLarge,
+                fmt::format("a mesh of {} rays has twice as many triangles; at most {} are made: give a smaller size",
+                            count, kMaxMeshTriangles));
   }
   LayoutMesh made;
   for (int j = 0; j < layout.height(); ++j) {
@@ -180,8 +183,9 @@ Result<LayoutMesh> mesh_of_layout(const geometry::RaymapLayout& layout, const ge
   if (patches.empty()) return of_scattered(layout, envelope);
   for (int n = 1;;) {
     if (triangles_at(patches, n) > kMaxMeshTriangles) {
-      return fail(Errc::kTooLarge, "a mesh with this error would have more than " + std::to_string(kMaxMeshTriangles) +
-                                       " triangles: allow a larger error");
+      return fail(Errc::kTooLarge,
+                  fmt::format("a mesh with this error would have more than {} triangles: allow a larger error",
+                              kMaxMeshTriangles));
     }
     Builder builder(layout, envelope);
     for (const LayoutPatch& patch : patches) builder.add(patch, n);

@@ -1,5 +1,7 @@
 #include "stitch/mesh/raymesh.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -44,7 +46,7 @@ std::uint32_t Welder::add(const Vector3d& point) {
 }
 
 Status check_raymesh(Raymesh& mesh) {
-  const auto named = [](std::size_t k) { return "triangle " + std::to_string(k + 1); };
+  const auto named = [](std::size_t k) { return fmt::format("triangle {}", k + 1); };
   double covered = 0;
   std::size_t inward = 0;
   for (const Raymesh::Triangle& t : mesh.triangles) {

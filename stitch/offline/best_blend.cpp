@@ -1,5 +1,7 @@
 #include "stitch/offline/best_blend.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -80,9 +82,9 @@ Result<BestBlend> BestBlend::make(const Calibration& calibration, const table::R
     made.sphere_ = {2 * height, height};
   }
   if (std::int64_t{made.sphere_.width} * made.sphere_.height > kMaxPixels) {
-    return fail(Errc::kTooLarge, "a sphere of " + std::to_string(made.sphere_.width) + " x " +
-                                     std::to_string(made.sphere_.height) +
-                                     " pixels takes too much memory at best quality; ask for a smaller width");
+    return fail(Errc::kTooLarge,
+                fmt::format("a sphere of {} x {} pixels takes too much memory at best quality; ask for a smaller width",
+                            made.sphere_.width, made.sphere_.height));
   }
   made.map_ = {std::min(kMapWidth, std::max(32, made.sphere_.width / 2)), 0};
   made.map_.height = made.map_.width / 2;
@@ -100,8 +102,8 @@ Result<BestBlend> BestBlend::make(const Calibration& calibration, const table::R
 
 Status BestBlend::check_pictures(std::span<const ImageView> pictures) const {
   if (pictures.size() != heads_.size()) {
-    return fail(Errc::kHeadMismatch, std::to_string(pictures.size()) + " pictures for " +
-                                         std::to_string(heads_.size()) + " heads; give one a head");
+    return fail(Errc::kHeadMismatch,
+                fmt::format("{} pictures for {} heads; give one a head", pictures.size(), heads_.size()));
   }
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     const ImageView& picture = pictures[h];
@@ -109,12 +111,10 @@ Status BestBlend::check_pictures(std::span<const ImageView> pictures) const {
     if (picture.format == in_8_bits(format_) && picture.width == heads_[h].head().width() &&
         picture.height == heads_[h].head().height())
       continue;
-    return fail(Errc::kHeadMismatch, "head " + std::to_string(h) + ": the picture has " +
-                                         std::to_string(picture.width) + "x" + std::to_string(picture.height) +
-                                         " pixels (" + std::string(pixel_format_name(picture.format)) + "), and " +
-                                         std::to_string(heads_[h].head().width()) + "x" +
-                                         std::to_string(heads_[h].head().height()) + " (" +
-                                         std::string(pixel_format_name(in_8_bits(format_))) + ") are needed");
+    return fail(Errc::kHeadMismatch,
+                fmt::format("head {}: the picture has {}x{} pixels ({}), and {}x{} ({}) are needed", h, picture.width,
+                            picture.height, pixel_format_name(picture.format), heads_[h].head().width(),
+                            heads_[h].head().height(), pixel_format_name(in_8_bits(format_))));
   }
   return {};
 }

@@ -1,5 +1,7 @@
 #include "stitch/offline/offline_blend.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -21,10 +23,9 @@ Status check_picture(const blend::BlendTable::Source& source, std::size_t head, 
   if (picture.planes[0].data == nullptr) return {};
   if (picture.format == source.format && picture.width == source.width && picture.height == source.height) return {};
   return fail(Errc::kHeadMismatch,
-              "head " + std::to_string(head) + ": the picture has " + std::to_string(picture.width) + "x" +
-                  std::to_string(picture.height) + " pixels (" + std::string(pixel_format_name(picture.format)) +
-                  "), and its calibration is for " + std::to_string(source.width) + "x" +
-                  std::to_string(source.height) + " (" + std::string(pixel_format_name(source.format)) + ")");
+              fmt::format("head {}: the picture has {}x{} pixels ({}), and its calibration is for {}x{} ({})", head,
+                          picture.width, picture.height, pixel_format_name(picture.format), source.width, source.height,
+                          pixel_format_name(source.format)));
 }
 
 }  // namespace
@@ -74,8 +75,7 @@ Result<OfflineBlend> OfflineBlend::make(const Calibration& calibration, const ta
 
 Result<DecodedImage> OfflineBlend::blend(std::span<const ImageView> pictures) const {
   if (pictures.size() != heads_) {
-    return fail(Errc::kHeadMismatch, std::to_string(pictures.size()) + " pictures for " + std::to_string(heads_) +
-                                         " heads; give one a head");
+    return fail(Errc::kHeadMismatch, fmt::format("{} pictures for {} heads; give one a head", pictures.size(), heads_));
   }
   DecodedImage raymap;
   for (const PlanOfPart& part : parts_) {

@@ -1,5 +1,7 @@
 #include "stitch/offline/parts.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <bitset>
@@ -67,8 +69,8 @@ Result<std::vector<Part>> cut_into_parts(const Calibration& calibration, const g
     return parts;
   }
   if (layout.scattered()) {
-    return fail(Errc::kUnsupported, std::to_string(heads.size()) + " heads; a " + std::string(layout.name()) +
-                                        " raymap is for up to " + std::to_string(most));
+    return fail(Errc::kUnsupported,
+                fmt::format("{} heads; a {} raymap is for up to {}", heads.size(), layout.name(), most));
   }
   std::vector<double> densities;
   for (const geometry::Head& head : heads) {
@@ -82,10 +84,9 @@ Result<std::vector<Part>> cut_into_parts(const Calibration& calibration, const g
     if (seen.count() > most) seen = heads_of_block(heads, densities, layout, left, top, kFine);
     if (seen.none()) continue;
     if (seen.count() > most) {
-      return fail(Errc::kTooLarge, std::to_string(seen.count()) + " pictures show the same part of the sphere (" +
-                                       std::string(layout.name()) + " raymap, pixel " + std::to_string(left) + ", " +
-                                       std::to_string(top) + "); at most " + std::to_string(most) +
-                                       " are blended at one place: leave some of them out");
+      return fail(Errc::kTooLarge, fmt::format("{} pictures show the same part of the sphere ({} raymap, pixel {}, "
+                                               "{}); at most {} are blended at one place: leave some of them out",
+                                               seen.count(), layout.name(), left, top, most));
     }
     std::size_t p = 0;
     while (p < parts.size() && (heads_of_part[p] | seen).count() > most) ++p;

@@ -1,5 +1,7 @@
 #include "stitch/registration/check_frames.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -41,9 +43,9 @@ Status check_frames(const Calibration& prior, const std::vector<FrameSet>& frame
     return fail(Errc::kBadValue, "no frames; give one picture per head, in the calibration's order");
   for (const FrameSet& frames : frame_sets) {
     if (frames.size() != prior.heads.size()) {
-      return fail(Errc::kBadValue, std::to_string(frames.size()) + " pictures for " +
-                                       std::to_string(prior.heads.size()) +
-                                       " heads; give one picture a head, in the calibration's order");
+      return fail(Errc::kBadValue,
+                  fmt::format("{} pictures for {} heads; give one picture a head, in the calibration's order",
+                              frames.size(), prior.heads.size()));
     }
     for (std::size_t h = 0; h < frames.size(); ++h) {
       const HeadCalibration& head = prior.heads[h];
@@ -51,10 +53,11 @@ Status check_frames(const Calibration& prior, const std::vector<FrameSet>& frame
         return fail(Errc::kUnsupported, "head " + quoted(head.name) + ": decode MJPEG frames first");
       }
       if (frames[h].width != head.width || frames[h].height != head.height) {
-        return fail(Errc::kBadValue, "head " + quoted(head.name) + ": the picture is " +
-                                         std::to_string(frames[h].width) + "x" + std::to_string(frames[h].height) +
-                                         ", the calibration says " + std::to_string(head.width) + "x" +
-                                         std::to_string(head.height) + "; take pictures of the calibrated size");
+        return fail(
+            Errc::kBadValue,
+            fmt::format(
+                "head {}: the picture is {}x{}, the calibration says {}x{}; take pictures of the calibrated size",
+                quoted(head.name), frames[h].width, frames[h].height, head.width, head.height));
       }
     }
   }
@@ -120,9 +123,11 @@ Status check_agreement(const Calibration& prior, const std::vector<std::size_t>&
 
 std::string lens_misfit(bool focals, double promised, double size_px) {
   const int percent = static_cast<int>(std::lround(100 * promised));
-  return "the lenses may not fit the pictures: " + displaced(size_px) + ", and other lenses would remove " +
-         std::to_string(percent) + " % of the remaining differences; this falsifies the rotations; " +
-         (focals ? "estimate the focal lengths, too" : "estimate the whole lenses, too, or calibrate them");
+  return fmt::format(
+      "the lenses may not fit the pictures: {}, and other lenses would remove {} % of the remaining differences; this "
+      "falsifies the rotations; {}",
+      displaced(size_px), percent,
+      focals ? "estimate the focal lengths, too" : "estimate the whole lenses, too, or calibrate them");
 }
 
 std::string near_things(double nearness, double size_px, const Calibration& prior, bool thin) {
@@ -216,7 +221,7 @@ std::string doubtful_seams(const Calibration& prior, const std::vector<PairRepor
              quoted(prior.heads[static_cast<std::size_t>(pairs[k].b)].name) + " (" +
              number("%.2f", pairs[k].agreement) + ")";
   }
-  if (pairs.size() > kMaxNamed) names += " and " + std::to_string(pairs.size() - kMaxNamed) + " more pairs";
+  if (pairs.size() > kMaxNamed) names += fmt::format(" and {} more pairs", pairs.size() - kMaxNamed);
   return "heads " + names +
          " do not line up in fine detail (in brackets: its correlation, 1 for equal detail); look at their " +
          (pairs.size() == 1 ? "seam" : "seams") +
@@ -234,8 +239,8 @@ std::string things_repeat(const std::string& head, double turned_rad) {
 }
 
 std::string nothing_shared(const Calibration& prior) {
-  return "none of the " + std::to_string(prior.heads.size()) +
-         " heads shares rays with another; check fields of view and rotations of the prior";
+  return fmt::format("none of the {} heads shares rays with another; check fields of view and rotations of the prior",
+                     prior.heads.size());
 }
 
 }  // namespace nodal::registration

@@ -1,5 +1,7 @@
 #include "stitch/registration/pairs.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -87,9 +89,10 @@ Result<Vector3d> Bundle::ray(std::size_t head, geometry::Pixel pixel, double log
   const double x = pixel.x - own.center_x, y = (pixel.y - own.center_y) / own.aspect, r = std::hypot(x, y);
   const std::optional<double> angle = lens->angle(r);
   if (!angle) {
-    return fail(Errc::kBadValue, "head '" + own.name + "': its lens does not reach the point (" +
-                                     std::to_string(pixel.x) + ", " + std::to_string(pixel.y) +
-                                     "); take the point out, or check the lens");
+    return fail(
+        Errc::kBadValue,
+        fmt::format("head '{}': its lens does not reach the point ({:f}, {:f}); take the point out, or check the lens",
+                    own.name, pixel.x, pixel.y));
   }
   const double s = r > 0 ? std::sin(*angle) / r : 0;
   return Vector3d(s * x, s * y, std::cos(*angle));

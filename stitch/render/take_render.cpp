@@ -1,5 +1,7 @@
 #include "stitch/render/take_render.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <iterator>
@@ -142,12 +144,12 @@ Status TakeRender::use_seams() {
     return {};
   }
   const auto in_take = [&](const Error& error) {
-    return fail(error.in("the seams from set " + std::to_string(*from) + " on")
+    return fail(error.in(fmt::format("the seams from set {} on", *from))
                     .in(folder_.shown(take::evidence_file(sets_.segment().evidence().begin.segment()))));
   };
   if (seams->columns() != sets::kSeamMapWidth) {
-    return in_take({Errc::kUnsupported, "their map has " + std::to_string(seams->columns()) +
-                                            " columns; this program reads " + std::to_string(sets::kSeamMapWidth)});
+    return in_take({Errc::kUnsupported, fmt::format("their map has {} columns; this program reads {}", seams->columns(),
+                                                    sets::kSeamMapWidth)});
   }
   auto labels = take::labels_of(*seams);
   if (!labels) return in_take(labels.error());
@@ -174,10 +176,9 @@ Status TakeRender::use_tables(const std::function<void(double)>& compiled) {
   if (segment_ == begin.segment() && compiled_ == used_) return {};
   if (!used_->stored) {
     return fail(Errc::kNotReady,
-                folder_.shown(take::kManifestFile) + ": the calibrations from the rig's set " +
-                    std::to_string(used_->first_set) +
-                    " on are not in the take, because it has as many as it can have; render the sets before with --to, "
-                    "or give one with --calibration");
+                fmt::format("{}: the calibrations from the rig's set {} on are not in the take, because it has as many "
+                            "as it can have; render the sets before with --to, or give one with --calibration",
+                            folder_.shown(take::kManifestFile), used_->first_set));
   }
   segment_ = begin.segment();
 

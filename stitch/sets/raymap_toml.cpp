@@ -1,5 +1,7 @@
 #include "stitch/sets/raymap_toml.h"
 
+#include <fmt/format.h>
+
 #include <string>
 
 #include "stitch/geometry/raymap/registry.h"
@@ -58,8 +60,8 @@ RaymapConfig read_raymap(TomlReader& reader, const ReadRayFile& read) {
   const int height = layout->size_for_width(raymap.width).height;
   raymap.height = static_cast<int>(reader.integer("height", 16, 16384, height));
   if (const Status shaped = layout->check_size({raymap.width, raymap.height}); !shaped) {
-    reader.refuse("height", "is " + std::to_string(raymap.height) + ": " + std::to_string(raymap.width) + "x" +
-                                std::to_string(raymap.height) + " " + shaped.error().message);
+    reader.refuse("height",
+                  fmt::format("is {}: {}x{} {}", raymap.height, raymap.width, raymap.height, shaped.error().message));
   }
   raymap.format = reader.choice<PixelFormat>("format", {{"I420", PixelFormat::kI420},
                                                         {"NV12", PixelFormat::kNv12},

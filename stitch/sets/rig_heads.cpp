@@ -1,11 +1,13 @@
 #include "stitch/sets/rig_heads.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 namespace nodal::sets {
 namespace {
 
-std::string size_of(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+std::string size_of(int width, int height) { return fmt::format("{}x{}", width, height); }
 
 }  // namespace
 

@@ -1,5 +1,7 @@
 #include "stitch/table/compile_cost.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -110,13 +112,13 @@ Status check_compile_budget(const CompileCost& cost, const Calibration& calibrat
   std::size_t corners = 0;
   for (const auto& mask : head.region.masks) corners += mask.size();
   const auto millions = [](std::uint64_t steps) { return std::to_string(steps / 1'000'000); };
-  return fail(Errc::kTooLarge, "compiling the table needs " + millions(cost.total) + " million steps; allowed are " +
-                                   millions(budget) + " million for a raymap of " + std::to_string(pixels) +
-                                   " pixels and " + std::to_string(heads) + " heads. Head '" + head.name +
-                                   "' costs most, " +
-                                   std::to_string(100 * cost.heads[most] / std::max<std::uint64_t>(1, cost.total)) +
-                                   " %: its masks have " + std::to_string(corners) +
-                                   " corners; give them fewer, or its region a smaller area");
+  return fail(
+      Errc::kTooLarge,
+      fmt::format(
+          "compiling the table needs {} million steps; allowed are {} million for a raymap of {} pixels and {} heads. "
+          "Head '{}' costs most, {} %: its masks have {} corners; give them fewer, or its region a smaller area",
+          millions(cost.total), millions(budget), pixels, heads, head.name,
+          100 * cost.heads[most] / std::max<std::uint64_t>(1, cost.total), corners));
 }
 
 }  // namespace nodal::table

@@ -1,5 +1,7 @@
 #include "stitch/table/ray_sampler.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -24,13 +26,13 @@ Status check_formats(const Calibration& calibration, PixelFormat raymap_format,
                                         " cannot be blended; ask for I420, NV12, RGB24, GREY, RGB48 or GREY16");
   }
   if (head_formats.size() != calibration.heads.size()) {
-    return fail(Errc::kHeadMismatch, "the calibration has " + std::to_string(calibration.heads.size()) +
-                                         " heads, but the rig has " + std::to_string(head_formats.size()) +
-                                         "; upload the calibration of this rig");
+    return fail(Errc::kHeadMismatch,
+                fmt::format("the calibration has {} heads, but the rig has {}; upload the calibration of this rig",
+                            calibration.heads.size(), head_formats.size()));
   }
   if (head_formats.size() > static_cast<std::size_t>(kMaxHeads)) {
-    return fail(Errc::kTooLarge, "the calibration has " + std::to_string(head_formats.size()) +
-                                     " heads; a blend table is for up to " + std::to_string(kMaxHeads));
+    return fail(Errc::kTooLarge, fmt::format("the calibration has {} heads; a blend table is for up to {}",
+                                             head_formats.size(), kMaxHeads));
   }
   for (std::size_t h = 0; h < head_formats.size(); ++h) {
     const HeadCalibration& head = calibration.heads[h];
@@ -42,15 +44,14 @@ Status check_formats(const Calibration& calibration, PixelFormat raymap_format,
                       "UYVY make I420 and NV12 (decode MJPEG and Bayer pictures first)");
     }
     if (head.width < kSmallestHead || head.height < kSmallestHead || head.width > 65535 || head.height > 65535) {
-      return fail(Errc::kBadValue, "head '" + head.name + "': pictures of " + std::to_string(head.width) + " x " +
-                                       std::to_string(head.height) + " px; each side must be 4 to 65535");
+      return fail(Errc::kBadValue, fmt::format("head '{}': pictures of {} x {} px; each side must be 4 to 65535",
+                                               head.name, head.width, head.height));
     }
     const int rows = component_grid(head_formats[h], component_count(head_formats[h]) - 1).step_y == 2 ? 4 : 2;
     if (fields && (head.height % rows != 0 || head.height < 2 * kSmallestHead)) {
-      return fail(Errc::kUnsupported, "head '" + head.name + "': frames of " + std::to_string(head.height) +
-                                          " rows cannot be taken apart into fields; in " +
-                                          std::string(pixel_format_name(head_formats[h])) +
-                                          " they have a multiple of " + std::to_string(rows) + ", 8 at least");
+      return fail(Errc::kUnsupported, fmt::format("head '{}': frames of {} rows cannot be taken apart into fields; in "
+                                                  "{} they have a multiple of {}, 8 at least",
+                                                  head.name, head.height, pixel_format_name(head_formats[h]), rows));
     }
   }
   return {};
@@ -59,12 +60,11 @@ Status check_formats(const Calibration& calibration, PixelFormat raymap_format,
 /// Written so that NaN is refused.
 Status check_transition(const TableOptions& options) {
   if (!(options.seam_width_deg >= 0 && options.seam_width_deg <= kWidestSeamDeg)) {
-    return fail(Errc::kBadValue, "a seam of " + std::to_string(options.seam_width_deg) +
-                                     " degrees; its width must be 0 to " +
-                                     std::to_string(static_cast<int>(kWidestSeamDeg)) + " degrees");
+    return fail(Errc::kBadValue, fmt::format("a seam of {:f} degrees; its width must be 0 to {} degrees",
+                                             options.seam_width_deg, static_cast<int>(kWidestSeamDeg)));
   }
   if (!(options.feather > 0 && options.feather <= 1)) {
-    return fail(Errc::kBadValue, "a feather of " + std::to_string(options.feather) + "; it must be above 0, up to 1");
+    return fail(Errc::kBadValue, fmt::format("a feather of {:f}; it must be above 0, up to 1", options.feather));
   }
   return {};
 }

@@ -1,5 +1,7 @@
 #include "stitch/table/table_compiler.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -161,9 +163,11 @@ Result<blend::GridTable> join(const RaySampler::Grid& shape, std::span<TileRun> 
     gains += row.gains.size();
   }
   if (records > std::numeric_limits<std::uint32_t>::max() || weights / 4 >= 1U << 30) {
-    return fail(Errc::kTooLarge, "the blend table would have " + std::to_string(records) + " patches and " +
-                                     std::to_string(weights) +
-                                     " weights, more than it can number; ask for a smaller raymap");
+    return fail(
+        Errc::kTooLarge,
+        fmt::format(
+            "the blend table would have {} patches and {} weights, more than it can number; ask for a smaller raymap",
+            records, weights));
   }
   table.tiles.reserve(table.tile_count() + 1);
   table.records.reserve(records);

@@ -1,5 +1,7 @@
 #include "stitch/table/validate.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -39,34 +41,34 @@ Status check_shape(const BlendTable& table) {
     return invalid("raymap format " + std::string(pixel_format_name(table.format)) + " is none it can have");
   }
   if (table.width < 1 || table.height < 1 || table.width > 65535 || table.height > 65535) {
-    return invalid("raymap of " + std::to_string(table.width) + " x " + std::to_string(table.height));
+    return invalid(fmt::format("raymap of {} x {}", table.width, table.height));
   }
   if (!is_good_linear(table)) return invalid("numbers of linear light");
   if (table.vignetting_scale < 256 || table.vignetting_scale > 2048) {
-    return invalid("vignetting scale " + std::to_string(table.vignetting_scale));
+    return invalid(fmt::format("vignetting scale {}", table.vignetting_scale));
   }
   if (table.sources.empty() || table.sources.size() > kMaxHeads) {
-    return invalid(std::to_string(table.sources.size()) + " heads, not 1 to " + std::to_string(kMaxHeads));
+    return invalid(fmt::format("{} heads, not 1 to {}", table.sources.size(), kMaxHeads));
   }
   for (std::size_t h = 0; h < table.sources.size(); ++h) {
     const BlendTable::Source& source = table.sources[h];
-    const std::string head = "head " + std::to_string(h) + ": ";
+    const std::string head = fmt::format("head {}: ", h);
     const bool fits = has_chroma(table.format) ? has_chroma(source.format) : source.format == in_8_bits(table.format);
     if (!fits) return invalid(head + "format does not fit the raymap's");
     if (source.width < 4 || source.height < 4 || source.width > 65535 || source.height > 65535) {
-      return invalid(head + std::to_string(source.width) + " x " + std::to_string(source.height) + " px");
+      return invalid(fmt::format("{}{} x {} px", head, source.width, source.height));
     }
     for (const std::uint16_t gain : source.gain) {
-      if (gain < 1 || gain > blend::kMaxGain) return invalid(head + "gain " + std::to_string(gain));
+      if (gain < 1 || gain > blend::kMaxGain) return invalid(fmt::format("{}gain {}", head, gain));
     }
     if (source.levels < 1 || source.levels > blend::kMaxLevels) {
-      return invalid(head + std::to_string(source.levels) + " levels");
+      return invalid(fmt::format("{}{} levels", head, source.levels));
     }
     const bool low_ok =
         source.low_size == 0 || (source.low_size >= blend::kMinLowSize && source.low_size <= blend::kMaxLowSize &&
                                  std::has_single_bit(source.low_size));
-    if (!low_ok) return invalid(head + "low picture of squares of " + std::to_string(source.low_size));
-    if (source.sharpen > blend::kMaxSharpen) return invalid(head + "sharpening " + std::to_string(source.sharpen));
+    if (!low_ok) return invalid(fmt::format("{}low picture of squares of {}", head, source.low_size));
+    if (source.sharpen > blend::kMaxSharpen) return invalid(fmt::format("{}sharpening {}", head, source.sharpen));
   }
   return {};
 }
@@ -74,7 +76,7 @@ Status check_shape(const BlendTable& table) {
 /// Components that share a grid must be those that share it in the format, so that every plane's samples are written.
 Status check_components(const BlendTable& table) {
   const bool chroma = has_chroma(table.format);
-  if (table.grids.size() != (chroma ? 2U : 1U)) return invalid(std::to_string(table.grids.size()) + " grids");
+  if (table.grids.size() != (chroma ? 2U : 1U)) return invalid(fmt::format("{} grids", table.grids.size()));
   const ImageView raymap = shape_of(table.format, table.width, table.height);
   for (std::size_t c = 0; c < static_cast<std::size_t>(component_count(table.format)); ++c) {
     const blend::ComponentRule& rule = table.components[c];
@@ -83,11 +85,11 @@ Status check_components(const BlendTable& table) {
     const bool other_black =
         std::ranges::any_of(std::span(table.components).first(static_cast<std::size_t>(component_count(table.format))),
                             [&](const auto& other) { return other.tone == rule.tone && other.black != rule.black; });
-    if (rule.grid != expected || rule.tone > 2 || other_black) return invalid("rule of component " + std::to_string(c));
+    if (rule.grid != expected || rule.tone > 2 || other_black) return invalid(fmt::format("rule of component {}", c));
     const GridTable& grid = table.grids[expected];
     const int step = expected == 1 ? 2 : 1;
     if (grid.width != raymap.planes[c].width || grid.height != raymap.planes[c].height || grid.row_step != step) {
-      return invalid("grid " + std::to_string(expected) + " does not have its component's size");
+      return invalid(fmt::format("grid {} does not have its component's size", expected));
     }
   }
   return {};
@@ -100,7 +102,7 @@ class GridProof {
       : table_(table),
         grid_(grid),
         components_(components_on(table.format, static_cast<int>(g))),
-        where_(kind + " " + std::to_string(g)) {
+        where_(fmt::format("{} {}", kind, g)) {
     for (std::size_t h = 0; h < table.sources.size(); ++h) {
       const BlendTable::Source& source = table.sources[h];
       planes_[h] = halved_chroma(shape_of(source.format, source.width, source.height)).planes[g];
@@ -126,7 +128,7 @@ class GridProof {
       for (int column = 0; column < grid_.tiles_across(); ++column) {
         if (only != nullptr && !(*only)[grid_.tile_index(column, row)]) continue;
         if (const char* fault = fault_of_tile(column, row)) {
-          return invalid(where_ + ", tile (" + std::to_string(column) + ", " + std::to_string(row) + "): " + fault);
+          return invalid(fmt::format("{}, tile ({}, {}): {}", where_, column, row, fault));
         }
       }
     }
@@ -314,11 +316,11 @@ Status check_low(const BlendTable& table) {
   for (std::size_t g = 0; g < table.grids.size(); ++g) {
     const GridTable& grid = table.grids[g];
     const blend::LowGrid& low = grid.low;
-    const std::string where = "low band of grid " + std::to_string(g);
+    const std::string where = fmt::format("low band of grid {}", g);
     if (low.cells.empty() != table.grids[0].low.cells.empty()) return invalid(where + " is missing");
     if (low.cells.empty()) continue;
     if (low.cell_tiles != 1 && low.cell_tiles != 2)
-      return invalid(where + ": cells of " + std::to_string(low.cell_tiles) + " tiles");
+      return invalid(fmt::format("{}: cells of {} tiles", where, low.cell_tiles));
     const std::size_t blocks = grid.block_count();
     const std::size_t points = low.first_sight.empty() ? 0 : low.first_sight.size() - 1;
     const auto cells = static_cast<std::size_t>(grid.low_cells_across() * grid.low_cells_down());
@@ -329,12 +331,12 @@ Status check_low(const BlendTable& table) {
     for (std::size_t k = 0; k < low.cells.size(); ++k) {
       const std::uint32_t count = low.first_point[k / cells + 1] - low.first_point[k / cells];
       if (std::ranges::any_of(low.cells[k], [&](std::uint8_t point) { return point >= count; })) {
-        return invalid(where + ", cell " + std::to_string(k) + ": names a point that is not there");
+        return invalid(fmt::format("{}, cell {}: names a point that is not there", where, k));
       }
     }
     for (std::size_t p = 0; p < points; ++p) {
       if (const char* fault = fault_of_point(table, grid, g, p)) {
-        return invalid(where + ", point " + std::to_string(p) + ": " + fault);
+        return invalid(fmt::format("{}, point {}: {}", where, p, fault));
       }
     }
   }
@@ -344,12 +346,12 @@ Status check_low(const BlendTable& table) {
 /// A cover has tiles where the table has them, and no places of its own.
 Status check_cover(const BlendTable& table) {
   if (!table.cover.empty() && table.cover.size() != table.grids.size()) {
-    return invalid(std::to_string(table.cover.size()) + " covers for " + std::to_string(table.grids.size()) + " grids");
+    return invalid(fmt::format("{} covers for {} grids", table.cover.size(), table.grids.size()));
   }
   for (std::size_t g = 0; g < table.cover.size(); ++g) {
     const GridTable& cover = table.cover[g];
     const GridTable& grid = table.grids[g];
-    const std::string where = "cover " + std::to_string(g);
+    const std::string where = fmt::format("cover {}", g);
     if (cover.width != grid.width || cover.height != grid.height || cover.row_step != grid.row_step) {
       return invalid(where + " does not have its grid's size");
     }

@@ -1,5 +1,7 @@
 #include "stitch/view/camera.h"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <charconv>
 #include <cmath>
@@ -55,7 +57,7 @@ std::string text_of(const CameraName& name) {
   char before = ':';
   for (std::size_t k = 0; k < name.f.size(); ++k) {
     if (name.f[k] == CameraName().f[k]) continue;
-    text += before + ("f" + std::to_string(k + 1)) + "=" + number(name.f[k]);
+    text += fmt::format("{}f{}={}", before, k + 1, number(name.f[k]));
     before = ',';
   }
   return text;
@@ -175,9 +177,9 @@ Result<CameraName> parse_camera(std::string_view text) {
                         number(kMaxF));
       }
       if (made.widest_fov_deg() >= CameraName::kMinFovDeg) return made;
-      return fail(Errc::kBadValue, start + "f1 a + f2 a^2 + ... rises only up to a field of view of " +
-                                       number(rises_up_to_deg(made)) + " degrees; the least is " +
-                                       std::to_string(CameraName::kMinFovDeg));
+      return fail(Errc::kBadValue,
+                  fmt::format("{}f1 a + f2 a^2 + ... rises only up to a field of view of {} degrees; the least is {}",
+                              start, number(rises_up_to_deg(made)), CameraName::kMinFovDeg));
     }
     return fail(Errc::kBadValue, "the camera " + std::string(name) + " has no parameter, but '" +
                                      std::string(rest.substr(0, 64)) + "' follows its name");
@@ -197,9 +199,8 @@ Camera::Camera(const CameraSpec& spec)
 Result<Camera> Camera::make(const CameraSpec& spec) {
   const int widest = spec.name.widest_fov_deg();
   if (!(spec.fov_deg >= CameraName::kMinFovDeg && spec.fov_deg <= widest)) {
-    return fail(Errc::kBadValue, "a field of view of " + number(spec.fov_deg) + " degrees; the " + text_of(spec.name) +
-                                     " camera shows " + std::to_string(CameraName::kMinFovDeg) + " to " +
-                                     std::to_string(widest));
+    return fail(Errc::kBadValue, fmt::format("a field of view of {} degrees; the {} camera shows {} to {}",
+                                             number(spec.fov_deg), text_of(spec.name), CameraName::kMinFovDeg, widest));
   }
   return Camera(spec);
 }

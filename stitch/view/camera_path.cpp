@@ -1,5 +1,7 @@
 #include "stitch/view/camera_path.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -58,7 +60,7 @@ Status check(const CameraKey& key) {
   constexpr double kMaxTurned = 360'000;
   const auto within = [](double value, double most) { return std::abs(value) <= most; };
   if (key.picture < 0 || key.picture >= CameraPath::kMaxPictures)
-    return fail(Errc::kBadValue, "a picture is 0 to " + std::to_string(CameraPath::kMaxPictures - 1));
+    return fail(Errc::kBadValue, fmt::format("a picture is 0 to {}", CameraPath::kMaxPictures - 1));
   if (!within(key.pose.yaw, kMaxTurned) || !within(key.pose.roll, kMaxTurned))
     return fail(Errc::kBadValue, "yaw and roll are -360000 to 360000 degrees");
   if (!within(key.pose.pitch, 90)) return fail(Errc::kBadValue, "pitch is -90 to 90 degrees");
@@ -71,7 +73,7 @@ Status check(const CameraKey& key) {
 Result<CameraPath> CameraPath::parse(std::string_view text) {
   std::vector<CameraKey> keys;
   const auto wrong = [](std::size_t line, const std::string& what) {
-    return fail(Errc::kBadValue, "line " + std::to_string(line) + ": " + what);
+    return fail(Errc::kBadValue, fmt::format("line {}: {}", line, what));
   };
   bool first = true;
   for (std::size_t number = 1; !text.empty(); ++number) {
@@ -87,9 +89,8 @@ Result<CameraPath> CameraPath::parse(std::string_view text) {
     if (!key) return wrong(number, "write picture,yaw,pitch,roll,fov, for example 0,-30,0,0,90");
     if (const Status good = check(*key); !good) return wrong(number, good.error().message);
     if (!keys.empty() && key->picture <= keys.back().picture)
-      return wrong(number, "picture " + std::to_string(key->picture) + " is not after the one of the line before");
-    if (keys.size() == kMaxKeys)
-      return fail(Errc::kTooLarge, "a path has at most " + std::to_string(kMaxKeys) + " keys");
+      return wrong(number, fmt::format("picture {} is not after the one of the line before", key->picture));
+    if (keys.size() == kMaxKeys) return fail(Errc::kTooLarge, fmt::format("a path has at most {} keys", kMaxKeys));
     keys.push_back(*key);
   }
   if (keys.empty()) return fail(Errc::kBadValue, "there is no key; write a line picture,yaw,pitch,roll,fov for each");

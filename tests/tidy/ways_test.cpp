@@ -1,4 +1,4 @@
-// The one way to do some things: opening files, making threads, emptying queues.
+// The one way to do some things: opening files, making threads, emptying queues, wording messages.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "functions.h"
 #include "tree.h"
 
 namespace nodal::tidy {
@@ -96,6 +97,45 @@ TEST(Ways, AnErrorThatIsOnlyPassedOn_IsPassedOnByNodalTry) {
   for (const Found& found : lines_with(by_hand, kPrograms)) {
     ADD_FAILURE() << found.place << " passes an error on by hand; use NODAL_TRY() of protocol/base/try.h";
   }
+}
+
+/// Lines on which a number is written by std::to_string() and joined to other text by +.
+std::vector<std::size_t> numbers_joined_in(const TextFile& file) {
+  const std::string text = brackets_of(file);
+  const auto is_plus = [&text](std::size_t at, std::size_t beside) {
+    return at != std::string::npos && text[at] == '+' && beside < text.size() && text[beside] != '+';
+  };
+  std::vector<std::size_t> lines;
+  const std::string call = "std::to_string(";
+  for (std::size_t at = text.find(call); at != std::string::npos; at = text.find(call, at + 1)) {
+    std::size_t end = at + call.size();
+    for (int open = 1; open > 0 && end < text.size(); ++end) open += text[end] == '(' ? 1 : text[end] == ')' ? -1 : 0;
+    const std::size_t before = at == 0 ? std::string::npos : text.find_last_not_of(" \n", at - 1);
+    const std::size_t after = text.find_first_not_of(" \n", end);
+    if (is_plus(before, before - 1) || is_plus(after, after + 1)) {
+      lines.push_back(1 +
+                      static_cast<std::size_t>(std::count(text.begin(), text.begin() + static_cast<long>(at), '\n')));
+    }
+  }
+  return lines;
+}
+
+TEST(Ways, AMessage_IsWordedByFmt) {
+  for (const TextFile& file : project_files()) {
+    if (!is_source(file.path) || file.path.starts_with("tests/")) continue;
+    for (const std::size_t line : numbers_joined_in(file)) {
+      ADD_FAILURE() << file.path << ":" << line << " joins a number to a text by +; write fmt::format(\"head {}\", n)";
+    }
+  }
+}
+
+TEST(Ways, NumbersJoinedToTexts_AreFoundAndSingleOnesAreNot) {
+  const TextFile file{
+      "a.cpp",
+      {"text = \"head \" + std::to_string(head(1));", "text = std::to_string(head) +", "       \" heads\";",
+       "text += std::to_string(head);", "table.row({std::to_string(head), std::to_string(++count)});",
+       "text = named ? \"head \" +", "    std::to_string(head) : \"no head\";", "// text + std::to_string(head)"}};
+  EXPECT_EQ(numbers_joined_in(file), (std::vector<std::size_t>{1, 2, 7}));
 }
 
 }  // namespace

@@ -1,5 +1,7 @@
 #include "hal/linux/cable/records.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <string>
 
@@ -56,15 +58,14 @@ Status RecordReader::read_header() {
   ByteReader reader(header_);
   if (reader.u16() != kRecordMagic) return broken("has no record's first bytes");
   if (const std::uint16_t session = reader.u16(); session != session_) {
-    return broken("is of session " + std::to_string(session) + ", and this is session " + std::to_string(session_));
+    return broken(fmt::format("is of session {}, and this is session {}", session, session_));
   }
   payload_ = reader.u16();
   padding_ = reader.u16();
   if (payload_ > kMaxPayload) {
-    return broken("has " + std::to_string(payload_) + " bytes; at most " + std::to_string(kMaxPayload) +
-                  " are allowed");
+    return broken(fmt::format("has {} bytes; at most {} are allowed", payload_, kMaxPayload));
   }
-  if (padding_ > 1) return broken("has " + std::to_string(padding_) + " bytes of padding; at most 1 is allowed");
+  if (padding_ > 1) return broken(fmt::format("has {} bytes of padding; at most 1 is allowed", padding_));
   ended_ = payload_ == 0;
   return {};
 }

@@ -1,5 +1,7 @@
 #include "hal/linux/confine/confined_process.h"
 
+#include <fmt/format.h>
+
 #include <fcntl.h>
 #include <poll.h>
 #include <sys/mman.h>
@@ -327,19 +329,21 @@ void ConfinedProcess::watch() {
 Result<std::vector<std::uint8_t>> ConfinedProcess::result_of(int status, int memory) const {
   constexpr std::uint64_t kMiB = 1 << 20;
   if (WIFEXITED(status) && WEXITSTATUS(status) == kOutOfMemory) {
-    return fail(Errc::kOverload, "needs more than " + std::to_string(limits_.memory_bytes / kMiB) + " MiB of memory");
+    return fail(Errc::kOverload, fmt::format("needs more than {} MiB of memory", limits_.memory_bytes / kMiB));
   }
   if (WIFSIGNALED(status)) {
     const int signal = WTERMSIG(status);
     if (hung_) {
-      return fail(Errc::kOverload, "made no progress for " + std::to_string(limits_.without_progress.count()) + " s");
+      return fail(Errc::kOverload, fmt::format("made no progress for {} s", limits_.without_progress.count()));
     }
     if (signal == SIGXCPU || signal == SIGKILL) {
-      return fail(Errc::kOverload, "was ended by the system: it needs more than " +
-                                       std::to_string(limits_.cpu_seconds) +
-                                       " s of processor time, or more memory than there is");
+      return fail(
+          Errc::kOverload,
+          fmt::format(
+              "was ended by the system: it needs more than {} s of processor time, or more memory than there is",
+              limits_.cpu_seconds));
     }
-    return fail(Errc::kInternal, "crashed (signal " + std::to_string(signal) + ")");
+    return fail(Errc::kInternal, fmt::format("crashed (signal {})", signal));
   }
   ResultHead head;
   const std::span raw(reinterpret_cast<std::uint8_t*>(&head), sizeof head);

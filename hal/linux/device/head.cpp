@@ -1,5 +1,7 @@
 #include "hal/linux/device/head.h"
 
+#include <fmt/format.h>
+
 #include <utility>
 
 #include "protocol/base/try.h"
@@ -88,8 +90,9 @@ void DeviceHead::stop() {
 
 void DeviceHead::restart(StreamJob job) {
   if (restarts_in_row_ == kMaxRestarts) {
-    return fail_for_good(error(Errc::kDeviceFailed, "its stream broke " + std::to_string(kMaxRestarts) +
-                                                        " times in a row; unplug it and plug it in again"));
+    return fail_for_good(
+        error(Errc::kDeviceFailed,
+              fmt::format("its stream broke {} times in a row; unplug it and plug it in again", kMaxRestarts)));
   }
   ++restarts_in_row_;
   ++recoveries_.restarts;
@@ -109,8 +112,8 @@ Status DeviceHead::set_exposure(Exposure exposure) {
   if (state_ == State::kFailed) return fail(*final_);
   const HeadLimits& can = limits();
   if (exposure < can.exposure_min || exposure > can.exposure_max) {
-    return bad_value("an exposure of " + std::to_string(exposure.us()) + " us",
-                     std::to_string(can.exposure_min.us()) + " to " + std::to_string(can.exposure_max.us()) + " us");
+    return bad_value(fmt::format("an exposure of {} us", exposure.us()),
+                     fmt::format("{} to {} us", can.exposure_min.us(), can.exposure_max.us()));
   }
   post_controls({exposure, {}, {}});
   return {};
@@ -120,8 +123,8 @@ Status DeviceHead::set_gain(Gain gain) {
   if (state_ == State::kFailed) return fail(*final_);
   const HeadLimits& can = limits();
   if (gain < can.gain_min || gain > can.gain_max) {
-    return bad_value("a gain of " + std::to_string(gain.mdb()) + " mdB",
-                     std::to_string(can.gain_min.mdb()) + " to " + std::to_string(can.gain_max.mdb()) + " mdB");
+    return bad_value(fmt::format("a gain of {} mdB", gain.mdb()),
+                     fmt::format("{} to {} mdB", can.gain_min.mdb(), can.gain_max.mdb()));
   }
   post_controls({{}, gain, {}});
   return {};

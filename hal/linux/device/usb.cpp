@@ -1,5 +1,7 @@
 #include "hal/linux/device/usb.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <charconv>
@@ -40,7 +42,7 @@ UsbPlace place_in(const fs::path& sysfs, const fs::path& device) {
   UsbPlace place;
   place.bus = number(attribute(device / "busnum"));
   place.device_mbit = number(attribute(device / "speed"));
-  place.bus_mbit = number(attribute(sysfs / "bus" / "usb" / "devices" / ("usb" + std::to_string(place.bus)) / "speed"));
+  place.bus_mbit = number(attribute(sysfs / "bus" / "usb" / "devices" / fmt::format("usb{}", place.bus) / "speed"));
   place.serial = printable(attribute(device / "serial").value_or(""), kLongestAttribute);
   return place;
 }
@@ -105,7 +107,7 @@ Result<UsbBuses::Share> UsbBuses::claim(const UsbPlace& place, std::int64_t byte
   };
   const std::int64_t own = usb_capacity(place.device_mbit);
   if (own > 0 && bytes_per_second > own) {
-    return refuse("its connection (USB, " + std::to_string(place.device_mbit) + " Mbit/s)", own, "");
+    return refuse(fmt::format("its connection (USB, {} Mbit/s)", place.device_mbit), own, "");
   }
   const std::int64_t capacity = usb_capacity(place.bus_mbit);
   const std::lock_guard lock(ledger_->mutex);
@@ -117,7 +119,7 @@ Result<UsbBuses::Share> UsbBuses::claim(const UsbPlace& place, std::int64_t byte
     others += (others.empty() ? "" : "; ") + entry.text;
   }
   if (capacity > 0 && used + bytes_per_second > capacity) {
-    return refuse("USB bus " + std::to_string(place.bus) + " (" + std::to_string(place.bus_mbit) + " Mbit/s)", capacity,
+    return refuse(fmt::format("USB bus {} ({} Mbit/s)", place.bus, place.bus_mbit), capacity,
                   others.empty() ? "" : ", and " + megabytes(used) + " MB/s are in use (" + others + ")");
   }
   const auto entry = ledger_->entries.insert(ledger_->entries.end(), {place.bus, bytes_per_second, who + ": " + mine});

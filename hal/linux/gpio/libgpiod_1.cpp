@@ -1,4 +1,6 @@
 // The kernel's GPIO lines through libgpiod 1.6. libgpiod_2.cpp is the same for libgpiod 2; CMake compiles one of them.
+#include <fmt/format.h>
+
 #include <gpiod.h>
 #include <poll.h>
 
@@ -117,8 +119,8 @@ class Kernel final : public System {
     gpiod_chip_iter* const chips = gpiod_chip_iter_new();
     if (chips == nullptr) return all;
     for (gpiod_chip* chip = gpiod_chip_iter_next(chips); chip != nullptr; chip = gpiod_chip_iter_next(chips)) {
-      all.push_back(std::string(gpiod_chip_name(chip)) + " (" + gpiod_chip_label(chip) + ", " +
-                    std::to_string(gpiod_chip_num_lines(chip)) + " lines)");
+      all.push_back(
+          fmt::format("{} ({}, {} lines)", gpiod_chip_name(chip), gpiod_chip_label(chip), gpiod_chip_num_lines(chip)));
     }
     gpiod_chip_iter_free(chips);
     return all;

@@ -1,4 +1,6 @@
 // The kernel's GPIO lines through libgpiod 2. libgpiod_1.cpp is the same for libgpiod 1.6; CMake compiles one of them.
+#include <fmt/format.h>
+
 #include <gpiod.h>
 #include <poll.h>
 
@@ -166,8 +168,8 @@ class Kernel final : public System {
       const Chip chip = open_device(name);
       const ChipInfo info(chip ? gpiod_chip_get_info(chip.get()) : nullptr);
       if (!info) continue;
-      all.push_back(std::string(gpiod_chip_info_get_name(info.get())) + " (" + gpiod_chip_info_get_label(info.get()) +
-                    ", " + std::to_string(gpiod_chip_info_get_num_lines(info.get())) + " lines)");
+      all.push_back(fmt::format("{} ({}, {} lines)", gpiod_chip_info_get_name(info.get()),
+                                gpiod_chip_info_get_label(info.get()), gpiod_chip_info_get_num_lines(info.get())));
     }
     return all;
   }

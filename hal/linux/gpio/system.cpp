@@ -1,5 +1,7 @@
 #include "hal/linux/gpio/system.h"
 
+#include <fmt/format.h>
+
 #include <cerrno>
 #include <cstring>
 
@@ -15,7 +17,7 @@ std::string joined(const std::vector<std::string>& chips) {
 
 }  // namespace
 
-std::string LineName::text() const { return "gpio:" + chip + ":" + std::to_string(offset); }
+std::string LineName::text() const { return fmt::format("gpio:{}:{}", chip, offset); }
 
 Error explain_claim(System& system, const LineName& line, int error) {
   const auto because = [&](Errc code, const std::string& sentence) {
@@ -29,9 +31,9 @@ Error explain_claim(System& system, const LineName& line, int error) {
       return because(Errc::kNoSuchDevice, "there is no GPIO chip with the name or label '" + line.chip + "'; " +
                                               joined(system.chips()) + "; correct rig.toml");
     case EINVAL:
-      return because(Errc::kNoSuchDevice, "the chip has no line " + std::to_string(line.offset) +
-                                              " that can be used in this way; " + joined(system.chips()) +
-                                              "; correct rig.toml");
+      return because(Errc::kNoSuchDevice,
+                     fmt::format("the chip has no line {} that can be used in this way; {}; correct rig.toml",
+                                 line.offset, joined(system.chips())));
     case EBUSY: {
       const std::string holder = system.holder(line);
       if (holder == "nodald") {

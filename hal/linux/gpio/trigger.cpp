@@ -1,5 +1,7 @@
 #include "hal/linux/gpio/trigger.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <system_error>
@@ -72,9 +74,8 @@ Status GpioTrigger::check_present() const {
 Status GpioTrigger::check(const TriggerSettings& settings) const {
   if (safe_.load()) return check_present();
   if (!settings.rate.valid()) {
-    return fail(Errc::kBadValue, who_ + "a rate of " + std::to_string(settings.rate.numerator) + "/" +
-                                     std::to_string(settings.rate.denominator) + " cannot be made; allowed is " +
-                                     std::string(kFrameRatesAllowed));
+    return fail(Errc::kBadValue, fmt::format("{}a rate of {}/{} cannot be made; allowed is {}", who_,
+                                             settings.rate.numerator, settings.rate.denominator, kFrameRatesAllowed));
   }
   if (settings.follow && !input_) {
     return fail(Errc::kUnsupported,
@@ -89,10 +90,9 @@ Status GpioTrigger::check(const TriggerSettings& settings) const {
   }
   const Duration period = settings.rate.period();
   if (settings.pulse_width.ns() <= 0 || settings.pulse_width > period - PulseTrain::kGap) {
-    return fail(Errc::kBadValue, who_ + "a pulse of " + std::to_string(settings.pulse_width.us()) +
-                                     " us does not fit a period of " + std::to_string(period.us()) +
-                                     " us; between two pulses, the line is inactive for at least " +
-                                     std::to_string(PulseTrain::kGap.us()) + " us");
+    return fail(Errc::kBadValue, fmt::format("{}a pulse of {} us does not fit a period of {} us; between two pulses, "
+                                             "the line is inactive for at least {} us",
+                                             who_, settings.pulse_width.us(), period.us(), PulseTrain::kGap.us()));
   }
   return check_delays(settings);
 }
@@ -101,18 +101,17 @@ Status GpioTrigger::check_delays(const TriggerSettings& settings) const {
   const Duration period = settings.rate.period();
   for (std::size_t head = 0; head < settings.delay.size(); ++head) {
     if (settings.delay[head].ns() >= 0 && settings.delay[head] < period) continue;
-    return fail(Errc::kBadValue, who_ + "the delay of head " + std::to_string(head) +
-                                     " is not between 0 and the period of " + std::to_string(period.us()) + " us");
+    return fail(Errc::kBadValue, fmt::format("{}the delay of head {} is not between 0 and the period of {} us", who_,
+                                             head, period.us()));
   }
   for (const TriggerLines::Output& output : lines_.outputs) {
     for (const HeadIndex head : output.heads) {
       const HeadIndex first = output.heads.front();
       if (settings.delay[head] == settings.delay[first]) continue;
-      return fail(Errc::kBadValue, who_ + "heads " + std::to_string(first) + " and " + std::to_string(head) +
-                                       " share line " + output.line.text() + ", but their delays are " +
-                                       std::to_string(settings.delay[first].us()) + " and " +
-                                       std::to_string(settings.delay[head].us()) +
-                                       " us; give one of them a line of its own (trigger in its [[heads]] entry)");
+      return fail(Errc::kBadValue, fmt::format("{}heads {} and {} share line {}, but their delays are {} and {} us; "
+                                               "give one of them a line of its own (trigger in its [[heads]] entry)",
+                                               who_, first, head, output.line.text(), settings.delay[first].us(),
+                                               settings.delay[head].us()));
     }
   }
   return {};

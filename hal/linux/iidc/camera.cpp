@@ -1,5 +1,7 @@
 #include "hal/linux/iidc/camera.h"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <bit>
 #include <cerrno>
@@ -207,7 +209,7 @@ Status Camera::set_trigger(const std::optional<TriggerChoice>& choice) {
 Result<std::unique_ptr<FrameSource>> Camera::make_source(int buffers, std::size_t frame_bytes) {
   std::unique_ptr<FrameSource> source;
   const int error = device_->make_source(static_cast<std::size_t>(buffers), frame_bytes, source);
-  if (error != 0) return fail(explained("asking for " + std::to_string(buffers) + " buffers", error));
+  if (error != 0) return fail(explained(fmt::format("asking for {} buffers", buffers), error));
   return source;
 }
 

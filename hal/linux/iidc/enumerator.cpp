@@ -1,5 +1,7 @@
 #include "hal/linux/iidc/enumerator.h"
 
+#include <fmt/format.h>
+
 #include <cerrno>
 #include <charconv>
 #include <string_view>
@@ -36,9 +38,8 @@ Result<device::UsbBuses::Share> claim_bandwidth(device::UsbBuses& buses, const s
   const HeadFormat& format = granted.format;
   const auto bytes = static_cast<std::int64_t>(granted.frame_bytes) * format.rate.numerator / format.rate.denominator;
   return buses.claim(*info.usb, bytes, path,
-                     std::string(pixel_format_name(format.pixels)) + " " + std::to_string(format.width) + "x" +
-                         std::to_string(format.height) + " at " + std::to_string(format.rate.numerator) + "/" +
-                         std::to_string(format.rate.denominator) + " frames a second");
+                     fmt::format("{} {}x{} at {}/{} frames a second", pixel_format_name(format.pixels), format.width,
+                                 format.height, format.rate.numerator, format.rate.denominator));
 }
 
 Result<std::shared_ptr<device::Channel>> open_channel(Bus& bus, device::UsbBuses& buses, const std::string& path,

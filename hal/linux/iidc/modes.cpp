@@ -1,4 +1,6 @@
 // Video modes: which a camera has, and setting one.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -204,10 +206,10 @@ Result<Selected> Camera::select_scalable(const Selection& selection) {
   const auto smallest = static_cast<std::uint32_t>(std::ceil(least / unit)) * unit;
   const std::uint32_t bytes = selection.packet_bytes > 0 ? selection.packet_bytes : std::max(smallest, unit);
   if (bytes > most || bytes % unit != 0) {
-    return fail(Errc::kUnsupported, "head '" + head_ + "': the camera's packets have at most " + std::to_string(most) +
-                                        " bytes, a multiple of " + std::to_string(unit) +
-                                        "; this size at this rate needs " + std::to_string(bytes) +
-                                        "; choose a smaller size, a lower rate or another packet_bytes");
+    return fail(Errc::kUnsupported,
+                fmt::format("head '{}': the camera's packets have at most {} bytes, a multiple of {}; this size at "
+                            "this rate needs {}; choose a smaller size, a lower rate or another packet_bytes",
+                            head_, most, unit, bytes));
   }
   NODAL_TRY(put(mode.place + reg::kPacket, bytes << 16, 0xFFFF'0000, packets));
   NODAL_TRY(apply(mode, reg::kError2, packets));

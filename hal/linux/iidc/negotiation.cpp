@@ -1,5 +1,7 @@
 #include "hal/linux/iidc/negotiation.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <set>
@@ -16,10 +18,10 @@ double hertz(FrameRate rate) { return static_cast<double>(rate.numerator) / rate
 
 std::string text_of(FrameRate rate) {
   std::string text = std::to_string(rate.numerator);
-  return rate.denominator == 1 ? text : text + "/" + std::to_string(rate.denominator);
+  return rate.denominator == 1 ? text : fmt::format("{}/{}", text, rate.denominator);
 }
 
-std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+std::string size_text(int width, int height) { return fmt::format("{}x{}", width, height); }
 
 /// The rate at which the mode runs for this request; nothing if it has none that fits.
 std::optional<FrameRate> rate_in(const Mode& mode, const HeadRequest& request) {
@@ -100,13 +102,12 @@ class Negotiation {
              size_text(s.width, s.height) + " is not";
     }
     if (s.left % mode.left_unit != 0 || s.top % mode.top_unit != 0) {
-      return "its offsets are multiples of " + std::to_string(mode.left_unit) + " and " +
-             std::to_string(mode.top_unit) + ", and " + std::to_string(s.left) + ", " + std::to_string(s.top) +
-             " are not";
+      return fmt::format("its offsets are multiples of {} and {}, and {}, {} are not", mode.left_unit, mode.top_unit,
+                         s.left, s.top);
     }
     if (s.left < 0 || s.top < 0 || s.left + s.width > mode.width || s.top + s.height > mode.height) {
-      return size_text(s.width, s.height) + " at " + std::to_string(s.left) + ", " + std::to_string(s.top) +
-             " is not inside its " + size_text(mode.width, mode.height) + " px";
+      return fmt::format("{} at {}, {} is not inside its {} px", size_text(s.width, s.height), s.left, s.top,
+                         size_text(mode.width, mode.height));
     }
     return {};
   }
@@ -152,19 +153,18 @@ Result<Granted> negotiate(Camera& camera, const std::string& head, const HeadReq
   NODAL_TRY(set_rate(camera, request.rate));
   NODAL_TRY_ASSIGN(const auto rate, own_rate(camera, selected));
   if (!request.triggered && std::abs(rate / hertz(request.rate) - 1) >= kSameRate) {
-    return fail(Errc::kUnsupported, "head '" + head + "': the camera delivers " + std::to_string(rate) +
-                                        " frames a second, and the rig's rate is " + text_of(request.rate) +
-                                        "; choose another size, packet_bytes or rate");
+    return fail(Errc::kUnsupported, fmt::format("head '{}': the camera delivers {:f} frames a second, and the rig's "
+                                                "rate is {}; choose another size, packet_bytes or rate",
+                                                head, rate, text_of(request.rate)));
   }
   Granted granted;
   granted.format = {request.pixels, selection.width, selection.height, Fields::kProgressive, request.rate};
   granted.frame_bytes = selected.frame_bytes;
   granted.picture_bytes = packed_size(request.pixels, selection.width, selection.height);
   if (granted.frame_bytes < granted.picture_bytes || granted.frame_bytes > (std::size_t{1} << 30)) {
-    return fail(Errc::kDeviceFailed, "head '" + head + "': the camera's frames have " +
-                                         std::to_string(granted.frame_bytes) + " bytes, and a picture of " +
-                                         size_text(selection.width, selection.height) + " is " +
-                                         std::to_string(granted.picture_bytes));
+    return fail(Errc::kDeviceFailed,
+                fmt::format("head '{}': the camera's frames have {} bytes, and a picture of {} is {}", head,
+                            granted.frame_bytes, size_text(selection.width, selection.height), granted.picture_bytes));
   }
   return granted;
 }

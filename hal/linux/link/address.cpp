@@ -1,5 +1,7 @@
 #include "hal/linux/link/address.h"
 
+#include <fmt/format.h>
+
 #include <sys/un.h>
 
 #include <cstring>
@@ -23,8 +25,8 @@ Result<SocketAddress> parse_address(std::string_view text) {
   if (path.empty()) return bad(text, "a path is missing after \"unix:\"");
   if (path.find('\0') != std::string_view::npos) return bad(text, "a path cannot hold a zero byte");
   if (path.size() >= sizeof(where.sun_path)) {
-    return bad(text, "a Unix socket's path has at most " + std::to_string(sizeof(where.sun_path) - 1) +
-                         " bytes, this has " + std::to_string(path.size()));
+    return bad(text, fmt::format("a Unix socket's path has at most {} bytes, this has {}", sizeof(where.sun_path) - 1,
+                                 path.size()));
   }
   where.sun_family = AF_UNIX;
   std::memcpy(where.sun_path, path.data(), path.size());

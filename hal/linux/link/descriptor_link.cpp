@@ -1,5 +1,7 @@
 #include "hal/linux/link/descriptor_link.h"
 
+#include <fmt/format.h>
+
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/socket.h>
@@ -124,7 +126,7 @@ void DescriptorLink::add_wake_ups(WakeUps& to, bool to_read, bool to_write) cons
 Result<std::unique_ptr<LinkPort>> descriptor_link(int read_from, int write_to, std::string peer) {
   for (const int fd : {read_from, write_to}) {
     if (fcntl(fd, F_GETFD) >= 0) continue;
-    return system_error(Errc::kBadValue, peer + ": descriptor " + std::to_string(fd), errno);
+    return system_error(Errc::kBadValue, fmt::format("{}: descriptor {}", peer, fd), errno);
   }
   return std::make_unique<DescriptorLink>(Descriptor(read_from), write_to, std::move(peer));
 }

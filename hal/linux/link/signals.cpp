@@ -1,5 +1,7 @@
 #include "hal/linux/link/signals.h"
 
+#include <fmt/format.h>
+
 #include <cstring>
 
 namespace nodal::hal {
@@ -51,7 +53,7 @@ SignalOutcome outcome_of(int signal) {
 }
 
 std::string signal_name(int signal) {
-  if (signal >= SIGRTMIN && signal <= SIGRTMAX) return "SIGRTMIN+" + std::to_string(signal - SIGRTMIN);
+  if (signal >= SIGRTMIN && signal <= SIGRTMAX) return fmt::format("SIGRTMIN+{}", signal - SIGRTMIN);
   const char* const name = ::sigabbrev_np(signal);
   return name ? std::string("SIG") + name : std::to_string(signal);
 }

@@ -1,5 +1,7 @@
 #include "hal/linux/link/socket_link.h"
 
+#include <fmt/format.h>
+
 #include <fcntl.h>
 #include <grp.h>
 #include <poll.h>
@@ -74,7 +76,7 @@ class SocketListener final : public LinkListenerPort {
         const std::optional<PeerIdentity> identity = who_is(fd);
         std::string peer = address_;
         if (identity) {
-          peer += " (process " + std::to_string(identity->process) + " of user " + std::to_string(identity->user) + ")";
+          peer += fmt::format(" (process {} of user {})", identity->process, identity->user);
         }
         return std::make_unique<DescriptorLink>(std::move(link), fd, std::move(peer), identity);
       }

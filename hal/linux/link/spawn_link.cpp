@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
@@ -53,8 +55,8 @@ class SpawnedLink final : public DescriptorLink {
   std::string closed_because() override {
     wait(kExitCodeMs);
     if (!exit_) return "the program closed its output";
-    if (WIFSIGNALED(*exit_)) return "the program was ended by signal " + std::to_string(WTERMSIG(*exit_));
-    return "the program ended with exit code " + std::to_string(WEXITSTATUS(*exit_));
+    if (WIFSIGNALED(*exit_)) return fmt::format("the program was ended by signal {}", WTERMSIG(*exit_));
+    return fmt::format("the program ended with exit code {}", WEXITSTATUS(*exit_));
   }
 
   pid_t process_;

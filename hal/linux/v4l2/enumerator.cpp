@@ -1,5 +1,7 @@
 #include "hal/linux/v4l2/enumerator.h"
 
+#include <fmt/format.h>
+
 #include <numeric>
 #include <utility>
 
@@ -30,9 +32,8 @@ Result<UsbBuses::Share> claim_bandwidth(System& system, UsbBuses& buses, const s
   if (!usb) return UsbBuses::Share();
   const HeadFormat& format = granted.format;
   return buses.claim(*usb, bytes_per_second(granted), path,
-                     std::string(pixel_format_name(format.pixels)) + " " + std::to_string(format.width) + "x" +
-                         std::to_string(format.height) + " at " + std::to_string(format.rate.numerator) + "/" +
-                         std::to_string(format.rate.denominator) + " frames a second");
+                     fmt::format("{} {}x{} at {}/{} frames a second", pixel_format_name(format.pixels), format.width,
+                                 format.height, format.rate.numerator, format.rate.denominator));
 }
 
 Result<std::shared_ptr<Channel>> open_channel(System& system, UsbBuses& buses, const std::string& path,

@@ -1,5 +1,7 @@
 #include "hal/linux/v4l2/layout.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 namespace nodal::hal::v4l2 {
@@ -41,7 +43,7 @@ std::string fourcc_text(std::uint32_t code) {
 }
 
 Result<Layout> make_layout(const FourCc& format, int width, int height, std::span<const std::uint32_t> strides) {
-  const std::string what = fourcc_text(format.code) + " of " + std::to_string(width) + "x" + std::to_string(height);
+  const std::string what = fmt::format("{} of {}x{}", fourcc_text(format.code), width, height);
   if (width < 1 || height < 1 || width > kLargestSide || height > kLargestSide) {
     return fail(Errc::kDeviceFailed, "the driver offers " + what + ", which is not a valid size; choose another size");
   }
@@ -108,8 +110,9 @@ Result<Layout> make_layout(const FourCc& format, int width, int height, std::spa
     const std::size_t in_row = static_cast<std::size_t>((part.width - 1) * part.pixel_stride) + 1;
     if (static_cast<std::size_t>(part.row_stride) < in_row ||
         static_cast<std::size_t>(part.row_stride) > kLargestStride) {
-      return fail(Errc::kDeviceFailed, "the driver offers " + what + " with rows of " +
-                                           std::to_string(part.row_stride) + " bytes, in which they do not fit");
+      return fail(
+          Errc::kDeviceFailed,
+          fmt::format("the driver offers {} with rows of {} bytes, in which they do not fit", what, part.row_stride));
     }
     std::size_t& needed = layout.needed[static_cast<std::size_t>(part.memory_plane)];
     const std::size_t end =

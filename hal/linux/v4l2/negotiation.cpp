@@ -1,5 +1,7 @@
 #include "hal/linux/v4l2/negotiation.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cerrno>
@@ -49,7 +51,7 @@ Result<std::uint32_t> choose_input(const Device& device, const std::string& want
     v4l2_input input{};
     input.index = i;
     if (device.ioctl(VIDIOC_ENUMINPUT, &input) != 0) break;
-    names.push_back(std::to_string(i) + " \"" + text_of(input.name) + "\"");
+    names.push_back(fmt::format("{} \"{}\"", i, text_of(input.name)));
     if (text_of(input.name) != wanted && std::to_string(i) != wanted) continue;
     int chosen = static_cast<int>(i);
     if (const int error = device.ioctl(VIDIOC_S_INPUT, &chosen); error != 0) {
@@ -114,11 +116,11 @@ std::string sizes_of(const Device& device, std::uint32_t code) {
     size.pixel_format = code;
     if (device.ioctl(VIDIOC_ENUM_FRAMESIZES, &size) != 0) break;
     if (size.type == V4L2_FRMSIZE_TYPE_DISCRETE) {
-      sizes.push_back(std::to_string(size.discrete.width) + "x" + std::to_string(size.discrete.height));
+      sizes.push_back(fmt::format("{}x{}", size.discrete.width, size.discrete.height));
       continue;
     }
-    sizes.push_back(std::to_string(size.stepwise.min_width) + "x" + std::to_string(size.stepwise.min_height) + " to " +
-                    std::to_string(size.stepwise.max_width) + "x" + std::to_string(size.stepwise.max_height));
+    sizes.push_back(fmt::format("{}x{} to {}x{}", size.stepwise.min_width, size.stepwise.min_height,
+                                size.stepwise.max_width, size.stepwise.max_height));
     break;
   }
   return sizes.empty() ? "" : "; it has " + joined(sizes);
@@ -201,9 +203,9 @@ Result<ColourCoding> coding_of(const Device& device, const Shape& shape, PixelFo
     case V4L2_YCBCR_ENC_709:
     case V4L2_YCBCR_ENC_XV709: return ColourCoding{video, true};
     default:
-      return fail(
-          unsupported(device, "codes its colours by neither BT.601 nor BT.709 (V4L2's number for its coding is " +
-                                  std::to_string(encoding) + "); choose another format or input in rig.toml"));
+      return fail(unsupported(device, fmt::format("codes its colours by neither BT.601 nor BT.709 (V4L2's number for "
+                                                  "its coding is {}); choose another format or input in rig.toml",
+                                                  encoding)));
   }
 }
 
@@ -215,7 +217,7 @@ bool same_rate(const v4l2_fract& period, const FrameRate& rate) {
 }
 
 std::string rate_text(std::uint32_t numerator, std::uint32_t denominator) {
-  return std::to_string(numerator) + "/" + std::to_string(denominator);
+  return fmt::format("{}/{}", numerator, denominator);
 }
 
 Status set_rate(const Device& device, const FrameRate& rate, v4l2_std_id standard) {
@@ -307,10 +309,9 @@ Result<Granted> negotiate(const Device& device, const HeadRequest& request) {
                                         fourcc_text(got.code) + "; change format in rig.toml"));
   }
   if (got.width != wanted.width || got.height != wanted.height) {
-    return fail(unsupported(device, "does not deliver " + std::to_string(wanted.width) + "x" +
-                                        std::to_string(wanted.height) + " but " + std::to_string(got.width) + "x" +
-                                        std::to_string(got.height) + sizes_of(device, got.code) +
-                                        "; change size in rig.toml"));
+    return fail(
+        unsupported(device, fmt::format("does not deliver {}x{} but {}x{}{}; change size in rig.toml", wanted.width,
+                                        wanted.height, got.width, got.height, sizes_of(device, got.code))));
   }
   const auto fields = fields_of(got.field, granted.interlaced);
   if (!fields || *fields != request.fields) {

@@ -1,5 +1,7 @@
 #include "hal/linux/v4l2/scan.h"
 
+#include <fmt/format.h>
+
 #include <linux/videodev2.h>
 
 #include <algorithm>
@@ -41,14 +43,14 @@ class Question {
       description.type = device_.buffer_type();
       if (!ask(VIDIOC_ENUM_FMT, &description)) break;
       if (found_.formats.size() == kMaxFormats) {
-        odd("lists more than " + std::to_string(kMaxFormats) + " formats; the others are left out");
+        odd(fmt::format("lists more than {} formats; the others are left out", kMaxFormats));
         break;
       }
       found_.formats.push_back(format(description.pixelformat));
     }
     if (out_of_questions_) {
-      odd("answers more than " + std::to_string(kMaxEnumerations) +
-          " questions for formats, sizes and rates; the rest is left out");
+      odd(fmt::format("answers more than {} questions for formats, sizes and rates; the rest is left out",
+                      kMaxEnumerations));
     }
     ask_controls();
   }
@@ -107,7 +109,7 @@ class Question {
       size.pixel_format = code;
       if (!ask(VIDIOC_ENUM_FRAMESIZES, &size)) break;
       if (format.sizes.size() == kMaxSizes) {
-        odd("lists more than " + std::to_string(kMaxSizes) + " sizes of " + format.name + "; the others are left out");
+        odd(fmt::format("lists more than {} sizes of {}; the others are left out", kMaxSizes, format.name));
         break;
       }
       if (size.type == V4L2_FRMSIZE_TYPE_DISCRETE) {
@@ -134,8 +136,8 @@ class Question {
 
   void add_size(FoundFormat& format, std::uint32_t code, std::uint32_t width, std::uint32_t height) {
     if (std::min(width, height) < kSmallestSide || std::max(width, height) > kLargestSide) {
-      odd("offers " + format.name + " of " + std::to_string(width) + "x" + std::to_string(height) +
-          ", which is no size of a picture for a head; left out");
+      odd(fmt::format("offers {} of {}x{}, which is no size of a picture for a head; left out", format.name, width,
+                      height));
       return;
     }
     FoundSize size{static_cast<int>(width), static_cast<int>(height), {}, false};
@@ -151,7 +153,7 @@ class Question {
       interval.height = height;
       if (!ask(VIDIOC_ENUM_FRAMEINTERVALS, &interval)) break;
       if (size.rates.size() == kMaxFrameRates) {
-        odd("lists more than " + std::to_string(kMaxFrameRates) + " rates of a size; the others are left out");
+        odd(fmt::format("lists more than {} rates of a size; the others are left out", kMaxFrameRates));
         break;
       }
       if (interval.type == V4L2_FRMIVAL_TYPE_DISCRETE) {
@@ -171,8 +173,7 @@ class Question {
     if (const auto rate = FrameRate::make(period.denominator, period.numerator)) {
       size.rates.push_back(*rate);
     } else {
-      odd("offers a frame period of " + std::to_string(period.numerator) + "/" + std::to_string(period.denominator) +
-          " s; left out");
+      odd(fmt::format("offers a frame period of {}/{} s; left out", period.numerator, period.denominator));
     }
   }
 
@@ -184,8 +185,8 @@ class Question {
       if (device_.ioctl(VIDIOC_QUERYCTRL, &query) != 0 || (query.flags & V4L2_CTRL_FLAG_DISABLED) != 0) continue;
       const std::string name = shown_text(query.name);
       if (query.minimum > query.maximum || query.default_value < query.minimum || query.default_value > query.maximum) {
-        odd("reports for '" + name + "' a range of " + std::to_string(query.minimum) + " to " +
-            std::to_string(query.maximum) + " and a default of " + std::to_string(query.default_value) + "; left out");
+        odd(fmt::format("reports for '{}' a range of {} to {} and a default of {}; left out", name, query.minimum,
+                        query.maximum, query.default_value));
         continue;
       }
       found_.controls.push_back({name, query.minimum, query.maximum, std::max(query.step, 1), query.default_value});

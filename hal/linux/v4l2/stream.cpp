@@ -1,5 +1,7 @@
 #include "hal/linux/v4l2/stream.h"
 
+#include <fmt/format.h>
+
 #include <linux/videodev2.h>
 
 #include <algorithm>
@@ -42,9 +44,10 @@ Status Stream::map(std::uint32_t index) {
     const std::size_t length = device_.multiplanar() ? call.planes[p].length : call.buffer.length;
     const std::size_t offset = device_.multiplanar() ? call.planes[p].m.mem_offset : call.buffer.m.offset;
     if (length < layout.needed[p]) {
-      return fail(Errc::kDeviceFailed, "head '" + device_.head() + "': the driver's buffers have " +
-                                           std::to_string(length) + " bytes, and a frame is " +
-                                           std::to_string(layout.needed[p]) + "; choose another size or format");
+      return fail(
+          Errc::kDeviceFailed,
+          fmt::format("head '{}': the driver's buffers have {} bytes, and a frame is {}; choose another size or format",
+                      device_.head(), length, layout.needed[p]));
     }
     std::uint8_t* const start = device_.system().map(device_.fd(), length, offset);
     if (start == nullptr) return fail_with("mapping its buffers", ENOMEM);
@@ -63,14 +66,15 @@ Status Stream::begin(int buffers) {
   // drivers without support clear the flag.
   wanted.flags = V4L2_MEMORY_FLAG_NON_COHERENT;
   if (const int error = device_.ioctl(VIDIOC_REQBUFS, &wanted); error != 0) {
-    return fail_with("asking for " + std::to_string(buffers) + " buffers", error);
+    return fail_with(fmt::format("asking for {} buffers", buffers), error);
   }
   allocated_ = true;
   Status begun;
   if (wanted.count < kFewestBuffers || wanted.count > kMaxBuffers) {
-    begun = fail(Errc::kDeviceFailed, "head '" + device_.head() + "': the driver grants " +
-                                          std::to_string(wanted.count) + " buffers, and at least " +
-                                          std::to_string(kFewestBuffers) + " are needed; choose a smaller size");
+    begun =
+        fail(Errc::kDeviceFailed,
+             fmt::format("head '{}': the driver grants {} buffers, and at least {} are needed; choose a smaller size",
+                         device_.head(), wanted.count, kFewestBuffers));
   } else {
     buffers_.resize(wanted.count);
   }

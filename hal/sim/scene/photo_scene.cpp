@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <cmath>
 #include <numbers>
 
@@ -92,9 +94,9 @@ Result<ScenePtr> photo_scene(const ImageView& image, const Response& encoding) {
                                         "; give RGB24 or GREY");
   }
   if (image.width < 8 || image.width != 2 * image.height) {
-    return fail(Errc::kBadValue, "scene photograph: it is " + std::to_string(image.width) + "x" +
-                                     std::to_string(image.height) +
-                                     "; an equirectangular picture is twice as wide as it is high");
+    return fail(Errc::kBadValue,
+                fmt::format("scene photograph: it is {}x{}; an equirectangular picture is twice as wide as it is high",
+                            image.width, image.height));
   }
   std::array<float, 256> linear{};
   for (std::size_t i = 0; i < linear.size(); ++i) {

@@ -1,5 +1,7 @@
 #include "stitch/calibration/lens/calibrate.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
@@ -45,22 +47,20 @@ GreyImage pattern_light(const PatternRaster& raster) {
 
 Status check_photographs(const std::vector<LensPhotograph>& photographs) {
   if (photographs.size() < kMinViews) {
-    return fail(Errc::kNotDetermined, std::to_string(photographs.size()) + " photograph" +
-                                          (photographs.size() == 1 ? " is" : "s are") +
-                                          " too few; take three or more, with the pattern turned by 20 to 40 degrees, "
-                                          "to different sides");
+    return fail(Errc::kNotDetermined, fmt::format("{} photograph{} too few; take three or more, with the pattern "
+                                                  "turned by 20 to 40 degrees, to different sides",
+                                                  photographs.size(), photographs.size() == 1 ? " is" : "s are"));
   }
   for (const LensPhotograph& photo : photographs) {
     const GreyImage& first = photographs[0].luma;
     if (photo.luma.width != first.width || photo.luma.height != first.height) {
-      return fail(Errc::kBadValue, photo.name + ": is " + std::to_string(photo.luma.width) + "x" +
-                                       std::to_string(photo.luma.height) + " px, but " + photographs[0].name + " is " +
-                                       std::to_string(first.width) + "x" + std::to_string(first.height) +
-                                       "; photographs of one head have one size");
+      return fail(Errc::kBadValue,
+                  fmt::format("{}: is {}x{} px, but {} is {}x{}; photographs of one head have one size", photo.name,
+                              photo.luma.width, photo.luma.height, photographs[0].name, first.width, first.height));
     }
     if (std::min(photo.luma.width, photo.luma.height) < 120) {
-      return fail(Errc::kBadValue, photo.name + ": is " + std::to_string(photo.luma.width) + "x" +
-                                       std::to_string(photo.luma.height) + " px; less than 120 px across is too small");
+      return fail(Errc::kBadValue, fmt::format("{}: is {}x{} px; less than 120 px across is too small", photo.name,
+                                               photo.luma.width, photo.luma.height));
     }
   }
   return {};
@@ -92,11 +92,12 @@ Status check_views_differ(const std::vector<Pose>& poses) {
     move = std::max(move, (pose.t - first.t).norm() / first.t.norm());
   }
   if (turn > kAlikeTurn || move > kAlikeMove) return {};
-  return fail(Errc::kNotDetermined,
-              "all " + std::to_string(poses.size()) + " photographs are taken from one place (they differ by at most " +
-                  text(turn / kRadiansPerDegree, "%.1f") + " degrees and " + text(100 * move, "%.1f") +
-                  " % of the distance), which is one view of the pattern; turn it by 20 to 40 degrees between them, to "
-                  "different sides");
+  return fail(
+      Errc::kNotDetermined,
+      fmt::format(
+          "all {} photographs are taken from one place (they differ by at most {} degrees and {} % of the distance), "
+          "which is one view of the pattern; turn it by 20 to 40 degrees between them, to different sides",
+          poses.size(), text(turn / kRadiansPerDegree, "%.1f"), text(100 * move, "%.1f")));
 }
 
 /// The standard deviation of a ray's pixel that follows from the unknowns' covariance, px rms over the region.
@@ -192,8 +193,8 @@ Status cut_at_turning_point(const LensParameters& lens, LensCalibration& out) {
 
 void add_notes(const LensOptions& options, LensReport& report) {
   if (report.views.size() < 3) {
-    report.notes.push_back(std::to_string(report.views.size()) +
-                           " photographs determine little more than they must; three or more show what is off");
+    report.notes.push_back(fmt::format(
+        "{} photographs determine little more than they must; three or more show what is off", report.views.size()));
   }
   if (report.covered < kWellCovered) {
     report.notes.push_back("the pattern was seen over " + text(100 * report.covered, "%.0f") +
@@ -249,7 +250,7 @@ Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photog
   std::vector<bool> fixed(static_cast<std::size_t>(state.arrangement.lens.count), false);
   fixed[kAspect] = options.aspect_known;
   for (int level = dense.coarsest(); level > 0; --level) {
-    tell("aligning pixels at 1/" + std::to_string(1 << level), 0.25);
+    tell(fmt::format("aligning pixels at 1/{}", 1 << level), 0.25);
     dense.run(level, kQuick, fixed, state);
   }
   const LensParameters& lens = state.arrangement.lens;

@@ -1,5 +1,7 @@
 #include "stitch/calibration/lens/find_pattern.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 #include "stitch/calibration/lens/scale_space.h"
@@ -57,10 +59,10 @@ Result<RadialPose> PatternFinder::find(const GreyImage& photo, const std::string
   std::optional<RadialPose> pose = radial_pose(pairs, center, aspect, kTolerance * photo.width);
   if (!pose) {
     return fail(Errc::kNotDetermined,
-                name + ": the pattern is not in this photograph (" + std::to_string(pairs.size()) +
-                    " points resemble it, and they do not agree); it must be the pattern that was printed, sharp, not "
-                    "mirrored, and fill at least a quarter of the picture. Leave this one out, or give the printed "
-                    "file with --pattern");
+                fmt::format("{}: the pattern is not in this photograph ({} points resemble it, and they do not agree); "
+                            "it must be the pattern that was printed, sharp, not mirrored, and fill at least a quarter "
+                            "of the picture. Leave this one out, or give the printed file with --pattern",
+                            name, pairs.size()));
   }
   return std::move(*pose);
 }

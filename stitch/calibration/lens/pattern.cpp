@@ -1,5 +1,7 @@
 #include "stitch/calibration/lens/pattern.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -56,9 +58,8 @@ void add_disc(const Disc& disc, int width, int height, std::vector<float>& sum) 
 Result<PatternRaster> make_pattern(const PatternSpec& spec) {
   for (const int side : {spec.width, spec.height}) {
     if (side < kMinPatternSide || side > kMaxPatternSide) {
-      return fail(Errc::kBadValue, "a pattern of " + std::to_string(spec.width) + "x" + std::to_string(spec.height) +
-                                       " px cannot be made; both sides must be " + std::to_string(kMinPatternSide) +
-                                       " to " + std::to_string(kMaxPatternSide));
+      return fail(Errc::kBadValue, fmt::format("a pattern of {}x{} px cannot be made; both sides must be {} to {}",
+                                               spec.width, spec.height, kMinPatternSide, kMaxPatternSide));
     }
   }
   const double area = static_cast<double>(spec.width) * spec.height;

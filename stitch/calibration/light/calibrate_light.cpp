@@ -1,5 +1,7 @@
 #include "stitch/calibration/light/calibrate_light.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -29,8 +31,8 @@ Status check_sets(const Calibration& prior, const std::vector<ExposedSet>& sets)
   if (sets.empty()) return fail(Errc::kBadValue, "no pictures given; give one of every head, taken at one moment");
   for (const ExposedSet& set : sets) {
     if (set.frames.size() != prior.heads.size()) {
-      return fail(Errc::kBadValue, set.name + ": holds " + std::to_string(set.frames.size()) + " pictures for " +
-                                       std::to_string(prior.heads.size()) + " heads");
+      return fail(Errc::kBadValue,
+                  fmt::format("{}: holds {} pictures for {} heads", set.name, set.frames.size(), prior.heads.size()));
     }
     for (std::size_t h = 0; h < set.frames.size(); ++h) {
       const HeadCalibration& head = prior.heads[h];
@@ -39,10 +41,9 @@ Status check_sets(const Calibration& prior, const std::vector<ExposedSet>& sets)
         return fail(Errc::kBadValue, set.name + ": the picture of head '" + head.name + "' is not RGB24");
       }
       if (frame.width == head.width && frame.height == head.height) continue;
-      return fail(Errc::kBadValue, set.name + ": the picture of head '" + head.name + "' is " +
-                                       std::to_string(frame.width) + "x" + std::to_string(frame.height) +
-                                       " px, but the calibration says " + std::to_string(head.width) + "x" +
-                                       std::to_string(head.height));
+      return fail(Errc::kBadValue,
+                  fmt::format("{}: the picture of head '{}' is {}x{} px, but the calibration says {}x{}", set.name,
+                              head.name, frame.width, frame.height, head.width, head.height));
     }
   }
   return {};
@@ -116,9 +117,9 @@ Status find_responses(const std::vector<geometry::Head>& heads, const std::vecto
                       const LightOptions& options, LightModel& model, LightReport& report) {
   const LightGroups places = same_places(heads, sets);
   if (places.size() < 3 * kMinPlaces) {
-    return fail(Errc::kNotDetermined, "too few places are neither black nor clipped in two exposures (" +
-                                          std::to_string(places.size() / 3) +
-                                          "); take the same scene a stop or two apart, and calm");
+    return fail(Errc::kNotDetermined, fmt::format("too few places are neither black nor clipped in two exposures ({}); "
+                                                  "take the same scene a stop or two apart, and calm",
+                                                  places.size() / 3));
   }
   const auto fitted = [&](const LightGroups& groups, const std::string& whose) -> Result<ResponseFit> {
     const ResponseFit fit = fit_response(groups);
@@ -238,9 +239,9 @@ Result<LightReport> calibrate_light(const Calibration& prior, const std::vector<
   const LightGroups all = shared_rays(heads, sets);
   const std::vector<bool> placed = placed_heads(all, prior.heads.size());
   if (std::ranges::count(placed, true) == 0) {
-    return fail(Errc::kNoCoverage, "no two heads share " + std::to_string(kMinRays) +
-                                       " rays that are neither black nor clipped; check the calibration's rotations "
-                                       "and the pictures' exposure");
+    return fail(Errc::kNoCoverage, fmt::format("no two heads share {} rays that are neither black nor clipped; check "
+                                               "the calibration's rotations and the pictures' exposure",
+                                               kMinRays));
   }
   const LightGroups groups = only(all, [&](int head) { return placed[static_cast<std::size_t>(head)] == true; });
   // A fall-off common to all heads needs a common start value.

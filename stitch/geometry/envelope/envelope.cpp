@@ -1,5 +1,7 @@
 #include "stitch/geometry/envelope/envelope.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <cmath>
 #include <string>
@@ -41,7 +43,7 @@ Result<Envelope> Envelope::from_obj(std::string_view text) {
 
 Result<Envelope> Envelope::from_mesh(const ObjMesh& mesh) {
   if (mesh.triangles.size() > kMaxTriangles)
-    return fail(Errc::kTooLarge, "more than " + std::to_string(kMaxTriangles) + " triangles: simplify the mesh");
+    return fail(Errc::kTooLarge, fmt::format("more than {} triangles: simplify the mesh", kMaxTriangles));
   NODAL_TRY(check_closed(mesh));
   const auto corner = [&](const ObjMesh::Triangle& triangle, std::size_t k) {
     return mesh.vertices[triangle.corners[k].vertex];
@@ -77,10 +79,9 @@ Status Envelope::check_eye(const Vector3d& eye) const {
     const auto& [a, b, c] = mesh_.triangles()[k];
     const double depth = volume(a - eye, b - eye, c - eye);
     if (depth > kInPlane * mesh_.reach() * (b - a).cross(c - a).norm()) continue;
-    return fail(Errc::kBadValue, (eye.isZero(0) ? "the nodal point (0, 0, 0)" : "the eye") +
-                                     std::string(" does not see the inner side of the face of ") +
-                                     std::string(counted_) + " " + std::to_string(lines_[k]) +
-                                     ": it is outside of the mesh's kernel");
+    return fail(Errc::kBadValue,
+                fmt::format("{} does not see the inner side of the face of {} {}: it is outside of the mesh's kernel",
+                            eye.isZero(0) ? "the nodal point (0, 0, 0)" : "the eye", counted_, lines_[k]));
   }
   return {};
 }

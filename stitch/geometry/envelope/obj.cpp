@@ -1,5 +1,7 @@
 #include "stitch/geometry/envelope/obj.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -13,7 +15,7 @@
 namespace nodal::geometry {
 namespace {
 
-std::string at_line(int line) { return "line " + std::to_string(line) + ": "; }
+std::string at_line(int line) { return fmt::format("line {}: ", line); }
 
 /// The words of a line.
 class Words {
@@ -66,16 +68,16 @@ Status read_face(Words words, int line, std::size_t most_triangles, ObjMesh& mes
     const std::size_t slash = std::min(word.find('/'), word.size());
     const std::optional<std::uint32_t> vertex = index_of(word.substr(0, slash), mesh.vertices.size());
     if (!vertex) {
-      return fail(Errc::kBadFormat, at_line(line) + "'" + shown + "' names none of the " +
-                                        std::to_string(mesh.vertices.size()) + " vertices above");
+      return fail(Errc::kBadFormat, fmt::format("{}'{}' names none of the {} vertices above", at_line(line), shown,
+                                                mesh.vertices.size()));
     }
     ObjMesh::Corner corner{*vertex, ObjMesh::kNone};
     word.remove_prefix(std::min(slash + 1, word.size()));
     if (const std::string_view second = word.substr(0, word.find('/')); !second.empty()) {
       const std::optional<std::uint32_t> texture = index_of(second, mesh.textures.size());
       if (!texture) {
-        return fail(Errc::kBadFormat, at_line(line) + "'" + shown + "' names none of the " +
-                                          std::to_string(mesh.textures.size()) + " texture coordinates (vt) above");
+        return fail(Errc::kBadFormat, fmt::format("{}'{}' names none of the {} texture coordinates (vt) above",
+                                                  at_line(line), shown, mesh.textures.size()));
       }
       corner.texture = *texture;
     }
@@ -83,7 +85,7 @@ Status read_face(Words words, int line, std::size_t most_triangles, ObjMesh& mes
   }
   if (corners.size() < 3) return fail(Errc::kBadFormat, at_line(line) + "a face needs three vertices or more");
   if (mesh.triangles.size() + corners.size() - 2 > most_triangles)
-    return fail(Errc::kTooLarge, "more than " + std::to_string(most_triangles) + " triangles: simplify the mesh");
+    return fail(Errc::kTooLarge, fmt::format("more than {} triangles: simplify the mesh", most_triangles));
   for (std::size_t k = 2; k < corners.size(); ++k)
     mesh.triangles.push_back({{corners[0], corners[k - 1], corners[k]}, line});
   return {};
@@ -93,7 +95,7 @@ Status read_face(Words words, int line, std::size_t most_triangles, ObjMesh& mes
 
 Result<ObjMesh> read_obj(std::string_view text, std::size_t most_bytes, std::size_t most_triangles) {
   if (text.size() > most_bytes)
-    return fail(Errc::kTooLarge, "more than " + std::to_string(most_bytes) + " bytes: simplify the mesh");
+    return fail(Errc::kTooLarge, fmt::format("more than {} bytes: simplify the mesh", most_bytes));
   ObjMesh mesh;
   for (int line = 1; !text.empty(); ++line) {
     const std::size_t end = std::min(text.find('\n'), text.size());
@@ -117,7 +119,7 @@ Result<ObjMesh> read_obj(std::string_view text, std::size_t most_bytes, std::siz
 }
 
 Status check_closed(const ObjMesh& mesh) {
-  const auto at = [&](int number) { return std::string(mesh.counted) + " " + std::to_string(number); };
+  const auto at = [&](int number) { return fmt::format("{} {}", mesh.counted, number); };
   // Triangle::line of the triangle that runs along an edge.
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> lines;
   for (const ObjMesh::Triangle& triangle : mesh.triangles) {
@@ -133,8 +135,8 @@ Status check_closed(const ObjMesh& mesh) {
   }
   for (const auto& [edge, line] : lines) {
     if (!lines.contains({edge.second, edge.first})) {
-      return fail(Errc::kBadValue, at(line) + ": a hole: no other face has the edge from vertex " +
-                                       std::to_string(edge.first + 1) + " to " + std::to_string(edge.second + 1));
+      return fail(Errc::kBadValue, fmt::format("{}: a hole: no other face has the edge from vertex {} to {}", at(line),
+                                               edge.first + 1, edge.second + 1));
     }
   }
   return {};

@@ -1,5 +1,7 @@
 #include "stitch/geometry/raymap/compressed_spherical.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -18,8 +20,8 @@ CompressedSpherical::CompressedSpherical(RaymapSize size) : RaymapLayout(size.wi
 
 Result<std::unique_ptr<RaymapLayout>> CompressedSpherical::make(RaymapSize size, std::int64_t) {
   if (size.width % 2 != 0) {
-    return fail(Errc::kBadValue, "a compressed_spherical raymap has an even width, not " + std::to_string(size.width) +
-                                     "; " + std::to_string(size.width + 1) + " would be");
+    return fail(Errc::kBadValue, fmt::format("a compressed_spherical raymap has an even width, not {}; {} would be",
+                                             size.width, size.width + 1));
   }
   return std::unique_ptr<RaymapLayout>(new CompressedSpherical(size));
 }

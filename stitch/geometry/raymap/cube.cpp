@@ -1,5 +1,7 @@
 #include "stitch/geometry/raymap/cube.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -56,15 +58,13 @@ Result<std::unique_ptr<RaymapLayout>> Cube::make(const Arrangement& plan, Raymap
   const bool squares = side * plan.columns == size.width && side * plan.rows == size.height;
   if (!squares || side < least) {
     const int near = std::clamp((size.width + plan.columns / 2) / plan.columns, least, kMaxRaymapSide / plan.columns);
-    const auto text = [](int width, int height) { return std::to_string(width) + "x" + std::to_string(height); };
+    const auto text = [](int width, int height) { return fmt::format("{}x{}", width, height); };
     const std::string article = plan.name.starts_with('e') ? "an " : "a ";
-    return fail(
-        Errc::kBadValue,
-        article + std::string(plan.name) + " raymap is " + std::to_string(plan.columns) + " by " +
-            std::to_string(plan.rows) + " square faces" +
-            (pad > 0 ? " with " + std::to_string(pad) + (pad > 1 ? " pixels" : " pixel") + " around each" : "") +
-            ", and " + text(size.width, size.height) + " is not; " + text(plan.columns * near, plan.rows * near) +
-            " would be");
+    return fail(Errc::kBadValue,
+                fmt::format("{}{} raymap is {} by {} square faces{}, and {} is not; {} would be", article, plan.name,
+                            plan.columns, plan.rows,
+                            pad > 0 ? fmt::format(" with {}{} around each", pad, pad > 1 ? " pixels" : " pixel") : "",
+                            text(size.width, size.height), text(plan.columns * near, plan.rows * near)));
   }
   return std::unique_ptr<RaymapLayout>(new Cube(plan, size, static_cast<int>(pad)));
 }

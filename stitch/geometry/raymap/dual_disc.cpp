@@ -1,5 +1,7 @@
 #include "stitch/geometry/raymap/dual_disc.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -149,9 +151,8 @@ class DualDisc final : public RaymapLayout {
 template <class Lens>
 Result<std::unique_ptr<RaymapLayout>> make(RaymapSize size) {
   if (size.width != 2 * size.height) {
-    return fail(Errc::kBadValue, "a " + std::string(Lens::kName) + " raymap is twice as wide as high, and " +
-                                     std::to_string(size.width) + "x" + std::to_string(size.height) + " is not; " +
-                                     std::to_string(2 * size.height) + "x" + std::to_string(size.height) + " would be");
+    return fail(Errc::kBadValue, fmt::format("a {} raymap is twice as wide as high, and {}x{} is not; {}x{} would be",
+                                             Lens::kName, size.width, size.height, 2 * size.height, size.height));
   }
   return std::make_unique<DualDisc<Lens>>(size);
 }

@@ -1,5 +1,7 @@
 #include "stitch/geometry/raymap/healpix.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -37,9 +39,9 @@ Ray ray_on(std::size_t face, double fx, double fy) {
 Result<std::unique_ptr<RaymapLayout>> Healpix::make(RaymapSize size, std::int64_t) {
   if (size.width % 4 != 0 || size.width / 4 * 3 != size.height) {
     const int side = std::clamp((size.width + 2) / 4, 1, kMaxRaymapSide / 4);
-    return fail(Errc::kBadValue, "a healpix raymap is four by three square faces, and " + std::to_string(size.width) +
-                                     "x" + std::to_string(size.height) + " is not; " + std::to_string(4 * side) + "x" +
-                                     std::to_string(3 * side) + " would be");
+    return fail(Errc::kBadValue,
+                fmt::format("a healpix raymap is four by three square faces, and {}x{} is not; {}x{} would be",
+                            size.width, size.height, 4 * side, 3 * side));
   }
   return std::unique_ptr<RaymapLayout>(new Healpix(size.width, size.height));
 }

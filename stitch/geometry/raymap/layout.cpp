@@ -1,13 +1,15 @@
 #include "stitch/geometry/raymap/layout.h"
 
+#include <fmt/format.h>
+
 #include "protocol/base/try.h"
 
 namespace nodal::geometry {
 
 Result<std::unique_ptr<RaymapLayout>> make_layout(const LayoutName& name, int width, int height) {
   if (width < 1 || height < 1 || width > kMaxRaymapSide || height > kMaxRaymapSide) {
-    return fail(Errc::kBadValue, "a raymap of " + std::to_string(width) + "x" + std::to_string(height) +
-                                     " pixels: each side must be 1 to " + std::to_string(kMaxRaymapSide));
+    return fail(Errc::kBadValue,
+                fmt::format("a raymap of {}x{} pixels: each side must be 1 to {}", width, height, kMaxRaymapSide));
   }
   return name.kind().make({width, height}, name.value());
 }

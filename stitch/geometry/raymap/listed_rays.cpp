@@ -1,5 +1,7 @@
 #include "stitch/geometry/raymap/listed_rays.h"
 
+#include <fmt/format.h>
+
 #include <bit>
 #include <string>
 
@@ -11,9 +13,8 @@ Result<std::unique_ptr<RaymapLayout>> ListedRays::make(RaymapSize size, std::int
   const RayList* list = known_ray_list(std::bit_cast<std::uint64_t>(digits));
   if (list == nullptr) return fail(Errc::kNotFound, "the list of rays is not known here; give its file");
   if (list->size.width != size.width || list->size.height != size.height) {
-    return fail(Errc::kBadValue, "the list of rays is for raymaps of " + std::to_string(list->size.width) + "x" +
-                                     std::to_string(list->size.height) + ", not " + std::to_string(size.width) + "x" +
-                                     std::to_string(size.height));
+    return fail(Errc::kBadValue, fmt::format("the list of rays is for raymaps of {}x{}, not {}x{}", list->size.width,
+                                             list->size.height, size.width, size.height));
   }
   return std::unique_ptr<RaymapLayout>(new ListedRays(*list));
 }

@@ -1,5 +1,7 @@
 #include "stitch/geometry/raymap/polyhedron.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
@@ -174,9 +176,9 @@ std::vector<LayoutPatch> Polyhedron::patches() const {
 Result<std::unique_ptr<RaymapLayout>> make_octahedron(RaymapSize size, std::int64_t) {
   if (size.width != size.height || size.width % 2 != 0) {
     const int side = std::clamp((size.width + 1) / 2 * 2, 2, kMaxRaymapSide);
-    return fail(Errc::kBadValue, "an octahedron raymap is a square with even sides, and " + std::to_string(size.width) +
-                                     "x" + std::to_string(size.height) + " is not; " + std::to_string(side) + "x" +
-                                     std::to_string(side) + " would be");
+    return fail(Errc::kBadValue,
+                fmt::format("an octahedron raymap is a square with even sides, and {}x{} is not; {}x{} would be",
+                            size.width, size.height, side, side));
   }
   std::vector<Polyhedron::Triangle> triangles;
   for (const int x : {-1, 1}) {

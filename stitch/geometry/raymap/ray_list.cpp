@@ -1,5 +1,7 @@
 #include "stitch/geometry/raymap/ray_list.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <charconv>
@@ -14,7 +16,7 @@
 namespace nodal::geometry {
 namespace {
 
-std::string of_line(int line) { return "line " + std::to_string(line) + ": "; }
+std::string of_line(int line) { return fmt::format("line {}: ", line); }
 
 /// Reads numbers that blanks separate, and nothing else. False if there are others than `count`.
 template <class Number>
@@ -39,10 +41,10 @@ Result<RaymapSize> read_size(std::string_view text, int line) {
   const auto good = [](int side) { return side >= 2 && side <= kMaxRaymapSide && side % 2 == 0; };
   if (!good(sides[0]) || !good(sides[1])) {
     return fail(Errc::kBadValue,
-                of_line(line) + "width and height must be even, 2 to " + std::to_string(kMaxRaymapSide));
+                fmt::format("{}width and height must be even, 2 to {}", of_line(line), kMaxRaymapSide));
   }
   if (static_cast<std::size_t>(sides[0]) * static_cast<std::size_t>(sides[1]) > kMaxRays)
-    return fail(Errc::kTooLarge, of_line(line) + "a list has at most " + std::to_string(kMaxRays) + " rays");
+    return fail(Errc::kTooLarge, fmt::format("{}a list has at most {} rays", of_line(line), kMaxRays));
   return RaymapSize{sides[0], sides[1]};
 }
 
@@ -59,7 +61,7 @@ Status check_different(const RayList& list, const std::vector<int>& lines) {
     for (std::size_t c = 0; c < 3; ++c) apart = std::max(apart, std::abs(a[c] - b[c]));
     if (apart > kSame) continue;
     const auto [first, second] = std::minmax(lines[order[k - 1]], lines[order[k]]);
-    return fail(Errc::kBadValue, of_line(second) + "the ray is the same as that of line " + std::to_string(first));
+    return fail(Errc::kBadValue, fmt::format("{}the ray is the same as that of line {}", of_line(second), first));
   }
   return {};
 }
@@ -81,7 +83,7 @@ std::array<std::atomic<const Known*>, kMaxRayLists>& all_known() {
 Result<RayList> parse_ray_list(std::string_view text) {
   if (text.size() > kMaxRayFileBytes) {
     return fail(Errc::kTooLarge,
-                "a list of rays has at most " + std::to_string(kMaxRayFileBytes) + " bytes: give fewer digits or rays");
+                fmt::format("a list of rays has at most {} bytes: give fewer digits or rays", kMaxRayFileBytes));
   }
   RayList list;
   std::vector<int> lines;
@@ -99,8 +101,8 @@ Result<RayList> parse_ray_list(std::string_view text) {
       continue;
     }
     if (list.rays.size() == count) {
-      return fail(Errc::kBadFormat, of_line(line) + "there are more than the " + std::to_string(count) +
-                                        " rays that the first line says");
+      return fail(Errc::kBadFormat,
+                  fmt::format("{}there are more than the {} rays that the first line says", of_line(line), count));
     }
     std::array<double, 3> ray{};
     if (!read_numbers(content, ray.data(), 3))
@@ -114,8 +116,8 @@ Result<RayList> parse_ray_list(std::string_view text) {
   }
   if (count == 0) return fail(Errc::kBadFormat, "there is no line: rays WIDTH HEIGHT; this is no list of rays");
   if (list.rays.size() < count) {
-    return fail(Errc::kTruncated, "there are " + std::to_string(list.rays.size()) + " rays, and the first line says " +
-                                      std::to_string(count));
+    return fail(Errc::kTruncated,
+                fmt::format("there are {} rays, and the first line says {}", list.rays.size(), count));
   }
   NODAL_TRY(check_different(list, lines));
   return list;
@@ -132,7 +134,7 @@ Result<std::string> make_ray_list_known(std::string_view text) {
     if (slot.compare_exchange_strong(there, made.get())) there = made.release();
     if (there->digits == digits) return "rays:" + to_hex(digest).substr(0, 16);
   }
-  return fail(Errc::kTooLarge, "at most " + std::to_string(kMaxRayLists) + " lists of rays are used at once");
+  return fail(Errc::kTooLarge, fmt::format("at most {} lists of rays are used at once", kMaxRayLists));
 }
 
 const RayList* known_ray_list(std::uint64_t digits) {

@@ -1,5 +1,7 @@
 #include "stitch/geometry/raymap/registry.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -192,9 +194,9 @@ Result<LayoutName> LayoutName::parse(std::string_view text) {
     good = error == std::errc() && at == end && value >= parameter.least && value <= parameter.most;
   }
   if (!good) {
-    return fail(Errc::kBadValue, "raymap layout '" + std::string(text.substr(0, 64)) + "': after " + std::string(name) +
-                                     ": there may be " + key + "N, a whole number from " +
-                                     std::to_string(parameter.least) + " to " + std::to_string(parameter.most));
+    return fail(Errc::kBadValue,
+                fmt::format("raymap layout '{}': after {}: there may be {}N, a whole number from {} to {}",
+                            text.substr(0, 64), name, key, parameter.least, parameter.most));
   }
   return LayoutName(*kind, value);
 }
@@ -208,7 +210,7 @@ std::string LayoutName::text() const {
   }
   std::string text(kind_->name);
   const LayoutParameter& parameter = kind_->parameter;
-  if (value_ != parameter.otherwise) text += ":" + std::string(parameter.key) + "=" + std::to_string(value_);
+  if (value_ != parameter.otherwise) text += fmt::format(":{}={}", parameter.key, value_);
   return text;
 }
 
@@ -234,8 +236,8 @@ Status LayoutName::check_size(RaymapSize size) const {
   if (is_ray_list()) {
     const RaymapSize its = kind_->only_size(value_).value();
     if (its.width == size.width && its.height == size.height) return {};
-    return fail(Errc::kBadValue, "is not the size of the list of rays, " + std::to_string(its.width) + "x" +
-                                     std::to_string(its.height) + "; leave width and height out");
+    return fail(Errc::kBadValue, fmt::format("is not the size of the list of rays, {}x{}; leave width and height out",
+                                             its.width, its.height));
   }
   const RaymapSize step = kind_->step;
   if (size.width >= least_width(*kind_, value_) && size.height > 0 && size.width % step.width == 0 &&
@@ -244,11 +246,11 @@ Status LayoutName::check_size(RaymapSize size) const {
     if (free || size.width / step.width == size.height / step.height) return {};
   }
   const RaymapSize near = size_for_width(size.width);
-  return fail(Errc::kBadValue, "is not a size of the layout " + text() + ", whose " +
-                                   (kind_->ratio ? "sides are even"
-                                                 : "size is a multiple of " + std::to_string(step.width) + "x" +
-                                                       std::to_string(step.height)) +
-                                   "; " + std::to_string(near.width) + "x" + std::to_string(near.height) + " would be");
+  return fail(
+      Errc::kBadValue,
+      fmt::format("is not a size of the layout {}, whose {}; {}x{} would be", text(),
+                  kind_->ratio ? "sides are even" : fmt::format("size is a multiple of {}x{}", step.width, step.height),
+                  near.width, near.height));
 }
 
 }  // namespace nodal::geometry

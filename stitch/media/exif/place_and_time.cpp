@@ -1,5 +1,7 @@
 #include "stitch/media/exif/place_and_time.h"
 
+#include <fmt/format.h>
+
 #include <libexif/exif-data.h>
 
 #include <algorithm>
@@ -113,7 +115,7 @@ void add_properties(ExifData* data, PlaceAndTime& known) {
   if (!altitude) return;
   const ExifEntry* below =
       exif_content_get_entry(data->ifd[EXIF_IFD_GPS], static_cast<ExifTag>(EXIF_TAG_GPS_ALTITUDE_REF));
-  add("exif:GPSAltitude", std::to_string(std::llround(*altitude * 1000)) + "/1000");
+  add("exif:GPSAltitude", fmt::format("{}/1000", std::llround(*altitude * 1000)));
   add("exif:GPSAltitudeRef",
       below != nullptr && below->data != nullptr && below->size > 0 && below->data[0] == 1 ? "1" : "0");
 }

@@ -1,5 +1,7 @@
 #include "stitch/media/heif_webp/heif_reader.h"
 
+#include <fmt/format.h>
+
 #include <libheif/heif.h>
 
 #include <algorithm>
@@ -93,8 +95,8 @@ std::vector<std::uint8_t> exif_of_block(std::vector<std::uint8_t> data) {
 Status read_meaning(const heif_image_handle* handle, SampleMeaning& meaning, const std::string& name) {
   const std::size_t size = heif_image_handle_get_raw_color_profile_size(handle);
   if (size > kMaxCodedMetadata) {
-    return fail(Errc::kTooLarge, "picture '" + name + "': its colour profile is over " +
-                                     std::to_string(kMaxCodedMetadata >> 20) + " MiB; convert it to sRGB");
+    return fail(Errc::kTooLarge, fmt::format("picture '{}': its colour profile is over {} MiB; convert it to sRGB",
+                                             name, kMaxCodedMetadata >> 20));
   }
   meaning.alpha = heif_image_handle_has_alpha_channel(handle) != 0;
   if (size > 0) {

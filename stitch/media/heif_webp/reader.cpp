@@ -1,5 +1,7 @@
 #include "stitch/media/heif_webp/reader.h"
 
+#include <fmt/format.h>
+
 #include <span>
 #include <string>
 
@@ -17,8 +19,7 @@ namespace {
 Result<std::span<const std::uint8_t>> all_of(PictureBytes& file) {
   NODAL_TRY_ASSIGN(const auto bytes, file.first(kMaxImageFileBytes + 1));
   if (bytes.size() > kMaxImageFileBytes) {
-    return fail(Errc::kTooLarge,
-                "picture '" + file.name() + "': is over " + std::to_string(kMaxImageFileBytes >> 20) + " MiB");
+    return fail(Errc::kTooLarge, fmt::format("picture '{}': is over {} MiB", file.name(), kMaxImageFileBytes >> 20));
   }
   return bytes;
 }
@@ -29,9 +30,8 @@ Result<ImageHeader> checked(Result<ImageHeader> header, const std::string& name)
   if (header->width < 1 || header->height < 1)
     return fail(Errc::kBadFormat, "picture '" + name + "': it has no pixels; fetch or export it again");
   if (header->width > kMaxImageSide || header->height > kMaxImageSide || width * height > kMaxCodedPixels) {
-    return fail(Errc::kTooLarge, "picture '" + name + "': is " + std::to_string(width) + "x" + std::to_string(height) +
-                                     ", over the limit of " + std::to_string(kMaxImageSide) + " a side and " +
-                                     std::to_string(kMaxCodedPixels >> 20) + " * 2^20 pixels");
+    return fail(Errc::kTooLarge, fmt::format("picture '{}': is {}x{}, over the limit of {} a side and {} * 2^20 pixels",
+                                             name, width, height, kMaxImageSide, kMaxCodedPixels >> 20));
   }
   return header;
 }

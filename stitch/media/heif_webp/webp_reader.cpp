@@ -1,5 +1,7 @@
 #include "stitch/media/heif_webp/webp_reader.h"
 
+#include <fmt/format.h>
+
 #include <webp/decode.h>
 
 #include <algorithm>
@@ -58,8 +60,8 @@ Result<ImageHeader> webp_header(std::span<const std::uint8_t> bytes, const std::
   header.meaning.alpha = about.has_alpha != 0;
   const auto profile = chunk(bytes, "ICCP");
   if (profile.size() > kMaxCodedMetadata) {
-    return fail(Errc::kTooLarge, "picture '" + name + "': its colour profile is over " +
-                                     std::to_string(kMaxCodedMetadata >> 20) + " MiB; convert it to sRGB");
+    return fail(Errc::kTooLarge, fmt::format("picture '{}': its colour profile is over {} MiB; convert it to sRGB",
+                                             name, kMaxCodedMetadata >> 20));
   }
   header.meaning.icc.assign(profile.begin(), profile.end());
   auto exif = chunk(bytes, "EXIF");

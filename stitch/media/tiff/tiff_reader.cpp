@@ -1,5 +1,7 @@
 #include "stitch/media/tiff/tiff_reader.h"
 
+#include <fmt/format.h>
+
 #include <unistd.h>
 
 #include <algorithm>
@@ -55,19 +57,18 @@ Status check_size(Reader& reader) {
   TIFF* tiff = reader.tiff.get();
   const auto width = field<std::uint32_t>(tiff, TIFFTAG_IMAGEWIDTH, 0);
   const auto height = field<std::uint32_t>(tiff, TIFFTAG_IMAGELENGTH, 0);
-  const std::string size = std::to_string(width) + "x" + std::to_string(height);
+  const std::string size = fmt::format("{}x{}", width, height);
   if (width == 0 || height == 0) return fail(reader.error(Errc::kBadFormat, "the TIFF has " + size + " pixels"));
   if (width > kMaxSide || height > kMaxSide) {
-    return fail(
-        reader.error(Errc::kTooLarge, "is " + size + ", over the limit of " + std::to_string(kMaxSide) + " a side"));
+    return fail(reader.error(Errc::kTooLarge, fmt::format("is {}, over the limit of {} a side", size, kMaxSide)));
   }
   if (std::uint64_t{width} * height > kMaxPicturePixels) {
-    return fail(reader.error(Errc::kTooLarge, "is " + size + ", over the limit of " +
-                                                  std::to_string(kMaxPicturePixels >> 20) + " * 2^20 pixels"));
+    return fail(reader.error(Errc::kTooLarge,
+                             fmt::format("is {}, over the limit of {} * 2^20 pixels", size, kMaxPicturePixels >> 20)));
   }
   if (std::uint64_t{width} * height * 3 > kSmall + kMaxExpansion * reader.file_bytes) {
-    return fail(reader.error(Errc::kTruncated, std::to_string(reader.file_bytes) + " bytes cannot hold " + size +
-                                                   " pixels; fetch or export it again"));
+    return fail(reader.error(Errc::kTruncated, fmt::format("{} bytes cannot hold {} pixels; fetch or export it again",
+                                                           reader.file_bytes, size)));
   }
   const auto light = field<std::uint16_t>(tiff, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_RGB);
   const bool grey = light == PHOTOMETRIC_MINISBLACK || light == PHOTOMETRIC_MINISWHITE;
@@ -81,7 +82,7 @@ Status check_size(Reader& reader) {
 }
 
 Error too_large(const Reader& reader) {
-  return reader.error(Errc::kTooLarge, "is over " + std::to_string(kMaxTiffFileBytes >> 20) + " MiB");
+  return reader.error(Errc::kTooLarge, fmt::format("is over {} MiB", kMaxTiffFileBytes >> 20));
 }
 
 Status open(PictureBytes& file, Reader& reader) {

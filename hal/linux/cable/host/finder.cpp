@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -54,7 +56,7 @@ std::string place_of(libusb_device* device) {
   const int depth = libusb_get_port_numbers(device, ports.data(), static_cast<int>(ports.size()));
   std::string place = std::to_string(libusb_get_bus_number(device));
   for (int i = 0; i < depth; ++i) {
-    place += (i == 0 ? "-" : ".") + std::to_string(ports[static_cast<std::size_t>(i)]);
+    place += fmt::format("{}{}", i == 0 ? "-" : ".", ports[static_cast<std::size_t>(i)]);
   }
   return place;
 }
@@ -98,8 +100,7 @@ std::optional<Found> examine(libusb_device* device) {
     if (found.to_rig == 0 || found.from_rig == 0) continue;
     const std::string place = place_of(device);
     found.rig = {text_of(place + "/serial"),
-                 text_of(place + ":" + std::to_string(config->bConfigurationValue) + "." +
-                         std::to_string(found.interface) + "/interface"),
+                 text_of(fmt::format("{}:{}.{}/interface", place, config->bConfigurationValue, found.interface)),
                  place};
     return found;
   }
@@ -137,7 +138,7 @@ Result<Found> choose(const std::vector<Found>& rigs, std::string_view serial) {
   }
   if (fitting.size() > 1) {
     return fail(Errc::kUnreachable,
-                std::to_string(fitting.size()) + " rigs are plugged in; name the serial of one: " + list(fitting));
+                fmt::format("{} rigs are plugged in; name the serial of one: {}", fitting.size(), list(fitting)));
   }
   return fitting[0];
 }

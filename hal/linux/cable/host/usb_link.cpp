@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <sys/epoll.h>
 #include <sys/time.h>
 
@@ -239,9 +241,9 @@ Result<std::unique_ptr<LinkPort>> connect_cable(std::string_view serial) {
   const auto answer = read_answer(std::span(bytes).first(static_cast<std::size_t>(n)));
   if (!answer) return fail(Errc::kUnreachable, device.text + ": this USB device is not a rig");
   if (answer->version != kVersion) {
-    return fail(Errc::kVersionMismatch, device.text + ": the rig's version of the cable is " +
-                                            std::to_string(answer->version) + ", this program's " +
-                                            std::to_string(kVersion) + "; update the older one");
+    return fail(Errc::kVersionMismatch,
+                fmt::format("{}: the rig's version of the cable is {}, this program's {}; update the older one",
+                            device.text, answer->version, kVersion));
   }
   auto link = std::make_unique<UsbLink>(std::move(device), answer->session);
   NODAL_TRY(link->open());
