@@ -32,7 +32,8 @@ Operation::Operation(const RigConfig& config, const Stages& stages, hal::Watchdo
       news_(now),
       audit_(stages.audit, stages.utc, news_),
       settings_(stages.settings, config.text_id),
-      take_watch_(stages, config.takes && config.takes->at_start),
+      take_watch_(stages.blender.swap().adoption(), stages.takes ? &stages.takes->calibrations() : nullptr,
+                  config.takes && config.takes->at_start),
       watch_(config_, stages, news_, watchdog, now),
       panel_(panel) {
   read_reports();

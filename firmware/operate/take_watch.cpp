@@ -46,11 +46,11 @@ void TakeWatch::tell_calibration(const Reports& reports) {
     if (documents_.size() > kDocumentsKept) documents_.pop_front();
   }
   if (!reports.takes->recording) return;
-  const Adoption& adopted = stages_.blender.swap().adoption().read();
+  const Adoption& adopted = adoption_.read();
   if (adopted.calibration == told_calibration_) return;
   const auto known = std::ranges::find(documents_, adopted.calibration, &std::pair<Sha256, Document>::first);
   if (known == documents_.end()) return;
-  if (stages_.takes->calibrations().push({adopted.first_set, adopted.calibration, *known->second}))
+  if (calibrations_->push({adopted.first_set, adopted.calibration, *known->second}))
     told_calibration_ = adopted.calibration;
 }
 

@@ -10,18 +10,21 @@
 
 #include "firmware/operate/news.h"
 #include "firmware/operate/stages.h"
+#include "firmware/picture/calibration_swap.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/units.h"
 
 namespace nodal::firmware {
 
 /// Threading: thread-bound to control.
-/// Ownership: the stages outlive it.
+/// Ownership: all that it is made with outlives it.
 /// Errors: none.
 class TakeWatch {
  public:
+  /// `adoption`: the blend's newest; `calibrations`: of the current take, null in a rig that records nothing;
   /// `at_start`: [takes] start = "boot".
-  TakeWatch(const Stages& stages, bool at_start) : stages_(stages), at_start_(at_start) {}
+  TakeWatch(Snapshot<Adoption>& adoption, SpscRing<TakeCalibration>* calibrations, bool at_start)
+      : adoption_(adoption), calibrations_(calibrations), at_start_(at_start) {}
 
   /// Without effect in a rig that records nothing. True: a take is to be started now.
   bool step(const Reports& reports, News& news, Instant now);
@@ -35,7 +38,8 @@ class TakeWatch {
   bool wants_take(const Reports& reports, Instant now);
   void tell_calibration(const Reports& reports);
 
-  const Stages stages_;
+  Snapshot<Adoption>& adoption_;
+  SpscRing<TakeCalibration>* const calibrations_;
   const bool at_start_;
   /// State of [takes] start = "boot".
   struct Start {
