@@ -7,6 +7,8 @@
 #include <cmath>
 #include <string_view>
 
+#include "stitch/media/xml_text.h"
+
 namespace nodal::bench {
 namespace {
 
@@ -14,22 +16,9 @@ constexpr double kWidth = 760, kHeight = 490;                         // px of t
 constexpr double kLeft = 70, kTop = 96, kRight = 730, kBottom = 415;  // px, bounds of the axes
 constexpr std::array kColours{"#0b6e99", "#b3470f", "#3a7d34", "#6b4a9e"};
 
-std::string escaped(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&': out += "&amp;"; break;
-      case '<': out += "&lt;"; break;
-      case '>': out += "&gt;"; break;
-      default: out += c;
-    }
-  }
-  return out;
-}
-
 std::string text(double x, double y, std::string_view anchor, std::string_view more, std::string_view what) {
   return fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"{}\" {}>{}</text>\n", x, y, anchor, more,
-                     escaped(what));
+                     media::xml_escaped(what));
 }
 
 std::string line(double x0, double y0, double x1, double y1, std::string_view colour) {

@@ -23,7 +23,7 @@ TakeRow row_up_to(std::uint64_t set) {
   return row;
 }
 
-Instant at(Duration time) { return Instant() + time; }
+Instant after(Duration time) { return Instant() + time; }
 
 TEST(SeamFeed, Made_OpensTheBlendsLog) {
   SeamLog log;
@@ -36,32 +36,32 @@ TEST(SeamFeed, ARow_WaitsUntilTheBlendHasBegunItsSets) {
   SeamLog log;
   SeamFeed feed(&log);
   log.begin(4);
-  EXPECT_TRUE(feed.is_behind(row_up_to(5), at(Duration())));
-  EXPECT_FALSE(feed.is_behind(row_up_to(4), at(Duration())));
-  EXPECT_FALSE(feed.is_behind(TakeRow(), at(Duration()))) << "a row without sets";
+  EXPECT_TRUE(feed.is_behind(row_up_to(5), after(Duration())));
+  EXPECT_FALSE(feed.is_behind(row_up_to(4), after(Duration())));
+  EXPECT_FALSE(feed.is_behind(TakeRow(), after(Duration()))) << "a row without sets";
   log.begin(5);
-  EXPECT_FALSE(feed.is_behind(row_up_to(5), at(Duration())));
+  EXPECT_FALSE(feed.is_behind(row_up_to(5), after(Duration())));
 }
 
 TEST(SeamFeed, ABlendThatDoesNotGoOn_IsWaitedForOneSecondAfterItsLastSet) {
   SeamLog log;
   SeamFeed feed(&log);
   log.begin(4);
-  EXPECT_TRUE(feed.is_behind(row_up_to(9), at(Duration::seconds(5))));
-  EXPECT_TRUE(feed.is_behind(row_up_to(9), at(Duration::milliseconds(5999))));
+  EXPECT_TRUE(feed.is_behind(row_up_to(9), after(Duration::seconds(5))));
+  EXPECT_TRUE(feed.is_behind(row_up_to(9), after(Duration::milliseconds(5999))));
   log.begin(5);
-  EXPECT_TRUE(feed.is_behind(row_up_to(9), at(Duration::milliseconds(6500))));
-  EXPECT_FALSE(feed.is_behind(row_up_to(9), at(Duration::milliseconds(7500))));
+  EXPECT_TRUE(feed.is_behind(row_up_to(9), after(Duration::milliseconds(6500))));
+  EXPECT_FALSE(feed.is_behind(row_up_to(9), after(Duration::milliseconds(7500))));
 }
 
 TEST(SeamFeed, FixedSeamsOrTheEnd_LetNoRowWait) {
   SeamFeed fixed(nullptr);
-  EXPECT_FALSE(fixed.is_behind(row_up_to(9), at(Duration())));
+  EXPECT_FALSE(fixed.is_behind(row_up_to(9), after(Duration())));
   EXPECT_FALSE(fixed.step(nullptr));
   SeamLog log;
   SeamFeed feed(&log);
   feed.close();
-  EXPECT_FALSE(feed.is_behind(row_up_to(9), at(Duration())));
+  EXPECT_FALSE(feed.is_behind(row_up_to(9), after(Duration())));
 }
 
 TEST(SeamFeed, SeamsFromBeforeATake_AreTheFirstInIt) {
