@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <string>
+#include <vector>
+
 #include "firmware/record/take_row.h"
 #include "firmware/record/take_writer.h"
 #include "hal/sim/disk.h"
@@ -79,7 +82,8 @@ TEST(SeamFeed, SeamsFromBeforeATake_AreTheFirstInIt) {
   const take_film::Film film = take_film::film(1);
   ASSERT_TRUE((*writer)->write(film.rows[0]));
   ASSERT_TRUE((*writer)->end("stopped"));
-  for (const std::string& name : disk.list("000042").value()) {
+  const std::vector<std::string> names = disk.list("000042").value();
+  for (const std::string& name : names) {
     if (!name.starts_with("evidence-")) continue;
     const auto segment = take::read_evidence(take_film::read(disk, name), name);
     ASSERT_TRUE(segment);
