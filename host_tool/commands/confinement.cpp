@@ -198,6 +198,10 @@ CommandRights rights_of(const CLI::App& command) {
   bool anywhere = false;
   for (const CLI::App* app = &command; app != nullptr; app = app->get_parent()) {
     for (const CLI::Option* option : app->get_options()) {
+      // A page that shows a sphere writes nothing.
+      const bool shows = command.get_name() == kLookCommand && option->check_lname("out") &&
+                         command.get_option("INPUT")->results().size() < 2;
+      if (shows) continue;
       add_option(*option, rights);
       if (option->empty()) continue;
       anywhere = anywhere || option->check_lname(std::string(kPicturesAnywhere).substr(2));

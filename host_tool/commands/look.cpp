@@ -7,10 +7,15 @@
 #include "host_tool/commands/envelope_option.h"
 #include "host_tool/commands/layout_option.h"
 #include "host_tool/console/interrupt.h"
+#include "host_tool/console/quantities.h"
+#include "host_tool/input/own_pictures.h"
+#include "host_tool/input/rig_pictures.h"
+#include "host_tool/look/live_rig.h"
 #include "host_tool/look/loopback.h"
 #include "host_tool/look/page_files.h"
 #include "host_tool/look/server.h"
 #include "host_tool/look/sphere.h"
+#include "host_tool/look/workbench.h"
 #include "protocol/base/try.h"
 #include "stitch/geometry/raymap/fisheye_picture.h"
 
@@ -22,13 +27,22 @@ constexpr std::chrono::milliseconds kEndsAfter{60'000};  // after the last page 
 constexpr int kTickMs = 100;
 
 struct LookArgs {
-  std::string file, from, envelope;
+  std::vector<std::string> inputs;
+  std::string from, envelope;
+  std::string out = "registered.json";
   bool open = false;
   int threads = 0;
 };
 
-Result<std::unique_ptr<look::Sphere>> read_sphere(Console& console, const LookArgs& args) {
-  look::Sphere::Options options{args.file, args.from, look::usual_envelopes(), args.threads};
+/// `live`: the raymap that a rig sent first; null: of a file.
+Result<std::unique_ptr<look::Sphere>> read_sphere(Console& console, const LookArgs& args,
+                                                  const media::Raymap* live = nullptr) {
+  look::Sphere::Options options{live != nullptr ? "rig" : args.inputs.front(), args.from, look::usual_envelopes(),
+                                args.threads};
+  if (live != nullptr) {
+    options.film = look::film_of(live->bytes, live->meta.layout);
+    options.live = true;
+  }
   if (!args.envelope.empty()) {
     NODAL_TRY_ASSIGN(geometry::Envelope own, read_envelope(args.envelope));
     options.envelopes.insert(options.envelopes.begin(), {args.envelope, args.envelope, std::move(own)});
@@ -36,20 +50,67 @@ Result<std::unique_ptr<look::Sphere>> read_sphere(Console& console, const LookAr
   return interruptible(console, [&] { return look::Sphere::read(options); });
 }
 
+/// The heads of a calibration with their pictures, which are placed by hand.
+Result<std::unique_ptr<look::Workbench>> read_heads(Console& console, const LookArgs& args) {
+  if (!args.from.empty() || !args.envelope.empty())
+    return fail(Errc::kBadValue, "--from and --envelope are for a single sphere, and here are several files");
+  return interruptible(console, [&]() -> Result<std::unique_ptr<look::Workbench>> {
+    NODAL_TRY_ASSIGN(RigPictures rig, read_rig_pictures({}, args.inputs));
+    return look::Workbench::make(std::move(rig), {args.inputs.front(), args.out, args.threads});
+  });
+}
+
+/// What answers the page.
+struct Shown {
+  std::unique_ptr<look::Sphere> sphere;
+  std::unique_ptr<look::Workbench> heads;  ///< one of the two
+  std::unique_ptr<look::LiveRig> rig;      ///< with a sphere
+
+  look::Answer answer(const look::Wanted& wanted) const {
+    if (!wanted.changes) {
+      const std::string name = heads != nullptr && wanted.name.empty() ? "heads.html" : wanted.name;
+      if (const std::optional<look::Answer> file = look::page_file(name)) return *file;
+    }
+    if (rig != nullptr && wanted.name == "live") return rig->answer(wanted);
+    return heads != nullptr ? heads->answer(wanted) : sphere->answer(wanted);
+  }
+};
+
+/// A rig by its address. Its clock is this computer's where it is reached by a socket of this computer.
+Result<Shown> watch_rig(Context& context, const LookArgs& args) {
+  NODAL_TRY_ASSIGN(const RigAddress address, context.address());
+  NODAL_TRY_ASSIGN(const Duration patience, parse_duration(context.timeout));
+  Shown shown;
+  shown.rig =
+      std::make_unique<look::LiveRig>([&context] { return context.connect(); }, address.link.starts_with("unix:"));
+  NODAL_TRY_ASSIGN(const media::Raymap first, shown.rig->first(patience));
+  NODAL_TRY_ASSIGN(shown.sphere, read_sphere(context.console(), args, &first));
+  return shown;
+}
+
+Result<Shown> read_input(Context& context, const LookArgs& args) {
+  if (args.inputs.empty()) return watch_rig(context, args);
+  Console& console = context.console();
+  Shown shown;
+  if (args.inputs.size() > 1) {
+    NODAL_TRY_ASSIGN(shown.heads, read_heads(console, args));
+    return shown;
+  }
+  NODAL_TRY_ASSIGN(shown.sphere, read_sphere(console, args));
+  for (const std::string& note : shown.sphere->notes()) console.note("note: " + note);
+  return shown;
+}
+
 Status run_look(Context& context, const LookArgs& args) {
   Console& console = context.console();
-  NODAL_TRY_ASSIGN(const std::unique_ptr<look::Sphere> sphere, read_sphere(console, args));
-  for (const std::string& note : sphere->notes()) console.note("note: " + note);
+  NODAL_TRY_ASSIGN(const Shown shown, read_input(context, args));
   if (context.page == nullptr) {
     NODAL_TRY_ASSIGN(look::Prepared prepared, look::prepare(args.open));
     context.page = std::make_shared<look::Prepared>(std::move(prepared));
   }
   NODAL_TRY_ASSIGN(const std::string token, look::make_token());
-  const look::Rules rules{context.page->loopback.port, token};
-  const auto respond = [&](const look::Wanted& wanted) {
-    const std::optional<look::Answer> file = look::page_file(wanted.name);
-    return file ? *file : sphere->answer(wanted);
-  };
+  const look::Rules rules{context.page->loopback.port, token, shown.heads != nullptr};
+  const auto respond = [&](const look::Wanted& wanted) { return shown.answer(wanted); };
   NODAL_TRY_ASSIGN(const std::unique_ptr<look::Server> server,
                    look::Server::start(context.page->loopback.socket.get(), rules, respond, {}));
   console.document({{"link", rules.link()}, {"port", rules.port}});
@@ -73,14 +134,25 @@ Status prepare_look(Context& context, const CLI::App& command) {
 
 void add_look(CLI::App& app, CommandLine& line) {
   CLI::App* command = add_command(
-      app, kLookCommand, "Show a sphere in a page of this computer's browser; needs no rig",
+      app, kLookCommand,
+      "Show a sphere, a film, a take or a running rig in a page of the browser, or place heads by hand",
       "  nodal look sphere.jpg --open\n"
       "  nodal look cube.png --from cube\n"
       "  nodal look hall.jpg --envelope hall.glb\n"
+      "  nodal look film.mkv                          a film of raymaps\n"
+      "  nodal look 000042                            the raymaps of a take on this computer\n"
+      "  nodal look --rig ssh://rig.local             what a running rig films now\n"
+      "  nodal look rig.json cam*.jpg -o placed.json  slide the heads' pictures, click pairs, register\n"
       "It prints a link and serves the page, on this computer only, until Ctrl-C or until the last page has\n"
       "been closed for a minute. From another computer: ssh -L PORT:127.0.0.1:PORT, with the link's port.\n");
   auto args = std::make_shared<LookArgs>();
-  command->add_option("SPHERE", args->file, "JPEG, PNG, TIFF (8 or 16 bits), HEIF or WebP")->required()->type_name("");
+  command
+      ->add_option(
+          "INPUT", args->inputs,
+          "A sphere (JPEG, PNG, TIFF with 8 or 16 bits, HEIF or WebP), a film of JPEGs (.mkv) or the folder of\n"
+          "a take; or a calibration and a picture of each head, as for `register`. None: the\n"
+          "rig's raymaps")
+      ->type_name("");
   command
       ->add_option("--from", args->from,
                    "The file's layout; as its metadata says when not given. Also fisheye:fov=DEGREES and\n"
@@ -92,6 +164,8 @@ void add_look(CLI::App& app, CommandLine& line) {
         return *lens ? Status{} : fail(lens->error());
       }));
   add_envelope_option(*command, args->envelope, "The surface that is shown first (sphere:1 when not given)");
+  command->add_option("-o,--out", args->out, "The calibration that the page saves (registered.json when not given)")
+      ->type_name("FILE");
   command->add_flag(kOpenFlag, args->open, "Open the page in the browser (xdg-open)");
   command->add_option("--threads", args->threads, "One a core when not given")
       ->type_name("N")

@@ -11,7 +11,6 @@
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/output/raymap_sink.h"
-#include "host_tool/rig/bulk_item.h"
 #include "host_tool/rig/frame_period.h"
 #include "host_tool/rig/received_raymap.h"
 #include "protocol/base/file_ending.h"
@@ -69,36 +68,6 @@ struct Tally {
   double rate() const {
     return pulled < 2 || last_s <= first_s ? 0 : static_cast<double>(pulled - 1) / (last_s - first_s);
   }
-};
-
-/// Assembles a raymap from its pieces.
-class Assembly {
- public:
-  explicit Assembly(bool jpeg) : jpeg_(jpeg) {}
-
-  /// Adds a piece; returns the complete raymap after its last piece.
-  Result<std::optional<media::Raymap>> add(const BulkPiece& piece) {
-    if (piece.first) {
-      NODAL_TRY(begin(piece));
-    }
-    bytes_.add(piece);
-    if (!piece.last) return std::nullopt;
-    return media::Raymap{std::move(meta_), bytes_.take()};
-  }
-
- private:
-  Status begin(const BulkPiece& piece) {
-    NODAL_TRY_ASSIGN(meta_, parse_raymap_meta(piece.meta));
-    if ((meta_.coding == "jpeg") != jpeg_) {
-      return fail(Errc::kBadFormat, "the rig sent a raymap of coding '" + meta_.coding + "', which was not asked for");
-    }
-    NODAL_TRY_ASSIGN(const std::uint64_t most, most_raymap_bytes(meta_));
-    return bytes_.begin(piece, most, "a raymap");
-  }
-
-  bool jpeg_;  ///< whether JPEG was requested
-  media::RaymapMeta meta_;
-  BulkItemBytes bytes_;
 };
 
 Result<RaymapSink> make_sink(const RaymapArgs& args, Console& console) {
@@ -170,7 +139,7 @@ class Pull {
         endless_(args.continuous || !args.seconds.empty()),
         progress_(console, "raymap", endless_ ? 0 : args.count),
         floor_(rig.patience(), rig.now()),
-        assembly_(sink.format == media::RaymapFormat::kJpg) {}
+        assembly_(sink.format == media::RaymapFormat::kJpg ? "jpeg" : "") {}
 
   /// Runs until there are enough raymaps, the time is up, Ctrl-C, or the rig closes the stream.
   Status run() {
@@ -272,7 +241,7 @@ class Pull {
   Tally tally_;
   ProgressFloor floor_;  ///< least progress of a raymap whose first piece has arrived
   bool begun_ = false;
-  Assembly assembly_;
+  RaymapAssembly assembly_;
   std::string name_;
 };
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <charconv>
 #include <string_view>
 
 namespace nodal::host::look {
@@ -23,6 +24,12 @@ bool is_token(const std::string& name) {
 
 bool has_controls(const std::string& value) {
   return std::ranges::any_of(value, [](unsigned char c) { return (c < 0x20 && c != '\t') || c == 0x7F; });
+}
+
+bool is_body_length(const std::string& text) {
+  std::size_t length = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), length);
+  return error == std::errc() && end == text.data() + text.size() && length > 0 && length <= Rules::kMaxBody;
 }
 
 std::vector<std::string> values_of(const Asked& asked, std::string_view header) {
@@ -63,15 +70,27 @@ std::optional<Refusal> Rules::check(const Asked& asked) const {
     if (!is_token(name) || has_controls(value)) return Refusal{400, "A header is malformed."};
   }
   if (!values_of(asked, "Transfer-Encoding").empty()) return Refusal{400, "Transfer-Encoding is not accepted."};
-  for (const std::string& length : values_of(asked, "Content-Length")) {
-    if (length != "0") return Refusal{400, "Requests have no body here."};
+  const bool post = changes && asked.method == "POST";
+  const std::vector<std::string> lengths = values_of(asked, "Content-Length");
+  if (post && (lengths.size() != 1 || !is_body_length(lengths.front())))
+    return Refusal{400, "A POST here has one Content-Length, of at most 65536 bytes."};
+  for (const std::string& length : lengths) {
+    if (length != "0" && !post) return Refusal{400, "Requests have no body here."};
   }
   if (asked.version != "HTTP/1.1" && asked.version != "HTTP/1.0") return Refusal{400, "HTTP/1.1 is needed."};
   if (!begins_with_token(asked.path, token)) return Refusal{0, ""};
-  for (const std::string& origin : values_of(asked, "Origin")) {
+  const std::vector<std::string> origins = values_of(asked, "Origin");
+  if (post && origins.size() != 1) return Refusal{403, "Only this program's own page changes anything."};
+  for (const std::string& origin : origins) {
     constexpr std::string_view kScheme = "http://";
     if (!origin.starts_with(kScheme) || !is_own(std::string_view(origin).substr(kScheme.size())))
       return Refusal{403, "Pages of other sites are not answered."};
+  }
+  if (post) {
+    const std::vector<std::string> types = values_of(asked, "Content-Type");
+    if (types.size() != 1 || !same_word(types.front(), "application/json"))
+      return Refusal{415, "Only JSON is read here."};
+    return std::nullopt;
   }
   if (asked.method != "GET" && asked.method != "HEAD") return Refusal{405, "Only GET and HEAD are answered here."};
   return std::nullopt;

@@ -26,10 +26,15 @@ struct Refusal {
 struct Rules {
   std::uint16_t port = 0;
   std::string token;
+  bool changes = false;  ///< POST is answered, too
+
+  static constexpr std::size_t kMaxBody = 64 << 10;  ///< bytes of a POST
 
   /// In this order: exactly one Host, 127.0.0.1, [::1] or localhost with the port, else 421; headers whose end another
   /// program could see elsewhere, a body, or a Transfer-Encoding, 400; a path that does not begin with the token, no
-  /// answer; the Origin of another page, 403; a method other than GET and HEAD, 405.
+  /// answer; the Origin of another page, 403; a method other than GET and HEAD, 405. With `changes`, a POST needs one
+  /// Content-Length of 1 to kMaxBody, else 400; the page's own Origin, else 403; JSON as its only Content-Type, else
+  /// 415: forms of other pages have neither.
   std::optional<Refusal> check(const Asked& asked) const;
   /// The path after "/TOKEN/", of a request that was checked.
   std::string name(const Asked& asked) const { return asked.path.substr(token.size() + 2); }

@@ -39,15 +39,24 @@ struct Server::Calls {
     return MHD_YES;
   }
   static MHD_Result request(void* server, MHD_Connection* connection, const char* url, const char* method,
-                            const char* version, const char*, std::size_t* upload, void** state) {
-    *upload = 0;
+                            const char* version, const char* data, std::size_t* upload, void** state) {
+    auto* const of = static_cast<Server*>(server);
     Asked asked{method, url, version, {}};
     MHD_get_connection_values(connection, MHD_HEADER_KIND, &Calls::header, &asked);
-    const bool first = *state == nullptr;
-    return static_cast<MHD_Result>(static_cast<Server*>(server)->answer(connection, std::move(asked), first, state));
+    if (*state == nullptr) {  // the headers are there
+      *state = new std::string;
+      return static_cast<MHD_Result>(of->begin(connection, asked));
+    }
+    auto* const body = static_cast<std::string*>(*state);
+    if (*upload == 0) return static_cast<MHD_Result>(of->answer(connection, asked, std::move(*body)));
+    if (body->size() + *upload > Rules::kMaxBody) return MHD_NO;
+    body->append(data, *upload);
+    *upload = 0;
+    return MHD_YES;
   }
   static void completed(void* of, MHD_Connection* connection, void** state, MHD_RequestTerminationCode) {
     auto* const server = static_cast<Server*>(of);
+    delete static_cast<std::string*>(*state);
     *state = nullptr;
     const std::lock_guard lock(server->mutex_);
     if (const auto peer = server->peers_.find(connection); peer != server->peers_.end())
@@ -87,8 +96,10 @@ struct Server::Calls {
 };
 
 Answer Answer::text(unsigned status, const std::string& sentence) {
-  return {status, "text/plain; charset=utf-8",
-          std::make_shared<const std::vector<std::uint8_t>>(sentence.begin(), sentence.end())};
+  return {status,
+          "text/plain; charset=utf-8",
+          std::make_shared<const std::vector<std::uint8_t>>(sentence.begin(), sentence.end()),
+          {}};
 }
 
 Result<std::unique_ptr<Server>> Server::start(int socket, Rules rules, Respond respond, const ServerLimits& limits) {
@@ -161,6 +172,7 @@ int Server::queue(MHD_Connection* connection, const Answer& answer, bool last) c
   }
   add_headers(response, answer.type);
   if (answer.status == 405) MHD_add_response_header(response, "Allow", "GET, HEAD");
+  for (const auto& [name, value] : answer.headers) MHD_add_response_header(response, name.c_str(), value.c_str());
   if (last) MHD_add_response_header(response, "Connection", "close");
   const MHD_Result queued = MHD_queue_response(connection, answer.status, response);
   MHD_destroy_response(response);
@@ -186,20 +198,19 @@ int Server::begin_page(MHD_Connection* connection) {
   return queued;
 }
 
-int Server::answer(MHD_Connection* connection, Asked asked, bool first_call, void** state) {
-  if (first_call) {  // the headers are there
-    {
-      const std::lock_guard lock(mutex_);
-      peers_[connection].busy = true;
-    }
-    *state = this;
-    const std::optional<Refusal> refusal = rules_.check(asked);
-    // An answer at this point ends the connection: whatever follows the headers is not read.
-    if (refusal)
-      return refusal->status == 0 ? MHD_NO : queue(connection, Answer::text(refusal->status, refusal->why), true);
-    return MHD_YES;
+int Server::begin(MHD_Connection* connection, const Asked& asked) {
+  const std::optional<Refusal> refusal = rules_.check(asked);
+  if (!refusal) return MHD_YES;
+  // An answer at this point ends the connection: whatever follows the headers is not read.
+  return refusal->status == 0 ? MHD_NO : queue(connection, Answer::text(refusal->status, refusal->why), true);
+}
+
+int Server::answer(MHD_Connection* connection, const Asked& asked, std::string body) {
+  {
+    const std::lock_guard lock(mutex_);
+    peers_[connection].busy = true;
   }
-  Wanted wanted{rules_.name(asked), {}};
+  Wanted wanted{rules_.name(asked), {}, asked.method == "POST", std::move(body)};
   if (wanted.name == "events" && asked.method == "GET") {
     if (pages() < limits_.pages) return begin_page(connection);
     return queue(connection, Answer::text(503, "Too many pages of this are open."), false);

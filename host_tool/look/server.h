@@ -24,14 +24,17 @@ struct Answer {
   unsigned status = 200;
   std::string type = "text/plain; charset=utf-8";
   std::shared_ptr<const std::vector<std::uint8_t>> body;
+  std::vector<std::pair<std::string, std::string>> headers{};  ///< beside those of every answer; ASCII
 
   static Answer text(unsigned status, const std::string& sentence);
 };
 
-/// What was asked for: the path behind the token, and the query.
+/// What was asked for: the path behind the token, the query, and what a POST says.
 struct Wanted {
   std::string name;
   std::map<std::string, std::string> query;
+  bool changes = false;  ///< a POST
+  std::string body{};    ///< what a POST says
 };
 using Respond = std::function<Answer(const Wanted& wanted)>;
 
@@ -78,7 +81,8 @@ class Server {
 
   Server(Rules rules, Respond respond, const ServerLimits& limits)
       : rules_(std::move(rules)), respond_(std::move(respond)), limits_(limits) {}
-  int answer(MHD_Connection* connection, Asked asked, bool first_call, void** state);
+  int begin(MHD_Connection* connection, const Asked& asked);
+  int answer(MHD_Connection* connection, const Asked& asked, std::string body);
   int queue(MHD_Connection* connection, const Answer& answer, bool last) const;
   int begin_page(MHD_Connection* connection);
   void make_room();

@@ -3,13 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <numbers>
 
 #include "host_tool/console/files.h"
 #include "host_tool/input/pictures.h"
+#include "host_tool/look/numbers.h"
 #include "host_tool/look/shrink.h"
 #include "host_tool/output/raymap_source.h"
 #include "protocol/base/try.h"
@@ -31,15 +31,8 @@ using Json = nlohmann::ordered_json;
 constexpr double kPixelsOff = 0.1, kMinErrorDeg = 0.02, kMaxErrorDeg = 0.2;
 constexpr double kCoarsest = 5 * std::numbers::pi / 180;  // rad, where fewer triangles are needed
 constexpr int kQuality = 95;                              // JPEG quality of pictures that are encoded again
-constexpr int kMinSide = 16, kMaxSide = 32768;
 
 Answer refused(const Error& error) { return Answer::text(500, error.message); }
-
-Answer document(const Json& json) {
-  Answer answer = Answer::text(200, json.dump(-1, ' ', false, Json::error_handler_t::replace));
-  answer.type = "application/json";
-  return answer;
-}
 
 /// "image/jpeg" or "image/png" if browsers show the file's numbers as this program reads them; otherwise empty.
 std::string type_for_browsers(const std::string& file, const std::vector<std::uint8_t>& bytes) {
@@ -52,16 +45,6 @@ std::string type_for_browsers(const std::string& file, const std::vector<std::ui
   if (exif.orientation != 1 || exif.adobe_rgb) return "";  // browsers turn pictures by their Exif
   if (bytes[0] == 0xFF && bytes[1] == 0xD8) return "image/jpeg";
   return bytes[0] == 0x89 && bytes[1] == 'P' ? "image/png" : "";
-}
-
-std::optional<int> number_of(const Wanted& wanted, const std::string& key, int least, int most) {
-  const auto found = wanted.query.find(key);
-  if (found == wanted.query.end()) return std::nullopt;
-  const std::string& text = found->second;
-  int number = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (error != std::errc() || end != text.data() + text.size() || number < least || number > most) return std::nullopt;
-  return number;
 }
 
 /// A raymap without triangles of its own as an equirectangular one of the same resolution.
@@ -101,9 +84,34 @@ Result<std::unique_ptr<Sphere>> Sphere::read(const Options& options) {
   return made;
 }
 
+Result<RaymapInput> Sphere::read_input() {
+  film_ = options_.film;
+  if (film_ == nullptr && !is_film(options_.file)) return read_raymap(options_.file, options_.from.empty());
+  if (film_ == nullptr) {
+    NODAL_TRY_ASSIGN(film_, open_film(options_.file));
+  }
+  NODAL_TRY_ASSIGN(const std::vector<std::uint8_t> first, film_->frame(0));
+  NODAL_TRY_ASSIGN(DecodedImage picture, media::decode_image(first, options_.file, PixelFormat::kRgb24));
+  if (options_.from.empty()) options_.from = film_->layout();
+  return RaymapInput{std::move(picture), false};
+}
+
+/// The file's own bytes, if browsers show them as they are to be seen.
+void Sphere::keep_stored() {
+  const Result<std::string> bytes = read_file(options_.file, media::kMaxImageFileBytes);
+  if (!bytes) return;
+  std::vector<std::uint8_t> own(bytes->begin(), bytes->end());
+  stored_type_ = type_for_browsers(options_.file, own);
+  const Result<ImageHeader> header = [&]() -> Result<ImageHeader> {
+    NODAL_TRY_ASSIGN(media::PictureBytes opened, media::PictureBytes::open(options_.file));
+    return read_picture_header(opened);
+  }();
+  const bool whole = header && header->width == width_ && header->height == height_;
+  if (!stored_type_.empty() && whole) stored_ = std::make_shared<const std::vector<std::uint8_t>>(std::move(own));
+}
+
 Status Sphere::arrange() {
-  NODAL_TRY_ASSIGN(const std::string bytes, read_file(options_.file, media::kMaxImageFileBytes));
-  NODAL_TRY_ASSIGN(RaymapInput input, read_raymap(options_.file, options_.from.empty()));
+  NODAL_TRY_ASSIGN(RaymapInput input, read_input());
   NODAL_TRY_ASSIGN(RaymapSource source, source_of(options_.from, options_.file, input));
   width_ = input.picture.width;
   height_ = input.picture.height;
@@ -122,6 +130,11 @@ Status Sphere::arrange() {
     return {};
   }
   if (source.layout->patches().empty()) {
+    if (film_ != nullptr) {
+      return fail(Errc::kUnsupported,
+                  fmt::format("{}: films of the layout {} are not shown; render one of another layout", options_.file,
+                              layout_name_));
+    }
     Resampled made = as_equirectangular(picture_, source, options_.threads);
     picture_ = std::move(made.picture);
     layout_ = std::move(made.layout);
@@ -130,14 +143,7 @@ Status Sphere::arrange() {
                                  source.layout->scattered() ? "between natural neighbours" : "between its pixels"));
   } else {
     layout_ = std::move(source.layout);
-    const std::vector<std::uint8_t> own(bytes.begin(), bytes.end());
-    stored_type_ = type_for_browsers(options_.file, own);
-    const Result<ImageHeader> header = [&]() -> Result<ImageHeader> {
-      NODAL_TRY_ASSIGN(media::PictureBytes opened, media::PictureBytes::open(options_.file));
-      return read_picture_header(opened);
-    }();
-    const bool whole = header && header->width == width_ && header->height == height_;
-    if (!stored_type_.empty() && whole) stored_ = std::make_shared<const std::vector<std::uint8_t>>(own);
+    if (film_ == nullptr) keep_stored();
   }
   const double pixel_deg = 180 / std::numbers::pi / source.pixels_per_radian;
   most_error_ = std::clamp(kPixelsOff * pixel_deg, kMinErrorDeg, kMaxErrorDeg) * std::numbers::pi / 180;
@@ -147,12 +153,17 @@ Status Sphere::arrange() {
 Answer Sphere::answer(const Wanted& wanted) {
   if (wanted.name == "scene.json") return scene();
   if (wanted.name == "picture") {
-    const std::optional<int> side = number_of(wanted, "side", kMinSide, kMaxSide);
-    return side ? picture(*side) : Answer::text(400, fmt::format("Give side={} to {}.", kMinSide, kMaxSide));
+    const std::optional<int> side = whole_number(wanted, "side", kSmallestSide, kLargestSide);
+    return side ? picture(*side) : Answer::text(400, fmt::format("Give side={} to {}.", kSmallestSide, kLargestSide));
   }
   if (wanted.name == "mesh.glb") {
-    const std::optional<int> k = number_of(wanted, "envelope", 0, static_cast<int>(options_.envelopes.size()) - 1);
+    const std::optional<int> k = whole_number(wanted, "envelope", 0, static_cast<int>(options_.envelopes.size()) - 1);
     return k ? mesh(static_cast<std::size_t>(*k)) : Answer::text(400, "There is no such envelope.");
+  }
+  if (film_ != nullptr && wanted.name == "times.json") return times();
+  if (film_ != nullptr && wanted.name == "frame") {
+    const std::optional<int> k = whole_number(wanted, "k", 0, static_cast<int>(film_->times().size()) - 1);
+    return k ? frame(static_cast<std::size_t>(*k)) : Answer::text(400, "The film has no such picture.");
   }
   return Answer::text(404, "There is nothing of this name.");
 }
@@ -172,6 +183,8 @@ Answer Sphere::scene() const {
                    {"even", layout_->name() == "equirectangular"},
                    {"error_deg", most_error_ * 180 / std::numbers::pi},
                    {"flat", flat_},
+                   {"live", options_.live},
+                   {"pictures", film_ == nullptr ? 1 : film_->times().size()},
                    {"notes", notes_},
                    {"envelopes", envelopes}});
 }
@@ -208,6 +221,19 @@ Answer Sphere::mesh(std::size_t envelope) {
   const Answer answer{200, "model/gltf-binary", std::make_shared<const std::vector<std::uint8_t>>(*std::move(bytes))};
   meshes_.emplace(envelope, answer);
   return answer;
+}
+
+Answer Sphere::frame(std::size_t k) {
+  auto bytes = film_->frame(k);
+  if (!bytes) return refused(bytes.error());
+  return {200, "image/jpeg", std::make_shared<const std::vector<std::uint8_t>>(*std::move(bytes))};
+}
+
+Answer Sphere::times() const {
+  Json steps = Json::array();
+  const auto ms = [&](std::size_t k) { return (film_->times()[k] + 500'000) / 1'000'000; };
+  for (std::size_t k = 1; k < film_->times().size(); ++k) steps.push_back(ms(k) - ms(k - 1));
+  return document(steps);
 }
 
 }  // namespace nodal::host::look

@@ -1,4 +1,4 @@
-// A raymap as the page needs it: facts, a picture that browsers read, triangles that graphics draw.
+// A raymap, or a film of raymaps, as the page needs it: facts, pictures that browsers read, triangles.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,9 @@
 #include <string>
 #include <vector>
 
+#include "host_tool/look/film.h"
 #include "host_tool/look/server.h"
+#include "host_tool/output/raymap_source.h"
 #include "protocol/base/decoded_image.h"
 #include "protocol/base/result.h"
 #include "stitch/geometry/envelope/envelope.h"
@@ -31,10 +33,13 @@ std::vector<NamedEnvelope> usual_envelopes();
 /// triangles.
 inline constexpr std::int64_t kMaxScatteredRays = 500'000;
 
-/// Everything is read at the start: a file that changes or vanishes later changes nothing. Answers:
+/// A picture is read at the start: a file that changes or vanishes later changes nothing. Of a film, pictures are read
+/// as they are asked for. Answers:
 ///   scene.json                   what is shown: name, layout, size, notes, envelopes, words for `nodal view`
 ///   picture?side=N               the raymap, PNG or JPEG, its longer side at most N px
 ///   mesh.glb?envelope=K          the triangles on the Kth envelope, as glTF
+///   times.json                   of a film: ms from each picture to the next
+///   frame?k=N                    of a film: picture N, JPEG
 ///
 /// Threading: answer() from one thread at a time.
 /// Errors: read(): those of read_raymap() and source_of(). answer(): a text with a sentence.
@@ -45,6 +50,8 @@ class Sphere {
     std::string from;                      ///< option --from
     std::vector<NamedEnvelope> envelopes;  ///< the first is shown first
     int threads = 0;
+    std::shared_ptr<Film> film{};  ///< instead of the file: what a running rig sent first
+    bool live = false;             ///< others follow
   };
   static Result<std::unique_ptr<Sphere>> read(const Options& options);
 
@@ -55,11 +62,16 @@ class Sphere {
  private:
   explicit Sphere(const Options& options) : options_(options) {}
   Status arrange();
+  Result<RaymapInput> read_input();
+  void keep_stored();
   Answer scene() const;
   Answer picture(int side);
   Answer mesh(std::size_t envelope);
+  Answer frame(std::size_t k);
+  Answer times() const;
 
   Options options_;
+  std::shared_ptr<Film> film_;  ///< null: one picture
   DecodedImage picture_;
   std::shared_ptr<const std::vector<std::uint8_t>> stored_;  ///< the file's bytes, if browsers show the same
   std::string stored_type_;

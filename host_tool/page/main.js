@@ -1,13 +1,16 @@
 // The page: asks the program what is shown, and connects the camera, the drawing and the controls.
 
 import { Camera } from "./camera.js";
+import { connectFilm } from "./film_controls.js";
 import { kKeyZoom, listen } from "./input.js";
+import { watchRig } from "./live.js";
+import { connectPath } from "./path.js";
 import { SphereView } from "./sphere_view.js";
 
 const at = (id) => document.getElementById(id);
 const canvas = at("view"), stage = at("stage"), message = at("message"), flat = at("flat");
 const camera = new Camera();
-let view = null, scene = null, waiting = false;
+let view = null, scene = null, waiting = false, filmKeys = {};
 
 function say(text) {
   message.textContent = text;
@@ -37,7 +40,7 @@ function show() {
   const degrees = (value) => `${(Math.round(value * 10) / 10).toFixed(1)}°`;
   at("where").textContent = `yaw ${degrees(camera.yaw)}, pitch ${degrees(camera.pitch)}, ${degrees(camera.fov)} wide`;
   Object.assign(at("where").dataset, { yaw: camera.yaw, pitch: camera.pitch, fov: camera.fov });
-  at("command").textContent = camera.command(scene, scene.envelopes[at("envelope").selectedIndex], view.radius);
+  if (scene.pictures === 1) at("command").textContent = camera.command(scene, scene.envelopes[at("envelope").selectedIndex], view.radius);
 }
 
 function changed() {
@@ -89,6 +92,12 @@ async function setPicture() {
   }
 }
 
+/// A picture of the film instead of the one before.
+function setFrame(bitmap) {
+  view.setPicture(bitmap, scene.even, true);
+  changed();
+}
+
 function addNote(text) {
   const item = document.createElement("li");
   item.textContent = text;
@@ -118,6 +127,8 @@ function connectControls() {
   button("full", fullScreen);
   listen(canvas, camera, changed, {
     Home: reset, i: () => next("side"), p: () => next("projection"), e: () => next("envelope"), f: fullScreen,
+    ...filmKeys,
+    k: connectPath(camera, at, () => (scene.pictures > 1 ? Number(at("time").dataset.shown) : null)),
   });
   if (!document.fullscreenEnabled) at("full").hidden = true;
   new ResizeObserver(resize).observe(stage);
@@ -156,9 +167,18 @@ async function start() {
     return showFlat("This browser has no WebGL, which draws the sphere. The picture is shown flat.");
   }
   watchGraphics();
+  const film = scene.pictures > 1;
+  if (film) {
+    filmKeys = await connectFilm(ask, setFrame, say);
+    at("same").hidden = at("command").parentElement.hidden = true;
+  }
   connectControls();
   resize();
-  await Promise.all([setPicture(), setEnvelope()]);
+  await Promise.all([film ? null : setPicture(), setEnvelope()]);
+  if (scene.live) {
+    watchRig(setFrame, say, stage, at("age"));
+    at("same").hidden = at("command").parentElement.hidden = true;
+  }
   changed();
   document.documentElement.dataset.ready = "1";
 }

@@ -60,21 +60,32 @@ export class SphereView {
 
   /// `even`: rows and columns go on smoothly, so that smaller copies of the picture may be used where it is shown
   /// small.
-  setPicture(bitmap, even) {
-    this.texture?.dispose();
+  /// `moving`: others of the same size follow.
+  setPicture(bitmap, even, moving = false) {
+    const before = this.texture?.image;
+    if (before && moving && before.width === bitmap.width && before.height === bitmap.height) {
+      this.texture.image = bitmap; // its memory is used again
+      before.close?.();
+    } else {
+      this.texture?.dispose();
+      this.texture = this.textureOf(bitmap, even, moving);
+      this.material.map = this.texture;
+      this.material.needsUpdate = true;
+    }
+    this.texture.needsUpdate = true;
+    this.cubeIsNew = false;
+  }
+
+  textureOf(bitmap, even, moving) {
     const texture = new three.Texture(bitmap);
     texture.flipY = false;
     texture.colorSpace = three.NoColorSpace;
-    texture.generateMipmaps = even;
-    texture.minFilter = even ? three.LinearMipmapLinearFilter : three.LinearFilter;
+    texture.generateMipmaps = even && !moving; // they take longer than the picture
+    texture.minFilter = texture.generateMipmaps ? three.LinearMipmapLinearFilter : three.LinearFilter;
     texture.magFilter = three.LinearFilter;
     texture.wrapS = even ? three.RepeatWrapping : three.ClampToEdgeWrapping;
     texture.anisotropy = even ? Math.min(8, this.renderer.capabilities.getMaxAnisotropy()) : 1;
-    texture.needsUpdate = true;
-    this.texture = texture;
-    this.material.map = texture;
-    this.material.needsUpdate = true;
-    this.cubeIsNew = false;
+    return texture;
   }
 
   /// `bytes`: a .glb.

@@ -79,4 +79,22 @@ Status check_raymap(const media::Raymap& raymap) {
   return {};
 }
 
+Result<std::optional<media::Raymap>> RaymapAssembly::add(const BulkPiece& piece) {
+  if (piece.first) {
+    NODAL_TRY(begin(piece));
+  }
+  bytes_.add(piece);
+  if (!piece.last) return std::nullopt;
+  return media::Raymap{std::move(meta_), bytes_.take()};
+}
+
+Status RaymapAssembly::begin(const BulkPiece& piece) {
+  NODAL_TRY_ASSIGN(meta_, parse_raymap_meta(piece.meta));
+  if ((meta_.coding == "jpeg") != (coding_ == "jpeg")) {
+    return fail(Errc::kBadFormat, "the rig sent a raymap of coding '" + meta_.coding + "', which was not asked for");
+  }
+  NODAL_TRY_ASSIGN(const std::uint64_t most, most_raymap_bytes(meta_));
+  return bytes_.begin(piece, most, "a raymap");
+}
+
 }  // namespace nodal::host

@@ -107,14 +107,14 @@ const steps = {
     else await (await page.$(selector ?? "#view")).screenshot({ path: join(folder, name) });
   },
   state: async () => print(await page.evaluate(() => {
-    const text = (id) => document.getElementById(id).textContent;
+    const text = (id) => document.getElementById(id)?.textContent ?? "";
     const { yaw, pitch, fov } = document.getElementById("where").dataset;
     const view = document.getElementById("view").getBoundingClientRect();
     return {
       yaw: Number(yaw), pitch: Number(pitch), fov: Number(fov), width: view.width, height: view.height,
       command: text("command"), message: document.getElementById("message").hidden ? "" : text("message"),
-      notes: text("notes"), title: document.title, focus: document.activeElement.id,
-      flat: document.getElementById("flat").hidden ? 0 : document.getElementById("flat").naturalWidth,
+      notes: text("notes"), path: text("path"), age: text("age"), title: document.title, focus: document.activeElement.id,
+      flat: document.getElementById("flat")?.hidden !== false ? 0 : document.getElementById("flat").naturalWidth,
       wider: document.documentElement.scrollWidth - innerWidth,
     };
   })),
@@ -123,6 +123,30 @@ const steps = {
     const { violations } = await page.evaluate(() => globalThis.axe.run());
     print(violations.map(({ id, nodes }) => `${id}: ${nodes.map((node) => node.html).join(" ")}`));
   },
+  // A control of the page.
+  press: async (selector) => {
+    await page.click(selector);
+    await drawn();
+  },
+  click: async (x0, y0) => {
+    const { x, y } = await box();
+    await page.mouse.click(x + x0, y + y0);
+    await page.waitForFunction(() => !document.getElementById("stage").hasAttribute("aria-busy"), { timeout: 60000 });
+    await drawn();
+  },
+  // What the program says of heads that are placed by hand.
+  heads: async () => print(await page.evaluate(async () => (await fetch("state.json")).json())),
+  // Until the page shows a text.
+  until: (text) => page.waitForFunction((wanted) => document.body.textContent.includes(wanted), { timeout: 120000 }, text),
+  // Plays a film for some time; which picture is shown then, and how many were shown and left out.
+  play: async (seconds) => {
+    await page.click("#play");
+    await new Promise((done) => setTimeout(done, seconds * 1000));
+    const { shown, drawn: pictures, dropped } = await page.$eval("#time", (time) => ({ ...time.dataset }));
+    if (await page.$eval("#play", (button) => button.textContent === "Pause")) await page.click("#play");
+    print({ shown: Number(shown), drawn: Number(pictures), dropped: Number(dropped) });
+  },
+  film: async () => print(await page.$eval("#time", (time) => ({ shown: Number(time.dataset.shown), text: time.textContent }))),
   details: () => page.click("summary"),
   requests: () => print({ requests, errors }),
 };

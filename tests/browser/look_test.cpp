@@ -9,6 +9,7 @@
 #include <numbers>
 #include <sstream>
 
+#include "page_driver.h"
 #include "stitch/geometry/raymap/registry.h"
 #include "stitch/media/image_file.h"
 #include "tests/support/layouts.h"
@@ -42,18 +43,8 @@ std::pair<int, int> thirty_degrees_apart(double focal) {
   return best;
 }
 
-class LookPage : public testing::Test {
+class LookPage : public PageDriver {
  protected:
-  void SetUp() override {
-    const fs::path modules = fs::path(NODAL_SOURCE_DIR) / "build/browser/node_modules";
-    if (!fs::exists(modules / "puppeteer-core") || !fs::exists(modules / "axe-core") ||
-        std::system("command -v chromium >/dev/null && command -v node >/dev/null") != 0) {
-      GTEST_SKIP() << "chromium or puppeteer-core is not here; tests/browser/fetch gets them";
-    }
-  }
-
-  std::string path(const std::string& name) const { return (folder_ / name).string(); }
-
   /// An equirectangular raymap of waves that go on over its edges, with details of 8 degrees and no jump at the poles.
   void write_sphere(const std::string& name, int width) const {
     std::vector<std::uint8_t> rgb;
@@ -67,30 +58,6 @@ class LookPage : public testing::Test {
       }
     }
     test::write_bytes(path(name), test::png_of(rgb, width, width / 2, 3));
-  }
-  Finished nodal(Words words) const {
-    words.insert(words.begin(), NODAL_BIN_DIR "/nodal");
-    return Process(words).wait();
-  }
-
-  /// What the steps of look_page.mjs print, of a page that `nodal look WORDS` shows.
-  std::vector<Json> drive(Words words, const Json& steps) const {
-    words.insert(words.begin(), {NODAL_BIN_DIR "/nodal", "look"});
-    Process look(words);
-    EXPECT_TRUE(test::wait_until([&] { return look.said().find("/\n") != std::string::npos; })) << look.complained();
-    std::string link = look.said();
-    link.resize(std::min(link.size(), link.find('\n')));
-    const Finished driver =
-        Process({"node", NODAL_SOURCE_DIR "/tests/browser/look_page.mjs", link, folder_.path().string(), steps.dump()})
-            .wait(std::chrono::seconds(180));
-    EXPECT_EQ(driver.code, 0) << driver.err;
-    look.signal(SIGINT);
-    EXPECT_EQ(look.wait().code, 0) << "Ctrl-C is its usual end";
-    std::vector<Json> printed;
-    std::istringstream lines(driver.out);
-    for (std::string line; std::getline(lines, line);) printed.push_back(Json::parse(line));
-    keep_shots();
-    return printed;
   }
 
   /// Runs the command that the page shows, and compares its picture with a screenshot: dB. Pixels within `beside` px of
@@ -136,18 +103,6 @@ class LookPage : public testing::Test {
     EXPECT_GT(count, one.bytes.size() / 8);
     return 10 * std::log10(255.0 * 255.0 / std::max(1e-9, sum / static_cast<double>(count)));
   }
-  void keep_shots() const {
-    const char* const keep = std::getenv("NODAL_KEEP_SHOTS");
-    if (keep == nullptr) return;
-    const std::string test = testing::UnitTest::GetInstance()->current_test_info()->name();
-    for (const auto& entry : fs::directory_iterator(folder_.path())) {
-      if (entry.path().extension() == ".png")
-        fs::copy_file(entry.path(), fs::path(keep) / (test + "-" + entry.path().filename().string()),
-                      fs::copy_options::overwrite_existing);
-    }
-  }
-
-  test::TemporaryFolder folder_;
   const Json size_{"size", kWindow, kWindow};
 };
 
@@ -275,6 +230,20 @@ TEST_F(LookPage, KeysWheelAndPinch_TurnAndZoom) {
   EXPECT_NEAR(seen[6]["yaw"].get<double>(), 0, 1e-9);
   EXPECT_GT(seen[7]["fov"].get<double>(), seen[6]["fov"].get<double>() * 1.2);
   EXPECT_NEAR(seen[8]["fov"].get<double>(), seen[7]["fov"].get<double>() / 2, 1) << "fingers twice as far apart";
+}
+
+TEST_F(LookPage, ACameraPathOfKeys_IsOneThatNodalViewReads) {
+  write_sphere("sphere.png", 256);
+  const std::vector<Json> seen = drive(
+      {path("sphere.png"), "--from", "equirectangular"},
+      {size_, {"open"}, {"key", "Tab"}, {"key", "k"}, {"key", "ArrowRight"}, {"key", "+"}, {"key", "k"}, {"state"}});
+  const std::string csv = seen.at(1)["path"];
+  EXPECT_TRUE(csv.starts_with("picture,yaw,pitch,roll,fov\n0,0,0,0,75\n60,5,0,0,65.2174\n")) << csv;
+  test::write_bytes(path("path.csv"), {csv.begin(), csv.end()});
+  const Finished views = nodal({"view", path("sphere.png"), "--from", "equirectangular", "--size", "32x32", "--path",
+                                path("path.csv"), "-o", path("v-%d.png")});
+  EXPECT_EQ(views.code, 0) << views.err;
+  EXPECT_TRUE(fs::exists(path("v-60.png")));
 }
 
 TEST_F(LookPage, InLargeAndSmallWindows_ItIsAccessibleFitsAndAsksNobodyElse) {

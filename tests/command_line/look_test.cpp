@@ -1,15 +1,11 @@
 // `nodal look` as a user starts it, without a browser.
-#include <arpa/inet.h>
 #include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
-#include <array>
 #include <csignal>
 #include <filesystem>
 #include <fstream>
 
+#include "page_request.h"
 #include "tests/support/pictures.h"
 #include "tests/support/process.h"
 
@@ -18,26 +14,6 @@ namespace {
 
 using test::Finished;
 using test::Process;
-
-/// What the server answers to a GET of a path, until it closes.
-std::string get(int port, const std::string& path) {
-  const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  sockaddr_in to{};
-  to.sin_family = AF_INET;
-  to.sin_port = htons(static_cast<std::uint16_t>(port));
-  to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  std::string came;
-  if (::connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof to) == 0) {
-    const std::string asked =
-        "GET " + path + " HTTP/1.1\r\nHost: 127.0.0.1:" + std::to_string(port) + "\r\nConnection: close\r\n\r\n";
-    (void)!::send(fd, asked.data(), asked.size(), MSG_NOSIGNAL);
-    std::array<char, 4096> piece{};
-    for (ssize_t got = 1; (got = ::recv(fd, piece.data(), piece.size(), 0)) > 0;)
-      came.append(piece.data(), static_cast<std::size_t>(got));
-  }
-  ::close(fd);
-  return came;
-}
 
 class Look : public testing::Test {
  protected:

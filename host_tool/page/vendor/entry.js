@@ -7,10 +7,15 @@ export {
   FrontSide,
   BackSide,
   GLSL3,
+  Group,
   LinearFilter,
   LinearMipmapLinearFilter,
   LinearSRGBColorSpace,
+  LineBasicMaterial,
+  LineLoop,
+  LineSegments,
   Matrix3,
+  Matrix4,
   Mesh,
   MeshBasicMaterial,
   NoColorSpace,
@@ -25,6 +30,7 @@ export {
   Texture,
   Vector3,
   WebGLCubeRenderTarget,
+  WebGLRenderTarget,
   WebGLRenderer,
 } from "three";
 export { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <optional>
+
 namespace nodal::host::look {
 namespace {
 
@@ -92,6 +94,60 @@ TEST(RequestRules, WhatChangesThings_Is405) {
     Asked asked = good();
     asked.method = method;
     EXPECT_EQ(status_of(asked), 405u) << method;
+  }
+}
+
+/// A change that the page asks for.
+Asked change() {
+  Asked asked = good();
+  asked.method = "POST";
+  asked.headers.insert(
+      asked.headers.end(),
+      {{"Origin", "http://127.0.0.1:4567"}, {"Content-Type", "application/json"}, {"Content-Length", "20"}});
+  return asked;
+}
+
+Asked change_with(const std::string& name, const std::optional<std::string>& value) {
+  Asked asked = change();
+  std::erase_if(asked.headers, [&](const auto& header) { return header.first == name; });
+  if (value) asked.headers.emplace_back(name, *value);
+  return asked;
+}
+
+TEST(RequestRules, AChange_NeedsJsonOfKnownLengthFromTheOwnPage) {
+  Rules rules = kRules;
+  rules.changes = true;
+  const auto status = [&](const Asked& asked) {
+    const std::optional<Refusal> refusal = rules.check(asked);
+    return refusal ? refusal->status : 200;
+  };
+  EXPECT_EQ(status(change()), 200u);
+  EXPECT_EQ(status(good()), 200u);
+  EXPECT_EQ(status_of(change()), 400u) << "a page that changes nothing";
+  EXPECT_EQ(status(change_with("Origin", std::nullopt)), 403u);
+  EXPECT_EQ(status(change_with("Origin", "https://evil.example")), 403u);
+  EXPECT_EQ(status(change_with("Origin", "null")), 403u);
+  for (const std::string type : {"application/x-www-form-urlencoded", "text/plain", "multipart/form-data; boundary=x",
+                                 "application/json; charset=utf-8", ""})
+    EXPECT_EQ(status(change_with("Content-Type", type)), 415u) << type;
+  EXPECT_EQ(status(change_with("Content-Type", std::nullopt)), 415u);
+  for (const std::string length : {"0", "-1", "+5", "5 ", "65537", "99999999999999999999", "0x5", ""})
+    EXPECT_EQ(status(change_with("Content-Length", length)), 400u) << length;
+  EXPECT_EQ(status(change_with("Content-Length", std::nullopt)), 400u);
+  EXPECT_EQ(status(change_with("Content-Length", "65536")), 200u);
+  Asked twice = change();
+  twice.headers.emplace_back("Content-Length", "20");
+  EXPECT_EQ(status(twice), 400u);
+  Asked types = change();
+  types.headers.emplace_back("content-type", "text/plain");
+  EXPECT_EQ(status(types), 415u);
+  Asked chunked = change();
+  chunked.headers.emplace_back("Transfer-Encoding", "chunked");
+  EXPECT_EQ(status(chunked), 400u);
+  for (const std::string method : {"PUT", "DELETE", "PATCH", "OPTIONS"}) {
+    Asked other = good();
+    other.method = method;
+    EXPECT_EQ(status(other), 405u) << method;
   }
 }
 

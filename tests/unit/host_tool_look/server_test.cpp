@@ -69,12 +69,13 @@ class PageServer : public testing::Test {
  protected:
   PageServer() : loopback_(listen_on_loopback().value()) {}
 
-  void start(const ServerLimits& limits = {}) {
-    rules_ = {loopback_.port, make_token().value()};
+  void start(const ServerLimits& limits = {}, bool changes = false) {
+    rules_ = {loopback_.port, make_token().value(), changes};
     server_ = Server::start(
                   loopback_.socket.get(), rules_,
                   [this](const Wanted& wanted) {
                     ++answered_;
+                    if (wanted.changes) return Answer::text(200, "you asked to change " + wanted.body);
                     const auto side = wanted.query.find("side");
                     return Answer::text(200, "you asked for " + wanted.name +
                                                  (side == wanted.query.end() ? "" : " of " + side->second));
@@ -218,6 +219,31 @@ TEST_F(PageServer, MorePagesThanABrowserHasConnections_AreRefusedInASentence) {
   c.send(request("events"));
   EXPECT_NE(c.read("open.").find("503"), std::string::npos);
   EXPECT_NE(c.read("open.").find("Too many pages"), std::string::npos);
+}
+
+TEST_F(PageServer, AChange_ArrivesWhole_AlsoInPieces) {
+  start({}, true);
+  const std::string port = std::to_string(loopback_.port), body(60'000, 'x');
+  Client client(loopback_.port);
+  client.send("POST /" + rules_.token + "/change HTTP/1.1\r\nHost: 127.0.0.1:" + port +
+              "\r\nOrigin: http://127.0.0.1:" + port +
+              "\r\nContent-Type: application/json\r\nContent-Length: 60001\r\n\r\n");
+  client.send(body);
+  EXPECT_EQ(client.read("you asked", milliseconds(300)), "") << "one byte is missing";
+  client.send("y");
+  EXPECT_NE(client.read(body + "y").find("you asked to change " + body + "y"), std::string::npos);
+  EXPECT_EQ(answered_, 1);
+}
+
+TEST_F(PageServer, AChangeThatNeverGetsWhole_IsClosedAndChangesNothing) {
+  start({.idle = milliseconds(200)}, true);
+  const std::string port = std::to_string(loopback_.port);
+  Client client(loopback_.port);
+  client.send("POST /" + rules_.token + "/change HTTP/1.1\r\nHost: 127.0.0.1:" + port +
+              "\r\nOrigin: http://127.0.0.1:" + port +
+              "\r\nContent-Type: application/json\r\nContent-Length: 50\r\n\r\n{");
+  EXPECT_TRUE(tick_until([&] { return client.closed(milliseconds(5)) && client.read("").empty(); }));
+  EXPECT_EQ(answered_, 0);
 }
 
 TEST_F(PageServer, ItEndsWhilePagesAreOpen) {

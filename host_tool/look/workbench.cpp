@@ -1,0 +1,225 @@
+#include "host_tool/look/workbench.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+#include "host_tool/look/head_grid.h"
+#include "host_tool/look/numbers.h"
+#include "host_tool/look/shrink.h"
+#include "protocol/base/try.h"
+#include "stitch/geometry/rotation.h"
+#include "stitch/media/raymap/raymap_file.h"
+
+namespace nodal::host::look {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr double kGridErrorDeg = 0.1;  // error of triangles
+constexpr double kDegrees = 180 / std::numbers::pi;
+constexpr double kProposedWithinDeg = 4, kRefinedWithinPx = 8;  // how far a proposal may be from where it begins
+constexpr double kMinCorrelation = 0.6;                         // correlation below which nothing is proposed
+constexpr std::size_t kMaxFitted = 2000;                        // pairs: a fit of more takes longer than people wait
+constexpr int kHeadQuality = 92;                                // quality of JPEGs
+
+/// In the axes of graphics.
+Json axes_of(const Eigen::Vector3d& v) { return {v.x(), -v.y(), -v.z()}; }
+
+/// Rows of the rotation from a head's axes to the rig's, both as graphics have them.
+Json rows_for_graphics(const HeadCalibration& head) {
+  const Eigen::Matrix3d R = geometry::matrix_of(head.R_head_rig).transpose();
+  Json rows = Json::array();
+  for (int row = 0; row < 3; ++row)
+    for (int column = 0; column < 3; ++column)
+      rows.push_back((row == 0 ? 1 : -1) * (column == 0 ? 1 : -1) * R(row, column));
+  return rows;
+}
+
+/// Of each pair: the rays of both heads, and the angle between them. `fit`: what the pairs would give; null: nothing.
+Json pairs_json(const std::vector<registration::PointPair>& pairs, const std::vector<geometry::Head>& heads,
+                const registration::PairFit* fit) {
+  Json all = Json::array();
+  for (std::size_t k = 0; k < pairs.size(); ++k) {
+    const registration::PointPair& pair = pairs[k];
+    const auto a = heads[pair.head_a].unproject(pair.pixel_a), b = heads[pair.head_b].unproject(pair.pixel_b);
+    Json json{{"a", pair.head_a},
+              {"pixel_a", {pair.pixel_a.x, pair.pixel_a.y}},
+              {"b", pair.head_b},
+              {"pixel_b", {pair.pixel_b.x, pair.pixel_b.y}},
+              {"outlier", fit != nullptr && !fit->used[k]}};
+    if (a && b) {
+      json["ray_a"] = axes_of(a->direction());
+      json["ray_b"] = axes_of(b->direction());
+      json["residual_deg"] = angle_between(*a, *b) * kDegrees;
+    }
+    all.push_back(json);
+  }
+  return all;
+}
+
+/// rms and worst residual of each two heads, as they are turned now, without outliers.
+Json agreements_json(const Json& pairs) {
+  struct Sum {
+    double squares = 0, worst = 0;
+    int count = 0;
+  };
+  std::map<std::pair<int, int>, Sum> sums;
+  for (const Json& pair : pairs) {
+    if (pair["outlier"] || !pair.contains("residual_deg")) continue;
+    Sum& sum = sums[std::minmax(pair["a"].get<int>(), pair["b"].get<int>())];
+    const double residual = pair["residual_deg"];
+    sum.squares += residual * residual;
+    sum.worst = std::max(sum.worst, residual);
+    ++sum.count;
+  }
+  Json all = Json::array();
+  for (const auto& [heads, sum] : sums) {
+    all.push_back({{"a", heads.first},
+                   {"b", heads.second},
+                   {"pairs", sum.count},
+                   {"rms_deg", std::sqrt(sum.squares / sum.count)},
+                   {"worst_deg", sum.worst}});
+  }
+  return all;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<Workbench>> Workbench::make(RigPictures rig, const Options& options) {
+  std::unique_ptr<Workbench> made(new Workbench(options));
+  made->notes_ = rig.notes;
+  NODAL_TRY(check_calibration(rig.calibration));
+  NODAL_TRY_ASSIGN(made->pictures_, take_set(rig, 0, true));
+  made->add({rig.calibration, std::make_shared<const Pairs>()});
+  NODAL_TRY(made->go_to(0));
+  for (std::size_t k = 0; k < made->heads_.size(); ++k) {
+    NODAL_TRY_ASSIGN(HeadGrid grid, grid_of(made->heads_[k], kGridErrorDeg));
+    made->errors_deg_.push_back(grid.error_deg);
+    made->grids_.push_back(
+        {200, "model/gltf-binary", std::make_shared<const std::vector<std::uint8_t>>(std::move(grid.glb))});
+    made->grey_.emplace_back(made->pictures_[k].view());
+  }
+  return made;
+}
+
+Workbench::~Workbench() {
+  if (job_ != nullptr) job_->thread.join();
+}
+
+Status Workbench::go_to(std::size_t step) {
+  NODAL_TRY_ASSIGN(heads_, geometry::make_heads(steps_[step].calibration));
+  at_ = step;
+  ++revision_;
+  return {};
+}
+
+Answer Workbench::answer(const Wanted& wanted) {
+  end_registration();
+  if (wanted.changes) return change(wanted);
+  const int last = static_cast<int>(pictures_.size()) - 1;
+  const std::optional<int> head = whole_number(wanted, "head", 0, last);
+  if (wanted.name == "scene.json") return scene();
+  if (wanted.name == "state.json") return state();
+  if (wanted.name == "proposal") return proposal(wanted);
+  if (wanted.name == "seen") return seen(wanted);
+  if (wanted.name != "grid.glb" && wanted.name != "head") return Answer::text(404, "There is nothing of this name.");
+  if (!head) return Answer::text(400, "There is no such head.");
+  if (wanted.name == "grid.glb") return grids_[static_cast<std::size_t>(*head)];
+  const std::optional<int> side = whole_number(wanted, "side", kSmallestSide, kLargestSide);
+  if (!side) return Answer::text(400, fmt::format("Give side={} to {}.", kSmallestSide, kLargestSide));
+  return head_picture(static_cast<std::size_t>(*head), *side);
+}
+
+Answer Workbench::scene() const {
+  Json heads = Json::array();
+  for (std::size_t k = 0; k < pictures_.size(); ++k) {
+    heads.push_back({{"name", heads_[k].name()},
+                     {"width", pictures_[k].width},
+                     {"height", pictures_[k].height},
+                     {"error_deg", errors_deg_[k]}});
+  }
+  return document({{"name", options_.name}, {"notes", notes_}, {"out", options_.out}, {"heads", heads}});
+}
+
+Answer Workbench::head_picture(std::size_t head, int side) const {
+  media::RaymapFile file;
+  file.quality = kHeadQuality;
+  auto bytes = media::encode(shrunk(pictures_[head], side), file);
+  if (!bytes) return Answer::text(500, bytes.error().message);
+  return {200, "image/jpeg", std::make_shared<const std::vector<std::uint8_t>>(*std::move(bytes))};
+}
+
+Answer Workbench::state() const {
+  const Pairs& pairs = *now().pairs;
+  std::optional<registration::PairFit> fit;
+  if (pairs.size() >= 4 && pairs.size() <= kMaxFitted) {
+    auto made = registration::fit_to_pairs(now().calibration, pairs, registration::Free::kRotations);
+    if (made) fit = *std::move(made);
+  }
+  Json heads = Json::array();
+  for (std::size_t k = 0; k < heads_.size(); ++k) {
+    const HeadCalibration &head = now().calibration.heads[k], &first = steps_.front().calibration.heads[k];
+    const geometry::YawPitchRoll is = geometry::to_yaw_pitch_roll(geometry::matrix_of(head.R_head_rig));
+    const Eigen::Matrix3d turned =
+        geometry::matrix_of(head.R_head_rig) * geometry::matrix_of(first.R_head_rig).transpose();
+    const Eigen::Vector3d twice(turned(2, 1) - turned(1, 2), turned(0, 2) - turned(2, 0), turned(1, 0) - turned(0, 1));
+    heads.push_back({{"name", head.name},
+                     {"axes", rows_for_graphics(head)},
+                     {"yaw", is.yaw},
+                     {"pitch", is.pitch},
+                     {"roll", is.roll},
+                     {"turned_deg", std::atan2(twice.norm(), turned.trace() - 1) * kDegrees}});
+  }
+  const Json all = pairs_json(pairs, heads_, fit ? &*fit : nullptr);
+  return document({{"revision", revision_},
+                   {"undo", at_ > 0},
+                   {"redo", at_ + 1 < steps_.size()},
+                   {"heads", heads},
+                   {"pairs", all},
+                   {"agreements", agreements_json(all)},
+                   {"fitted_rms_deg", fit ? Json(fit->rms_deg) : Json(nullptr)},
+                   {"registering", job_ == nullptr ? Json(nullptr) : Json(job_->share.load())},
+                   {"registered", registered_ == nullptr ? Json(nullptr) : *registered_},
+                   {"saved", saved_}});
+}
+
+Answer Workbench::proposal(const Wanted& wanted) const {
+  const int last = static_cast<int>(pictures_.size()) - 1;
+  const auto a = whole_number(wanted, "a", 0, last), b = whole_number(wanted, "b", 0, last);
+  const auto x = number(wanted, "x"), y = number(wanted, "y"), bx = number(wanted, "bx"), by = number(wanted, "by");
+  if (!a || !b || *a == *b || !x || !y) return Answer::text(400, "Give two heads a and b, and a pixel x, y of head a.");
+  const auto seen_by = [&](int k) {
+    return SeenBy{heads_[static_cast<std::size_t>(k)], grey_[static_cast<std::size_t>(k)]};
+  };
+  const std::optional<geometry::Pixel> near = bx && by ? std::optional(geometry::Pixel{*bx, *by}) : std::nullopt;
+  const double density = seen_by(*a).head.density({*x, *y});
+  const double within = near ? kRefinedWithinPx : kProposedWithinDeg / kDegrees * std::sqrt(std::max(0.0, density));
+  const std::optional<Found> found = find_again(seen_by(*a), {*x, *y}, seen_by(*b), near, within);
+  if (!found || found->correlation < kMinCorrelation) {
+    return document({{"found", false},
+                     {"why", fmt::format("Head {} shows nothing that looks like this place; click the place there, or "
+                                         "choose one with more detail.",
+                                         seen_by(*b).head.name())}});
+  }
+  return document({{"found", true}, {"x", found->pixel.x}, {"y", found->pixel.y}, {"correlation", found->correlation}});
+}
+
+Answer Workbench::seen(const Wanted& wanted) const {
+  const auto x = number(wanted, "x"), y = number(wanted, "y"), z = number(wanted, "z");
+  if (!x || !y || !z || *x * *x + *y * *y + *z * *z < 1e-12) return Answer::text(400, "Give a direction x, y, z.");
+  const geometry::Ray ray = geometry::Ray::towards(*x, -*y, -*z);
+  Json all = Json::array();
+  for (std::size_t k = 0; k < heads_.size(); ++k) {
+    const std::optional<geometry::Pixel> pixel = heads_[k].project(ray);
+    if (!pixel || !heads_[k].contains(*pixel)) continue;
+    all.push_back({{"head", k}, {"x", pixel->x}, {"y", pixel->y}, {"edge_px", heads_[k].distance_to_edge(*pixel)}});
+  }
+  return document(all);
+}
+
+}  // namespace nodal::host::look

@@ -1,0 +1,300 @@
+// The page of heads that are placed by hand: every change is a request to the program, whose state is then shown.
+
+import { Camera } from "./camera.js";
+import { listen } from "./input.js";
+import { HeadsView, kColours } from "./heads_view.js";
+import { between, turnedAxes } from "./turns.js";
+
+const at = (id) => document.getElementById(id);
+const canvas = at("view"), stage = at("stage"), message = at("message");
+const camera = new Camera();
+const kPoll = 300; // ms, while a registration runs
+const kLargest = 2048; // px, of a head's picture: enough to place it
+const kArrow = Math.PI / 1800; // 0.1 degrees
+const kRoll = Math.PI / 900; // by px
+let view = null, scene = null, state = null, waiting = false;
+let slide = null; // a drag of heads: where it began, and the rotation since
+let pair = null; // the first click of a pair
+let points = []; // of the horizon, or of a vertical line
+
+function say(text) {
+  message.textContent = text;
+  message.hidden = !text;
+}
+
+async function ask(path, options) {
+  const answer = await fetch(path, options);
+  if (!answer.ok) throw Object.assign(new Error(await answer.text()), { status: answer.status });
+  return answer;
+}
+const read = async (path) => (await ask(path)).json();
+
+function show() {
+  waiting = false;
+  if (!view) return;
+  view.draw(camera);
+  const degrees = (value) => `${(Math.round(value * 10) / 10).toFixed(1)}°`;
+  at("where").textContent = `yaw ${degrees(camera.yaw)}, pitch ${degrees(camera.pitch)}, ${degrees(camera.fov)} wide`;
+  Object.assign(at("where").dataset, { yaw: camera.yaw, pitch: camera.pitch, fov: camera.fov });
+}
+function changed() {
+  if (waiting) return;
+  waiting = true;
+  requestAnimationFrame(show);
+}
+
+function resize() {
+  const { left, top, right, bottom } = stage.getBoundingClientRect();
+  const width = Math.max(1, Math.floor(right) - Math.ceil(left));
+  const height = Math.max(1, Math.floor(bottom) - Math.ceil(top));
+  canvas.style.left = `${Math.ceil(left) - left}px`;
+  canvas.style.top = `${Math.ceil(top) - top}px`;
+  camera.resize(width, height);
+  view?.resize(width, height);
+  changed();
+}
+
+function listed(id, texts) {
+  at(id).replaceChildren(...texts.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
+}
+
+function colourOf(one) {
+  if (one.outlier) return "#ff00ff";
+  return one.residual_deg < 0.1 ? "#00e676" : one.residual_deg < 0.5 ? "#ffea00" : "#ff3d00";
+}
+
+/// Shows what the program says.
+function take(made) {
+  state = made;
+  state.heads.forEach((head, k) => view.turnHead(k, head.axes));
+  view.setPairs(state.pairs.filter((one) => one.ray_a)
+    .map((one) => ({ a: one.ray_a, b: one.ray_b, colour: colourOf(one) })));
+  at("undo").disabled = !state.undo;
+  at("redo").disabled = !state.redo;
+  const name = (k) => scene.heads[k].name, deg = (value) => `${value.toFixed(3)}°`;
+  const outliers = state.pairs.filter((one) => one.outlier).length;
+  listed("agreements", [
+    ...state.agreements.map((one) => `${name(one.a)} and ${name(one.b)}: ${one.pairs} pairs, ` +
+      `${deg(one.rms_deg)} rms, ${deg(one.worst_deg)} worst`),
+    ...(outliers > 0 ? [`${outliers} pairs contradict the others`] : []),
+  ]);
+  const running = state.registering !== null;
+  at("progress").hidden = !running;
+  at("progress").value = state.registering ?? 0;
+  for (const id of ["register", "fit"]) at(id).disabled = running;
+  const { registered } = state;
+  if (registered && !registered.error) {
+    const { levels_before: before, levels_after: after, heads, warnings } = registered;
+    const turned = (head) => `${head.name} turned by ${deg(head.turned_deg)}, ± ${deg(head.sigma_deg ?? 0)}`;
+    listed("changes", [
+      `where heads overlap, they differ by ${after.toFixed(2)} levels of 255; before, by ${before.toFixed(2)}`,
+      ...heads.map((head) => (head.placed ? turned(head) : `${head.name}: ${head.why_not}`)), ...warnings,
+    ]);
+  }
+  if (running) setTimeout(poll, kPoll);
+  document.documentElement.dataset.revision = state.revision;
+  changed();
+}
+
+async function poll() {
+  const before = state.registering;
+  take(await read("state.json"));
+  if (before === null || state.registering !== null) return;
+  say(state.registered?.error || "Registered; what changed is below.");
+  at("about").open = true;
+}
+
+/// Asks for a change. Gives whether it was made.
+async function change(what, words = {}) {
+  stage.setAttribute("aria-busy", "true");
+  try {
+    const body = JSON.stringify({ revision: state.revision, do: what, ...words });
+    take(await (await ask("change", { method: "POST", headers: { "Content-Type": "application/json" }, body })).json());
+    return true;
+  } catch (error) {
+    if (error.status === 409) take(await read("state.json"));
+    else state.heads.forEach((head, k) => view.turnHead(k, head.axes));
+    say(error.message);
+    changed();
+    return false;
+  } finally {
+    stage.removeAttribute("aria-busy");
+  }
+}
+
+async function save() {
+  say("");
+  if (await change("save")) return say(`Saved as ${state.saved}.`);
+  if (!/exist|there already/.test(message.textContent)) return;
+  at("question").textContent = message.textContent;
+  at("ask").showModal();
+}
+
+function choose(k, on) {
+  if (on) view.chosen.add(k);
+  else view.chosen.delete(k);
+  at(`head${k}`).checked = on;
+  changed();
+}
+
+const place = (event) => {
+  const box = canvas.getBoundingClientRect();
+  return [event.clientX - box.left, event.clientY - box.top];
+};
+const query = (values) => new URLSearchParams(values).toString();
+const seenAt = ([x, y, z]) => read(`seen?${query({ x, y, z })}`);
+
+async function clickPair(direction) {
+  const seen = (await seenAt(direction)).sort((a, b) => b.edge_px - a.edge_px);
+  if (!pair) {
+    const first = seen.find((one) => view.chosen.has(one.head)) ?? seen[0];
+    if (!first) return say("No head shows this place.");
+    const other = seen.find((one) => one.head !== first.head);
+    pair = { a: first.head, x: first.x, y: first.y };
+    if (!other) return say(`Now click the same place in another head than ${scene.heads[pair.a].name}.`);
+    return finishPair(other.head, null);
+  }
+  const second = seen.find((one) => one.head === pair.b) ?? seen.find((one) => one.head !== pair.a);
+  if (!second) return say("No other head shows this place.");
+  return finishPair(second.head, second);
+}
+
+async function finishPair(b, click) {
+  const { a, x, y } = pair;
+  const found = await read(`proposal?${query({ a, x, y, b, ...(click ? { bx: click.x, by: click.y } : {}) })}`);
+  if (!found.found && !click) {
+    pair.b = b;
+    return say(`${found.why} Click it in ${scene.heads[b].name}.`);
+  }
+  pair = null;
+  const to = found.found ? found : click;
+  if (await change("add_pair", { a, x, y, b, bx: to.x, by: to.y })) {
+    say(found.found ? `A pair of ${scene.heads[a].name} and ${scene.heads[b].name}; the two places look alike by ` +
+      `${Math.round(100 * found.correlation)} %.` : "The pair is where you clicked; the places do not look alike.");
+  }
+}
+
+async function mark(direction, tool) {
+  points.push(direction);
+  const wanted = tool === "horizon" ? 2 : 3;
+  if (points.length < wanted) return say(`${wanted - points.length} more to click.`);
+  const done = await change(tool === "horizon" ? "level" : "upright", { points });
+  points = [];
+  if (done) say("The rig is level now.");
+}
+
+async function press(event) {
+  const tool = at("tool").value;
+  if (tool === "look" || event.button !== 0) return;
+  event.stopImmediatePropagation();
+  canvas.setPointerCapture(event.pointerId);
+  const from = camera.grab(...place(event));
+  if (!from) return;
+  try {
+    if (tool === "pair") return await clickPair(from);
+    if (tool !== "slide") return await mark(from, tool);
+    slide = { from, x: event.clientX, about: [0, 0, 0], last: event };
+    if (view.chosen.size === 0) {
+      const [top] = (await seenAt(from)).sort((a, b) => b.edge_px - a.edge_px);
+      if (top) choose(top.head, true);
+    }
+    if (slide) move(slide.last);
+  } catch (error) {
+    say(error.message);
+  }
+}
+
+function move(event) {
+  if (!slide) return;
+  event.stopImmediatePropagation?.();
+  slide.last = event;
+  const to = camera.grab(...place(event));
+  if (!to) return;
+  slide.about = event.shiftKey ? slide.from.map((v) => v * (event.clientX - slide.x) * kRoll) : between(slide.from, to);
+  for (const k of view.chosen) view.turnHead(k, turnedAxes(slide.about, state.heads[k].axes));
+  changed();
+}
+
+async function release() {
+  if (!slide) return;
+  const { about } = slide;
+  slide = null;
+  if (view.chosen.size > 0 && Math.hypot(...about) > 0) await change("turn", { heads: [...view.chosen], about });
+}
+
+function arrows(event) {
+  const steps = { ArrowLeft: [0, 1, 0], ArrowRight: [0, -1, 0], ArrowUp: [1, 0, 0], ArrowDown: [-1, 0, 0] };
+  const step = steps[event.key];
+  if (!step || at("tool").value !== "slide" || view.chosen.size === 0) return;
+  event.preventDefault();
+  event.stopImmediatePropagation();
+  // About the axes of the view: x to the right, y up.
+  const yaw = (-camera.yaw * Math.PI) / 180;
+  const about = step[1] ? [0, step[1], 0] : [Math.cos(yaw) * step[0], 0, -Math.sin(yaw) * step[0]];
+  change("turn", { heads: [...view.chosen], about: about.map((v) => v * kArrow) });
+}
+
+function connect() {
+  canvas.addEventListener("pointerdown", press);
+  canvas.addEventListener("pointermove", move);
+  for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, release);
+  canvas.addEventListener("keydown", arrows);
+  listen(canvas, camera, changed, {
+    Home: () => camera.reset(), z: () => change("undo"), y: () => change("redo"),
+    Escape: () => { pair = null; points = []; say(""); },
+  });
+  at("tool").addEventListener("change", () => { pair = null; points = []; say(""); });
+  at("mode").addEventListener("change", () => { view.mode = at("mode").value; changed(); });
+  at("projection").addEventListener("change", () => { camera.look("inside", at("projection").value); changed(); });
+  for (const what of ["undo", "redo", "fit"]) at(what).addEventListener("click", () => change(what));
+  at("register").addEventListener("click", () => change("register", { free: at("free").value }));
+  at("save").addEventListener("click", save);
+  at("no").addEventListener("click", () => at("ask").close());
+  at("yes").addEventListener("click", async () => {
+    at("ask").close();
+    if (await change("save", { replace: true })) say(`Saved as ${state.saved}.`);
+  });
+  addEventListener("focus", async () => { if (!slide) take(await read("state.json")); });
+  new ResizeObserver(resize).observe(stage);
+  const events = new EventSource("events");
+  events.onerror = () => say("The program has ended, or too many pages of it are open. Start `nodal look` again.");
+}
+
+function addChoice({ name }, k) {
+  const label = document.createElement("label"), box = document.createElement("input");
+  Object.assign(box, { type: "checkbox", id: `head${k}` });
+  box.addEventListener("change", () => choose(k, box.checked));
+  label.append(box, ` ${name}`);
+  label.style.borderLeft = `.4rem solid ${kColours[k % kColours.length]}`;
+  at("heads").append(label);
+}
+
+async function start() {
+  scene = await read("scene.json");
+  document.title = `${scene.name} – nodal look`;
+  at("name").textContent = scene.name;
+  at("size").textContent = `${scene.heads.length} heads; Save writes ${scene.out}`;
+  listed("notes", scene.notes);
+  try {
+    view = new HeadsView(canvas);
+  } catch {
+    return say("This browser has no WebGL, which draws the heads.");
+  }
+  canvas.addEventListener("webglcontextlost", (event) => {
+    event.preventDefault();
+    say("This computer's graphics stopped (WebGL was lost). Nothing is lost: reload the page.");
+  });
+  const side = Math.min(kLargest, view.largestPicture);
+  const asStored = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
+  for (let k = 0; k < scene.heads.length; ++k) {
+    const [grid, picture] = await Promise.all([ask(`grid.glb?head=${k}`), ask(`head?head=${k}&side=${side}`)]);
+    await view.addHead(await grid.arrayBuffer(), await createImageBitmap(await picture.blob(), asStored));
+    addChoice(scene.heads[k], k);
+  }
+  take(await read("state.json"));
+  connect();
+  resize();
+  document.documentElement.dataset.ready = "1";
+}
+
+start().catch((error) => say(error.message));

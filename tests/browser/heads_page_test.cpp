@@ -1,0 +1,118 @@
+// Heads that are placed by hand in the page of `nodal look`: only by mouse and keys.
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <fstream>
+#include <numbers>
+
+#include "page_driver.h"
+#include "protocol/calibration.h"
+#include "tests/support/rendered_rig.h"
+
+namespace nodal::command_line {
+namespace {
+
+constexpr double kRadians = std::numbers::pi / 180;  // in a degree
+constexpr int kSide = 256;
+
+class HeadsPage : public PageDriver {
+ protected:
+  /// Six fisheyes in a town, and a calibration in which each is turned by so many degrees.
+  Words write_rig(double turned_deg) {
+    rig_ = test::render_rig(test::six_fisheyes(kSide), hal::sim::town_square_scene(3), {PixelFormat::kRgb24, 0, 5, 3});
+    Words words{path("prior.json")};
+    for (std::size_t k = 0; k < rig_.bytes.size(); ++k) {
+      const std::string name = rig_.truth.heads[k].name + ".png";
+      test::write_bytes(path(name), test::png_of(rig_.bytes[k], kSide, kSide, 3));
+      words.push_back(path(name));
+    }
+    std::ofstream(path("prior.json")) << to_json(test::turned(rig_.truth, turned_deg, turned_deg, 3));
+    words.insert(words.end(), {"-o", path("placed.json")});
+    return words;
+  }
+  static Eigen::Matrix3d axes(const Json& head) {
+    Eigen::Matrix3d R;
+    for (int k = 0; k < 9; ++k) R(k / 3, k % 3) = head["axes"][static_cast<std::size_t>(k)];
+    return R;
+  }
+  /// The direction that a view without yaw or pitch shows at a pixel.
+  static Eigen::Vector3d ray(const Json& state, double x, double y) {
+    const double width = state["width"], height = state["height"];
+    const double focal = width / 2 / std::tan(state["fov"].get<double>() / 2 * kRadians);
+    return Eigen::Vector3d(x - width / 2, height / 2 - y, -focal).normalized();
+  }
+
+  const Json size_{"size", 1000, 900}, slide_{"select", "tool", 1};
+  test::RenderedRig rig_;
+};
+
+TEST_F(HeadsPage, ADraggedHead_KeepsThePointUnderThePointer) {
+  const std::vector<Json> seen = drive(write_rig(2), {size_,
+                                                      {"open"},
+                                                      {"state"},
+                                                      {"shot", "before.png", "page"},
+                                                      {"heads"},
+                                                      slide_,
+                                                      {"press", "#head0"},
+                                                      {"drag", 420, 300, 555, 251},
+                                                      {"heads"},
+                                                      {"shot", "after.png", "page"},
+                                                      {"key", "ArrowLeft"},
+                                                      {"heads"},
+                                                      {"press", "#undo"},
+                                                      {"press", "#undo"},
+                                                      {"heads"},
+                                                      {"axe"}});
+  ASSERT_EQ(seen.size(), 7u);
+  const Json &before = seen[2], &after = seen[3];
+  const Eigen::Matrix3d turn = axes(after["heads"][0]) * axes(before["heads"][0]).transpose();
+  const Eigen::Vector3d from = ray(seen[1], 420, 300), to = ray(seen[1], 555, 251);
+  const double pixel = 2 * std::tan(seen[1]["fov"].get<double>() / 2 * kRadians) / seen[1]["width"].get<double>();
+  EXPECT_LT((turn * from - to).norm(), pixel) << "within a pixel";
+  EXPECT_EQ(after["heads"][1], before["heads"][1]) << "no other head moves";
+  const Eigen::Matrix3d arrow = axes(seen[4]["heads"][0]) * axes(after["heads"][0]).transpose();
+  EXPECT_TRUE(arrow.isApprox(Eigen::AngleAxisd(0.1 * kRadians, Eigen::Vector3d::UnitY()).toRotationMatrix(), 1e-9));
+  EXPECT_EQ(seen[5]["heads"], before["heads"]) << "both are undone";
+  EXPECT_EQ(seen[6], Json::array()) << "axe-core's violations";
+}
+
+TEST_F(HeadsPage, RegistrationAndSave_FindTheTruth) {
+  // The upper right of the view forward is seen by the heads that look forward, right and up.
+  const std::vector<Json> seen = drive(write_rig(2), {size_,
+                                                      {"open"},
+                                                      {"select", "tool", 2},
+                                                      {"click", 700, 200},
+                                                      {"heads"},
+                                                      {"click", 650, 420},
+                                                      {"heads"},
+                                                      {"shot", "pairs.png", "page"},
+                                                      {"select", "mode", 2},
+                                                      {"press", "#head1"},
+                                                      {"shot", "difference.png", "page"},
+                                                      {"press", "#register"},
+                                                      {"until", "Registered"},
+                                                      {"heads"},
+                                                      {"shot", "registered.png", "page"},
+                                                      {"press", "#save"},
+                                                      {"until", "Saved as"},
+                                                      {"size", 360, 640},
+                                                      {"axe"},
+                                                      {"state"},
+                                                      {"shot", "360.png", "page"},
+                                                      {"requests"}});
+  ASSERT_EQ(seen.size(), 7u);
+  const Json& done = seen[3];
+  EXPECT_EQ(done["registered"]["error"], "");
+  for (const Json& pair : done["pairs"]) EXPECT_LT(pair["residual_deg"].get<double>(), 0.2) << pair;
+  const std::vector<std::uint8_t> bytes = test::read_bytes(path("placed.json"));
+  const Calibration placed = parse_calibration(std::string(bytes.begin(), bytes.end())).value();
+  EXPECT_LT(test::rotation_error(rig_.truth, placed).rms_deg, 0.01 * 130 / kSide);
+  EXPECT_EQ(seen[4], Json::array());
+  EXPECT_EQ(seen[5]["wider"], 0) << "nothing is beside a window of 360 px";
+  for (const Json& url : seen[6]["requests"])
+    EXPECT_TRUE(url.get<std::string>().starts_with("http://127.0.0.1:")) << url;
+}
+
+}  // namespace
+}  // namespace nodal::command_line

@@ -1,0 +1,56 @@
+#include "page_driver.h"
+
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <sstream>
+
+namespace nodal::command_line {
+namespace fs = std::filesystem;
+using test::Finished;
+using test::Process;
+
+void PageDriver::SetUp() {
+  const fs::path modules = fs::path(NODAL_SOURCE_DIR) / "build/browser/node_modules";
+  if (!fs::exists(modules / "puppeteer-core") || !fs::exists(modules / "axe-core") ||
+      std::system("command -v chromium >/dev/null && command -v node >/dev/null") != 0) {
+    GTEST_SKIP() << "chromium or puppeteer-core is not here; tests/browser/fetch gets them";
+  }
+}
+
+Finished PageDriver::nodal(Words words) {
+  words.insert(words.begin(), NODAL_BIN_DIR "/nodal");
+  return Process(words).wait();
+}
+
+std::vector<PageDriver::Json> PageDriver::drive(Words words, const Json& steps) const {
+  words.insert(words.begin(), {NODAL_BIN_DIR "/nodal", "look"});
+  Process look(words);
+  EXPECT_TRUE(test::wait_until([&] { return look.said().find("/\n") != std::string::npos; })) << look.complained();
+  std::string link = look.said();
+  link.resize(std::min(link.size(), link.find('\n')));
+  const Finished driver =
+      Process({"node", NODAL_SOURCE_DIR "/tests/browser/look_page.mjs", link, folder_.path().string(), steps.dump()})
+          .wait(std::chrono::seconds(180));
+  EXPECT_EQ(driver.code, 0) << driver.err;
+  look.signal(SIGINT);
+  EXPECT_EQ(look.wait().code, 0) << "Ctrl-C is its usual end";
+  std::vector<Json> printed;
+  std::istringstream lines(driver.out);
+  for (std::string line; std::getline(lines, line);) printed.push_back(Json::parse(line));
+  keep_shots();
+  return printed;
+}
+
+void PageDriver::keep_shots() const {
+  const char* const keep = std::getenv("NODAL_KEEP_SHOTS");
+  if (keep == nullptr) return;
+  const std::string test = testing::UnitTest::GetInstance()->current_test_info()->name();
+  for (const auto& entry : fs::directory_iterator(folder_.path())) {
+    if (entry.path().extension() == ".png")
+      fs::copy_file(entry.path(), fs::path(keep) / (test + "-" + entry.path().filename().string()),
+                    fs::copy_options::overwrite_existing);
+  }
+}
+
+}  // namespace nodal::command_line

@@ -1,0 +1,32 @@
+// Runs `nodal look` and drives its page in headless Chromium, step by step (look_page.mjs).
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "tests/support/pictures.h"
+#include "tests/support/process.h"
+
+namespace nodal::command_line {
+
+class PageDriver : public testing::Test {
+ protected:
+  using Json = nlohmann::json;
+  using Words = std::vector<std::string>;
+
+  /// Skips where there is no Chromium.
+  void SetUp() override;
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  static test::Finished nodal(Words words);
+  /// What the steps print, of a page that `nodal look WORDS` shows.
+  std::vector<Json> drive(Words words, const Json& steps) const;
+  /// Copies screenshots to NODAL_KEEP_SHOTS.
+  void keep_shots() const;
+
+  test::TemporaryFolder folder_;
+};
+
+}  // namespace nodal::command_line
