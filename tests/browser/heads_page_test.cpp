@@ -13,7 +13,7 @@
 namespace nodal::command_line {
 namespace {
 
-constexpr double kRadians = std::numbers::pi / 180;  // in a degree
+constexpr double kRadians = std::numbers::pi / 180;  // one degree
 constexpr int kSide = 256;
 
 class HeadsPage : public PageDriver {
