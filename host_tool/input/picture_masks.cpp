@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 using geometry::HiddenPixels;
 using Polygons = std::vector<std::vector<Region::Point>>;
 
-constexpr int kHalf = 128;          // of 255
+constexpr int kHalf = 128;          // half of 255
 constexpr int kVisiblePlaces = 96;  // along each side of a region, to see whether anything of it is visible
 
 /// What a picture's file says of its size and attitude.

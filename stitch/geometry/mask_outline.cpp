@@ -22,7 +22,7 @@ constexpr std::size_t kMaxTraced = 200'000;  // corners of all outlines before t
 constexpr double kTolerance = 0.98;          // blocks; less than the block by which masks are grown
 constexpr double kGrown = 3;                 // blocks by which a simplified polygon may be too large
 
-/// Blocks of `by` pixels, hidden if one of their pixels or a neighbouring block has a hidden one, with a visible border.
+/// Blocks of `by` pixels, hidden if they or a neighbouring block have a hidden pixel, with a visible border.
 HiddenPixels in_blocks(const HiddenPixels& hidden, int by) {
   HiddenPixels blocks{(hidden.width + by - 1) / by + 4, (hidden.height + by - 1) / by + 4, {}};
   blocks.values.resize(static_cast<std::size_t>(blocks.width) * static_cast<std::size_t>(blocks.height));

@@ -28,9 +28,10 @@ struct MaskOutline {
   double more_px = 0;  ///< the polygons cover all hidden pixels, and at most about this much around them
 };
 
-/// The polygons that cover the hidden pixels and their neighbours, from which values between pixels are interpolated, as
-/// many as a calibration may have: exactly their outlines if these have few corners, else larger and simpler ones. A part that surrounds visible pixels is one polygon, whose outer and
-/// inner outlines are connected by an edge there and back.
+/// The polygons that cover the hidden pixels and their neighbours, from which values between pixels are interpolated;
+/// as many as a calibration may have: exactly their outlines if these have few corners, else larger and simpler ones. A
+/// part that surrounds visible pixels is one polygon, whose outer and inner outlines are connected by an edge there and
+/// back.
 /// Errors: kTooLarge when the mask is so ragged that the polygons would cover much more than its pixels.
 Result<MaskOutline> outline_of(const HiddenPixels& hidden);
 

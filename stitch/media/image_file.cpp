@@ -62,14 +62,6 @@ Status check_expansion(std::span<const std::uint8_t> bytes, const ImageHeader& h
                                             name, bytes.size(), header.width, header.height));
 }
 
-Result<std::span<const std::uint8_t>> all_of(PictureBytes& file) {
-  NODAL_TRY_ASSIGN(const auto bytes, file.first(kMaxImageFileBytes + 1));
-  if (bytes.size() > kMaxImageFileBytes) {
-    return fail(Errc::kTooLarge, fmt::format("picture '{}': is over {} MiB", file.name(), kMaxImageFileBytes >> 20));
-  }
-  return bytes;
-}
-
 }  // namespace
 
 Result<DecodedImage> decode_image(std::span<const std::uint8_t> bytes, const std::string& name,
@@ -96,12 +88,15 @@ Result<DecodedImage> decode_image(std::span<const std::uint8_t> bytes, const std
 }
 
 Result<DecodedImage> decode_image(PictureBytes& file, std::optional<PixelFormat> as) {
-  NODAL_TRY_ASSIGN(const auto bytes, all_of(file));
+  NODAL_TRY_ASSIGN(const auto bytes, file.first(kMaxImageFileBytes + 1));
+  if (bytes.size() > kMaxImageFileBytes) {
+    return fail(Errc::kTooLarge, fmt::format("picture '{}': is over {} MiB", file.name(), kMaxImageFileBytes >> 20));
+  }
   return decode_image(bytes, file.name(), as);
 }
 
 Result<DecodedImage> decode_opacity(PictureBytes& file) {
-  NODAL_TRY_ASSIGN(const auto bytes, all_of(file));
+  NODAL_TRY_ASSIGN(const auto bytes, file.first(kMaxImageFileBytes));
   NODAL_TRY_ASSIGN(const auto header, header_of(bytes, file.name()));
   NODAL_TRY(check_expansion(bytes, header, header.natural, file.name()));
   if (begins_with(bytes, kPngMagic)) return decode_png_opacity(bytes, file.name());

@@ -231,10 +231,13 @@ class PlainSamples {
   bool white_is_0_;
 };
 
-/// Grey and RGB with all their 8 or 16 bits: calls row(samples) for every row of the picture, from the top. Memory is
-/// taken for a row of strips or tiles at a time.
+/// Which channels are taken.
+enum class Taken : std::uint8_t { kColours, kOpacity };
+
+/// Grey and RGB with all their 8 or 16 bits, or their alpha: calls row(samples) for every row of the picture, from the
+/// top. Memory is taken for a row of strips or tiles at a time.
 template <class Row>
-Status decode_plain(Reader& reader, const Row& row) {
+Status decode_plain(Reader& reader, const Row& row, Taken wanted = Taken::kColours) {
   TIFF* tiff = reader.tiff.get();
   NODAL_TRY_ASSIGN(const Blocks found, plain_blocks(reader));
   const Blocks& blocks = found;
@@ -243,12 +246,13 @@ Status decode_plain(Reader& reader, const Row& row) {
   const PlainSamples made(blocks, field<std::uint16_t>(tiff, TIFFTAG_PHOTOMETRIC, 0) == PHOTOMETRIC_MINISWHITE);
   const std::uint32_t blocks_across = (width + blocks.across - 1) / blocks.across;
   const std::uint32_t blocks_down = (height + blocks.down - 1) / blocks.down;
-  const std::uint32_t used = blocks.channels + (blocks.alpha == Alpha::kAssociated ? 1 : 0);
+  const bool opacity = wanted == Taken::kOpacity;
+  const std::uint32_t used = blocks.channels + (blocks.alpha == Alpha::kAssociated || opacity ? 1 : 0);
   const std::uint32_t planes = std::min(blocks.planes, used);
   std::vector<std::uint16_t> block(static_cast<std::size_t>(blocks.bytes) / 2 + 1);
   const auto* const narrow = reinterpret_cast<const std::uint8_t*>(block.data());
   std::vector<PlainPixel> pixels;
-  std::vector<std::uint16_t> samples(std::size_t{width} * blocks.channels);
+  std::vector<std::uint16_t> samples(std::size_t{width} * (opacity ? 1 : blocks.channels));
   for (std::uint32_t top = 0; top < height; top += blocks.down) {
     const std::uint32_t rows = std::min(blocks.down, height - top);
     for (std::uint32_t b = 0; b < blocks_across * planes; ++b) {
@@ -274,19 +278,22 @@ Status decode_plain(Reader& reader, const Row& row) {
       }
     }
     for (std::uint32_t y = 0; y < rows; ++y) {
-      made.convert(std::span(pixels).subspan(std::size_t{y} * width, width), samples);
+      const auto line = std::span<const PlainPixel>(pixels).subspan(std::size_t{y} * width, width);
+      if (opacity) std::ranges::transform(line, samples.begin(), [&](const auto& p) { return p[blocks.channels]; });
+      else made.convert(line, samples);
       row(std::span<const std::uint16_t>(samples));
     }
   }
   return {};
 }
 
-/// Which of libtiff's channels are taken.
-enum class Taken : std::uint8_t { kColours, kOpacity };
+void append_in_8_bits(std::span<const std::uint16_t> row, bool deep, std::vector<std::uint8_t>& bytes) {
+  for (const unsigned value : row) bytes.push_back(static_cast<std::uint8_t>(deep ? (value + 128) / 257 : value));
+}
 
 /// libtiff's own conversion to 8 bits: red in the lowest byte. Rows are appended to `bytes` as they are decoded, those
 /// of a row of strips or tiles at a time, so that a file that ends early takes no memory for the rest.
-Status decode(Reader& reader, std::vector<std::uint8_t>& bytes, Taken taken) {
+Status decode(Reader& reader, std::vector<std::uint8_t>& bytes) {
   TIFF* tiff = reader.tiff.get();
   TIFFRGBAImage image{};
   std::array<char, 1024> why{};
@@ -310,10 +317,6 @@ Status decode(Reader& reader, std::vector<std::uint8_t>& bytes, Taken taken) {
       return fail(reader.broken(Errc::kTruncated, "ends early or is broken"));
     }
     for (const std::uint32_t pixel : std::span(pixels).first(std::size_t{width} * rows)) {
-      if (taken == Taken::kOpacity) {
-        bytes.push_back(static_cast<std::uint8_t>(TIFFGetA(pixel)));
-        continue;
-      }
       bytes.push_back(static_cast<std::uint8_t>(TIFFGetR(pixel)));
       if (grey) continue;
       bytes.push_back(static_cast<std::uint8_t>(TIFFGetG(pixel)));
@@ -354,12 +357,9 @@ Result<DecodedImage> decode_tiff(PictureBytes& file, std::optional<PixelFormat> 
       bytes.insert(bytes.end(), first, first + row.size_bytes());
     });
   } else if (is_plain(reader)) {
-    const bool deep = header.deep.has_value();
-    decoded = decode_plain(reader, [&bytes, deep](std::span<const std::uint16_t> row) {
-      for (const unsigned value : row) bytes.push_back(static_cast<std::uint8_t>(deep ? (value + 128) / 257 : value));
-    });
+    decoded = decode_plain(reader, [&](auto row) { append_in_8_bits(row, header.deep.has_value(), bytes); });
   } else {
-    decoded = decode(reader, bytes, Taken::kColours);
+    decoded = decode(reader, bytes);
   }
   if (!decoded) return fail(decoded.error());
   read_notes(reader, picture);
@@ -370,11 +370,13 @@ Result<DecodedImage> decode_tiff_opacity(PictureBytes& file) {
   Reader reader{file.name()};
   NODAL_TRY(open(file, reader));
   DecodedImage opacity{PixelFormat::kGrey8, reader.header.width, reader.header.height, {}};
-  if (alpha_of(reader) == Alpha::kNone) {
+  if (alpha_of(reader) == Alpha::kNone || !is_plain(reader)) {
     opacity.bytes.assign(packed_size(opacity.format, opacity.width, opacity.height), 255);
     return opacity;
   }
-  NODAL_TRY(decode(reader, opacity.bytes, Taken::kOpacity));
+  const bool deep = reader.header.deep.has_value();
+  NODAL_TRY(decode_plain(
+      reader, [&](auto row) { append_in_8_bits(row, deep, opacity.bytes); }, Taken::kOpacity));
   return opacity;
 }
 

@@ -107,7 +107,7 @@ TEST(MaskOutline, AroundACircle_LeavesTheCircleVisible) {
 TEST(MaskOutline, DrawnByHand_CoversAllThatIsHiddenAndLittleMore) {
   for (unsigned seed = 1; seed <= 6; ++seed) {
     std::mt19937 random(seed);
-    std::vector<std::array<double, 3>> dabs;  // of a brush
+    std::vector<std::array<double, 3>> dabs;  // x, y and radius, px
     double x = 200, y = 200;
     for (int k = 0; k < 60; ++k) {
       x += static_cast<double>(random() % 41) - 20, y += static_cast<double>(random() % 41) - 20;
