@@ -38,8 +38,8 @@ Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const U
 /// Registers the pictures of the matched set as far as they determine it: the whole lens, else the focal lengths, else
 /// rotations, else gains and fall-off only; of a lens that points do not determine over most of its radius, rotations
 /// at most; at last in red, green and blue. A result counts only if it places every head, lets the pictures differ less
-/// than without it, and agrees with the points as well as the calibration found by them: near things, which heads see in
-/// different directions, draw pictures away from them.
+/// than without it, and agrees with the points as well as the calibration found by them: near things, which heads see
+/// in different directions, draw pictures away from them.
 Result<registration::Report> refined(const RigPictures& rig, const OwnProgress& progress);
 
 }  // namespace nodal::host

@@ -37,7 +37,8 @@ bool is_tiff(PictureBytes& file);
 Result<DecodedImage> decode_tiff(PictureBytes& file, std::optional<PixelFormat> as = std::nullopt);
 Result<ImageHeader> tiff_header(const PictureBytes& file);
 
-/// How opaque the pixels are, GREY: 255 everywhere if the file has no alpha channel of 8 or 16 bits. Errors: those of decode_tiff().
+/// How opaque the pixels are, GREY: 255 everywhere if the file has no alpha channel of 8 or 16 bits.
+/// Errors: those of decode_tiff().
 Result<DecodedImage> decode_tiff_opacity(PictureBytes& file);
 
 }  // namespace nodal::media
