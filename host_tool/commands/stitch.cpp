@@ -67,7 +67,7 @@ PixelFormat raymap_format(PixelFormat pictures, int bits) {
   return pictures == PixelFormat::kGrey8 ? PixelFormat::kGrey16 : PixelFormat::kRgb48;
 }
 
-/// `of`: one of the pictures, for place and time.
+/// `raymap`: the part of it that is written. `of`: one of the pictures, for place and time.
 Result<std::vector<std::uint8_t>> encode(const StitchJob& job, const DecodedImage& raymap, const DecodedImage& of) {
   media::RaymapFile file;
   file.format = job.format;
@@ -76,11 +76,14 @@ Result<std::vector<std::uint8_t>> encode(const StitchJob& job, const DecodedImag
                              to_hex(calibration_id(job.rig.calibration)));
   file.layout = job.args.layout;
   file.kept = media::kept_metadata(of.metadata, media::Keep::kPlaceAndTime);
-  if (!job.part) return media::encode(raymap, file);
-  const RaymapPart& part = *job.part;
-  file.area = {job.size.width, job.size.height, part.left, part.top, part.width, part.height};
-  return media::encode(cropped(raymap, part), file);
+  if (job.part) {
+    const RaymapPart& part = *job.part;
+    file.area = {job.size.width, job.size.height, part.left, part.top, part.width, part.height};
+  }
+  return media::encode(raymap, file);
 }
+
+bands::Window window_of(const RaymapPart& part) { return {part.left, part.top, part.width, part.height}; }
 
 /// The equirectangular sphere with as many pixels as the raymap.
 bands::Grid sphere_of(const StitchJob& job) {
@@ -93,16 +96,21 @@ class Stitcher {
  public:
   explicit Stitcher(const StitchJob& job) : job_(job) {}
 
+  /// The part of the raymap that is written.
   /// `progress`: as for OfflineBlend::make. `checks`: the seams of this set, if not null.
   Result<DecodedImage> stitch(std::span<const ImageView> pictures, const std::function<void(double)>& progress,
                               std::vector<offline::SeamCheck>* checks) {
     NODAL_TRY(make(pictures.front().format, progress));
-    if (best(job_.args)) return best_->blend(pictures, checks);
+    if (best(job_.args)) {
+      NODAL_TRY_ASSIGN(DecodedImage raymap, best_->blend(pictures, checks));
+      return job_.part && !job_.part_is_all_seen ? cropped(raymap, *job_.part) : std::move(raymap);
+    }
     if (checks != nullptr) {
       NODAL_TRY_ASSIGN(*checks,
                        offline::check_seams(job_.rig.calibration, pictures, sphere_of(job_), job_.args.threads));
     }
-    return board_->blend(pictures);
+    NODAL_TRY_ASSIGN(DecodedImage raymap, board_->blend(pictures));
+    return job_.part ? cropped(raymap, *job_.part) : std::move(raymap);
   }
 
  private:
@@ -111,7 +119,9 @@ class Stitcher {
     const table::RaymapSpec spec{job_.args.layout, job_.size.width, job_.size.height,
                                  raymap_format(format, job_.args.bits)};
     if (best(job_.args)) {
-      auto made = offline::BestBlend::make(job_.rig.calibration, spec, job_.args.threads);
+      std::optional<bands::Window> seen;
+      if (job_.part_is_all_seen) seen = window_of(*job_.part);
+      auto made = offline::BestBlend::make(job_.rig.calibration, spec, job_.args.threads, seen);
       if (!made) return fail(made.error().in(job_.args.inputs.front()));
       best_.emplace(std::move(*made));
     } else {
@@ -147,9 +157,9 @@ void tell_linear(Console& console, const RigPictures& rig, const std::vector<Hea
 /// The page beside a sphere whose calibration was found in its pictures.
 Status write_report(const StitchJob& job, const DecodedImage& raymap, const Verdict& verdict) {
   NODAL_TRY_ASSIGN(const auto name, geometry::LayoutName::parse(job.args.layout));
-  NODAL_TRY_ASSIGN(const auto layout, geometry::make_layout(name, raymap.width, raymap.height));
-  bands::Window part;
-  if (job.part) part = {job.part->left, job.part->top, job.part->width, job.part->height};
+  NODAL_TRY_ASSIGN(const auto layout, geometry::make_layout(name, job.size.width, job.size.height));
+  std::optional<bands::Window> part;
+  if (job.part) part = window_of(*job.part);
   else if (name.is_equirectangular()) part = bands::Window::all({raymap.width, raymap.height});
   HtmlReport page =
       stitch_report({raymap, *layout, part, verdict, job.rig.heads, job.rig.notes, job.rig.match->confidence});

@@ -83,7 +83,8 @@ void take_for_srgb(RigPictures& rig) {
 /// The widest sphere of which the part has no side over kMaxUsualSide.
 double widest_usual(const StitchArgs& args, double share_of_width, double share_of_height) {
   const double widest = std::min(kMaxUsualSide / share_of_width, 2 * kMaxUsualSide / share_of_height);
-  const double best_limit = best(args) ? std::sqrt(2.0 * offline::BestBlend::kMaxPixels) : geometry::kMaxRaymapSide;
+  const double best_pixels = offline::BestBlend::kMaxPixels / (share_of_width * share_of_height);
+  const double best_limit = best(args) ? std::sqrt(2 * best_pixels) : geometry::kMaxRaymapSide;
   return std::floor(std::min({widest, best_limit, double{geometry::kMaxRaymapSide}}) / 4) * 4;
 }
 
@@ -123,6 +124,7 @@ Status plan_sphere(StitchJob& job, const geometry::LayoutName& layout, double na
     NODAL_TRY_ASSIGN(SeenPart fine, seen_part(job.rig.calibration, job.size));
     if (fine.part.left + fine.part.width > job.size.width) fine.part.left = 0, fine.part.width = job.size.width;
     job.part = fine.part;
+    job.part_is_all_seen = true;
     job.rig.notes.push_back(
         fmt::format("the pictures show {:.0f} % of the sphere, so the result is cropped to what they "
                     "show; --crop none gives the whole one",

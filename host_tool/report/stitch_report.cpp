@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "protocol/base/angles.h"
+#include "stitch/geometry/raymap/layout_window.h"
 #include "stitch/media/colour/colour.h"
 #include "stitch/media/image_file.h"
 #include "stitch/media/jpeg_writer.h"
@@ -37,6 +38,10 @@ std::vector<std::uint8_t> jpeg(const DecodedImage& picture) {
 }
 
 /// Pictures made from a sphere.
+bool is_whole(const StitchedSphere& sphere) {
+  return sphere.raymap.width == sphere.layout.width() && sphere.raymap.height == sphere.layout.height();
+}
+
 class Pictures {
  public:
   explicit Pictures(const StitchedSphere& sphere)
@@ -44,7 +49,9 @@ class Pictures {
                       ? media::convert_image(sphere.raymap.view(), PixelFormat::kRgb24)
                       : DecodedImage{}),
         raymap_(readable_.bytes.empty() ? sphere.raymap : readable_),
-        resampler_(sphere.layout, view::Filter::kBilinear, workers_) {}
+        window_(sphere.layout, sphere.part ? sphere.part->x : 0, sphere.part ? sphere.part->y : 0, sphere.raymap.width,
+                sphere.raymap.height),
+        resampler_(is_whole(sphere) ? sphere.layout : window_, view::Filter::kBilinear, workers_) {}
 
   std::vector<std::uint8_t> of(const view::Target& target) const {
     const DecodedImage made = resampler_.resample(raymap_.view(), target, workers_);
@@ -55,23 +62,22 @@ class Pictures {
   parallel::Workers workers_{0};
   DecodedImage readable_;
   const DecodedImage& raymap_;
+  geometry::LayoutWindow window_;
   view::Resampler resampler_;
 };
 
 view::Target whole(const StitchedSphere& sphere) {
-  const bands::Window part =
-      sphere.part.width > 0 ? sphere.part : bands::Window{0, 0, sphere.raymap.width, sphere.raymap.height};
-  const bool equirectangular = sphere.part.width > 0;
-  const double scale = std::min(1.0, static_cast<double>(kSphereWidth) / part.width);
-  if (!equirectangular) {
+  if (!sphere.part) {
     const auto ray = [](double x, double y) -> std::optional<geometry::Ray> {
       return geometry::Ray::at({(x / kSphereWidth - 0.5) * 2 * kPi, (y * 2 / kSphereWidth - 0.5) * kPi});
     };
     return {kSphereWidth, kSphereWidth / 2, ray};
   }
+  const bands::Window& part = *sphere.part;
+  const double scale = std::min(1.0, static_cast<double>(kSphereWidth) / part.width);
   const int width = std::max(1, static_cast<int>(part.width * scale));
   const int height = std::max(1, static_cast<int>(part.height * scale));
-  const auto ray = [=, full_width = sphere.raymap.width, full_height = sphere.raymap.height](
+  const auto ray = [=, full_width = sphere.layout.width(), full_height = sphere.layout.height()](
                        double x, double y) -> std::optional<geometry::Ray> {
     const double u = (part.x + x * part.width / width) / full_width,
                  v = (part.y + y * part.height / height) / full_height;
@@ -82,7 +88,7 @@ view::Target whole(const StitchedSphere& sphere) {
 
 /// A look through a camera at a place of the sphere, as large as the raymap has it.
 std::optional<view::Target> crop(const StitchedSphere& sphere, const geometry::Angles& at) {
-  const double pixel = std::sqrt(4 * kPi / (static_cast<double>(sphere.raymap.width) * sphere.raymap.height));
+  const double pixel = std::sqrt(4 * kPi / (static_cast<double>(sphere.layout.width()) * sphere.layout.height()));
   view::CameraSpec spec;
   spec.pose = {at.theta * kDegreesPerRadian, -at.phi * kDegreesPerRadian, 0};
   spec.fov_deg = std::clamp(kCropSide * pixel * kDegreesPerRadian, 2.0, kMaxCropDeg);

@@ -1,6 +1,7 @@
 // The page beside a stitched sphere: the sphere itself, what is to be said of it, and the seams that deserve a look.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,9 +15,9 @@
 namespace nodal::host {
 
 struct StitchedSphere {
-  const DecodedImage& raymap;
-  const geometry::RaymapLayout& layout;
-  bands::Window part;  ///< what of an equirectangular raymap is shown
+  const DecodedImage& raymap;            ///< all of it, or the part
+  const geometry::RaymapLayout& layout;  ///< of all of it
+  std::optional<bands::Window> part;     ///< what of an equirectangular raymap `raymap` is
   const Verdict& verdict;
   std::vector<std::string> heads;
   std::vector<std::string> notes;  ///< whole sentences

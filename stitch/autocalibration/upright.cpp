@@ -30,6 +30,8 @@ constexpr double kOtherWay = 45 * kRadiansPerDegree;
 constexpr double kRingWindow = 12 * kRadiansPerDegree;  // search radius around a ring's axis
 constexpr double kRim = 0.06;  // share of an image circle's radius; edges in this rim are not used
 constexpr std::size_t kSectors = 12;
+// Sectors in which a horizon may be hidden: few where a ring of heads, whose axis is as good a guess, looks all around.
+constexpr std::size_t kHidden = kSectors / 2, kHiddenFromRing = 1;
 constexpr double kHorizonWeight = 3;  // a horizon all around is rarely seen by chance, straight things more often
 constexpr double kStep = 1 * kRadiansPerDegree;
 constexpr double kSure = 150;          // standard deviations; textures and patterns reach 130
@@ -151,8 +153,8 @@ Vector3d light_of(std::vector<Lit> lit) {
 }
 
 // How many edges are vertical or lie on the horizon, in standard deviations above what chance gives. A horizon is
-// seen in many directions: a single straight edge is none.
-double agreement(const std::vector<Edge>& edges, const Vector3d& up, double tolerance) {
+// seen in all sectors but `hidden`: a single straight edge is none, and shelves, paths and lawns end in some.
+double agreement(const std::vector<Edge>& edges, const Vector3d& up, double tolerance, std::size_t hidden) {
   const double near = std::sin(tolerance), along = std::cos(2 * tolerance);  // hills hide the true horizon
   const Vector3d side = up.unitOrthogonal(), other = up.cross(side);
   std::size_t vertical = 0;
@@ -164,8 +166,8 @@ double agreement(const std::vector<Edge>& edges, const Vector3d& up, double tole
     const double turn = std::atan2(edge.ray.dot(side), edge.ray.dot(other)) / (2 * std::numbers::pi) + 0.5;
     ++horizon[std::min(kSectors - 1, static_cast<std::size_t>(turn * kSectors))];
   }
-  std::ranges::nth_element(horizon, horizon.begin() + kSectors / 2);
-  const std::size_t all_around = kSectors * horizon[kSectors / 2];
+  std::ranges::nth_element(horizon, horizon.begin() + static_cast<std::ptrdiff_t>(hidden));
+  const std::size_t all_around = kSectors * horizon[hidden];
   const auto n = static_cast<double>(edges.size());
   const auto beyond = [n](std::size_t count, double chance) {
     return std::max(0.0, (static_cast<double>(count) - n * chance) / std::sqrt(n * chance));
@@ -204,15 +206,15 @@ bool all_around(const std::vector<Edge>& edges, const std::vector<geometry::Head
 }
 
 // The best direction within `window` of `start`, on which at least `least` agree.
-void search_around(const std::vector<Edge>& edges, const Vector3d& start, double window, double step, Upright& found,
-                   double& best) {
+void search_around(const std::vector<Edge>& edges, const Vector3d& start, double window, double step,
+                   std::size_t hidden, Upright& found, double& best) {
   const Vector3d side = start.unitOrthogonal(), other = start.cross(side);
   const int steps = static_cast<int>(window / step);
   for (int i = -steps; i <= steps; ++i) {
     for (int j = -steps; j <= steps; ++j) {
       if (i * i + j * j > steps * steps) continue;
       const Vector3d up = (start + std::tan(i * step) * side + std::tan(j * step) * other).normalized();
-      const double score = agreement(edges, up, kUprightTolerance);
+      const double score = agreement(edges, up, kUprightTolerance, hidden);
       if (score <= best) continue;
       best = score;
       found.up = up;
@@ -228,7 +230,7 @@ void thin_out(std::vector<Edge>& edges) {
   edges.resize((edges.size() + step - 1) / step);
 }
 
-void refine(const std::vector<Edge>& edges, Upright& found) {
+void refine(const std::vector<Edge>& edges, std::size_t hidden, Upright& found) {
   const Vector3d side = found.up.unitOrthogonal(), other = found.up.cross(side);
   for (double step = kStep / 2; step > kStep / 16; step /= 2) {
     const Vector3d middle = found.up;
@@ -236,7 +238,7 @@ void refine(const std::vector<Edge>& edges, Upright& found) {
     for (int i = -2; i <= 2; ++i) {
       for (int j = -2; j <= 2; ++j) {
         const Vector3d up = (middle + i * step * side + j * step * other).normalized();
-        const double score = agreement(edges, up, std::max(kFinest, step));
+        const double score = agreement(edges, up, std::max(kFinest, step), hidden);
         if (score <= best) continue;
         best = score;
         found.up = up;
@@ -269,21 +271,21 @@ Upright find_upright(const std::vector<geometry::Head>& heads, const std::vector
   const std::optional<Vector3d> ring = ring_up(stance, light), upright = held_up(stance);
   double best = 0;
   if (ring) {
-    search_around(seen.edges, *ring, kRingWindow, kStep, found, best);
+    search_around(seen.edges, *ring, kRingWindow, kStep, kHiddenFromRing, found, best);
   } else {
-    search_around(seen.edges, light, kWindow, kStep, found, best);
-    if (upright) search_around(seen.edges, *upright, kWindow, kStep, found, best);
+    search_around(seen.edges, light, kWindow, kStep, kHidden, found, best);
+    if (upright) search_around(seen.edges, *upright, kWindow, kStep, kHidden, found, best);
   }
   const auto decided = [&](double least) {
     const bool many = best > least;
-    if (best > 0) refine(seen.edges, found);
+    if (best > 0) refine(seen.edges, ring ? kHiddenFromRing : kHidden, found);
     return many && all_around(seen.edges, heads, found.up);
   };
   bool edges = decided(kSure);
   if (!edges && !ring) {
     const Upright near = found;
     best = 0;
-    search_around(seen.edges, light, kWideWindow, kWideStep, found, best);
+    search_around(seen.edges, light, kWideWindow, kWideStep, kHidden, found, best);
     edges = decided(kBeyondDoubt);
     if (!edges) found = near;
   }

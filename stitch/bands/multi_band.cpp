@@ -44,9 +44,12 @@ void normalize(Layer& coarsest, int colours, int weight_channel) {
 
 }  // namespace
 
-MultiBand::MultiBand(Grid grid, int colours, int threads)
+MultiBand::MultiBand(Grid grid, const Window& window, int colours, int threads)
     : colours_(colours), workers_(threads), grids_(grids_below(grid)) {
-  for (const Grid& level : grids_) sums_.emplace_back(level, Window::all(level), colours + 1);
+  sums_.emplace_back(grid, window, colours + 1);
+  for (std::size_t l = 1; l < grids_.size(); ++l) {
+    sums_.emplace_back(grids_[l], reduced_window(grids_[l - 1], sums_.back().window(), grids_[l]), colours + 1);
+  }
 }
 
 void MultiBand::add(Layer picture) {
@@ -57,7 +60,8 @@ void MultiBand::add(Layer picture) {
   for (std::size_t l = levels.size(); l-- > 0;) {
     Layer& level = levels[l];
     const bool coarsest = l + 1 == levels.size();
-    const Window& window = level.window();
+    const Window &window = level.window(), &within = sums_[l].window();
+    const int columns = level.grid().width;
     workers_.run(window.height, [&](int j) {
       std::vector<float> coarser(static_cast<std::size_t>(window.width * level.channels()), 0);
       if (!coarsest) Expansion(levels[l + 1], level.grid()).row(window.y + j, window.x, window.width, coarser);
@@ -66,7 +70,7 @@ void MultiBand::add(Layer picture) {
         const float* below = coarser.data() + static_cast<std::ptrdiff_t>(i) * level.channels();
         const float missing = coarsest ? 0 : 1 - pixel[colours_];
         const float weight = pixel[colours_ + 1];
-        float* sum = sums_[l].at((window.x + i) % level.grid().width, window.y + j);
+        float* sum = sums_[l].at((window.x + i - within.x + columns) % columns, window.y + j - within.y);
         for (int c = 0; c < colours_; ++c) {
           pixel[c] += missing * below[c];
           sum[c] += weight * (pixel[c] - below[c]);
@@ -82,10 +86,11 @@ Layer MultiBand::finish() {
   normalize(sums_.back(), colours_, colours_);
   for (std::size_t l = sums_.size() - 1; l-- > 0;) {
     Layer& level = sums_[l];
-    workers_.run(level.grid().height, [&](int j) {
+    const Window& window = level.window();
+    workers_.run(window.height, [&](int j) {
       std::vector<float> coarser;
-      Expansion(sums_[l + 1], level.grid()).row(j, 0, level.grid().width, coarser);
-      for (int i = 0; i < level.grid().width; ++i) {
+      Expansion(sums_[l + 1], level.grid()).row(window.y + j, window.x, window.width, coarser);
+      for (int i = 0; i < window.width; ++i) {
         float* sum = level.at(i, j);
         const float weight = sum[colours_];
         for (int c = 0; c < colours_; ++c) {

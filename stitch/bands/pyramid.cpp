@@ -18,28 +18,6 @@ double reach_in_row(int y, Grid fine, Grid coarse) {
   return std::min<double>(fine.width, ratio / cos_latitude(y, fine.height));
 }
 
-/// The window of the coarse grid that a reduced layer may fill.
-Window reduced_window(const Layer& fine, Grid coarse) {
-  const Window& from = fine.window();
-  const double down = static_cast<double>(fine.grid().height) / coarse.height;
-  const double across = static_cast<double>(fine.grid().width) / coarse.width;
-  Window to;
-  to.y = std::max(0, static_cast<int>(std::floor(from.y / down)) - 1);
-  const int end = std::min(coarse.height, static_cast<int>(std::ceil((from.y + from.height) / down)) + 1);
-  to.height = end - to.y;
-  const double reach =
-      std::max(reach_in_row(from.y, fine.grid(), coarse), reach_in_row(from.y + from.height - 1, fine.grid(), coarse));
-  const int begin = static_cast<int>(std::floor((from.x - reach) / across)) - 1;
-  to.width = static_cast<int>(std::ceil((from.x + from.width + reach) / across)) + 1 - begin;
-  if (fine.closed() || to.width >= coarse.width) {
-    to.x = 0;
-    to.width = coarse.width;
-  } else {
-    to.x = (begin % coarse.width + coarse.width) % coarse.width;
-  }
-  return to;
-}
-
 /// Prefix sums of a row's channel, for means over intervals with fractional ends.
 class RowSums {
  public:
@@ -137,8 +115,28 @@ std::vector<Grid> grids_below(Grid finest) {
   return grids;
 }
 
+Window reduced_window(Grid fine, const Window& from, Grid coarse) {
+  const double down = static_cast<double>(fine.height) / coarse.height;
+  const double across = static_cast<double>(fine.width) / coarse.width;
+  Window to;
+  to.y = std::max(0, static_cast<int>(std::floor(from.y / down)) - 1);
+  const int end = std::min(coarse.height, static_cast<int>(std::ceil((from.y + from.height) / down)) + 1);
+  to.height = end - to.y;
+  const double reach =
+      std::max(reach_in_row(from.y, fine, coarse), reach_in_row(from.y + from.height - 1, fine, coarse));
+  const int begin = static_cast<int>(std::floor((from.x - reach) / across)) - 1;
+  to.width = static_cast<int>(std::ceil((from.x + from.width + reach) / across)) + 1 - begin;
+  if (from.width == fine.width || to.width >= coarse.width) {
+    to.x = 0;
+    to.width = coarse.width;
+  } else {
+    to.x = (begin % coarse.width + coarse.width) % coarse.width;
+  }
+  return to;
+}
+
 Layer reduced(const Layer& fine, Grid coarse, const parallel::Workers& workers) {
-  const Window to = reduced_window(fine, coarse);
+  const Window to = reduced_window(fine.grid(), fine.window(), coarse);
   const Window& from = fine.window();
   const int channels = fine.channels();
   // First each row; the rows are still those of the fine grid.

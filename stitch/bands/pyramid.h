@@ -12,6 +12,9 @@ namespace nodal::bands {
 std::vector<Grid> grids_below(Grid finest);
 inline constexpr int kMinWidth = 32;  ///< smallest width of the coarsest grid; its pixels span about 11 degrees
 
+/// The window of the coarser grid that holds everything that a layer with the window `from` becomes by reduced().
+Window reduced_window(Grid fine, const Window& from, Grid coarse);
+
 /// A coarser picture: the mean with a triangular filter, (1 3 3 1) / 8 at the equator. In other rows it is
 /// wider by 1 / cos(latitude), so that it has the same extent on the sphere everywhere, and rows go on
 /// beyond a pole on the opposite meridian; the picture is closed, without a seam at 180 degrees or a star at the poles.

@@ -30,13 +30,14 @@ constexpr int kFlowColumns = 512;
 constexpr double kMarginDeg = 15;
 
 /// The columns and rows of the pixels that `owner` has, with the margin, inside `outer`. Nothing if it has none.
-std::optional<Window> window_of(const std::vector<std::uint8_t>& owners, Grid grid, std::size_t owner,
-                                const Window& outer) {
+/// `owners`: of the pixels of `seen`, which holds `outer`.
+std::optional<Window> window_of(const std::vector<std::uint8_t>& owners, Grid grid, const Window& seen,
+                                std::size_t owner, const Window& outer) {
   int top = outer.height, bottom = -1, left = outer.width, right = -1;
   for (int j = 0; j < outer.height; ++j) {
-    const std::uint8_t* row = owners.data() + static_cast<std::ptrdiff_t>(outer.y + j) * grid.width;
+    const std::uint8_t* row = owners.data() + static_cast<std::ptrdiff_t>(outer.y - seen.y + j) * seen.width;
     for (int i = 0; i < outer.width; ++i) {
-      if (row[(outer.x + i) % grid.width] != owner) continue;
+      if (row[(outer.x - seen.x + i + grid.width) % grid.width] != owner) continue;
       top = std::min(top, j);
       bottom = std::max(bottom, j);
       left = std::min(left, i);
@@ -59,11 +60,25 @@ std::optional<Window> window_of(const std::vector<std::uint8_t>& owners, Grid gr
   return window;
 }
 
+bool is_window_of(Grid grid, const Window& window) {
+  return window.x >= 0 && window.x < grid.width && window.width > 0 && window.width <= grid.width && window.y >= 0 &&
+         window.height > 0 && window.y + window.height <= grid.height;
+}
+
+/// The rows of `window`, if `seen` is a part of the sphere: then all columns of that.
+Window rows_within(const Window& seen, const Window& window, Grid grid) {
+  if (seen.width == grid.width && seen.height == grid.height) return window;
+  const int top = std::max(seen.y, window.y);
+  const int bottom = std::min(seen.y + seen.height, window.y + window.height);
+  return {seen.x, top, seen.width, std::max(0, bottom - top)};
+}
+
 std::uint8_t rounded(float value) { return static_cast<std::uint8_t>(std::lround(std::clamp(value, 0.0F, 255.0F))); }
 
 }  // namespace
 
-Result<BestBlend> BestBlend::make(const Calibration& calibration, const table::RaymapSpec& raymap, int threads) {
+Result<BestBlend> BestBlend::make(const Calibration& calibration, const table::RaymapSpec& raymap, int threads,
+                                  std::optional<Window> seen) {
   if (in_8_bits(raymap.format) != PixelFormat::kRgb24 && in_8_bits(raymap.format) != PixelFormat::kGrey8) {
     return fail(Errc::kUnsupported, "a raymap of " + std::string(pixel_format_name(raymap.format)) +
                                         " cannot be blended at best quality; ask for RGB24, GREY, RGB48 or GREY16");
@@ -81,10 +96,12 @@ Result<BestBlend> BestBlend::make(const Calibration& calibration, const table::R
     const int height = std::max(8, static_cast<int>(std::ceil(std::min(wide, 1e6) / 2)));
     made.sphere_ = {2 * height, height};
   }
-  if (std::int64_t{made.sphere_.width} * made.sphere_.height > kMaxPixels) {
+  made.seen_ = seen && made.equirectangular_ ? *seen : Window::all(made.sphere_);
+  NODAL_ASSERT(is_window_of(made.sphere_, made.seen_));
+  if (std::int64_t{made.seen_.width} * made.seen_.height > kMaxPixels) {
     return fail(Errc::kTooLarge,
                 fmt::format("a sphere of {} x {} pixels takes too much memory at best quality; ask for a smaller width",
-                            made.sphere_.width, made.sphere_.height));
+                            made.seen_.width, made.seen_.height));
   }
   made.map_ = {std::min(kMapWidth, std::max(32, made.sphere_.width / 2)), 0};
   made.map_.height = made.map_.width / 2;
@@ -93,7 +110,7 @@ Result<BestBlend> BestBlend::make(const Calibration& calibration, const table::R
   double largest = 0;
   for (const geometry::Head& head : heads) {
     made.heads_.emplace_back(head, raymap.format, made.power_);
-    made.windows_.push_back(made.heads_.back().window(made.sphere_));
+    made.windows_.push_back(rows_within(made.seen_, made.heads_.back().window(made.sphere_), made.sphere_));
     largest = std::max(largest, made.heads_.back().largest_factor());
   }
   made.full_ = 255 * largest;
@@ -140,13 +157,14 @@ Result<DecodedImage> BestBlend::blend(std::span<const ImageView> pictures, std::
     *checks = check_seams(heads_, pictures, moved, {labels_, map_}, sphere_, workers);
   }
   const std::vector<std::uint8_t> owner_of = owners(pictures, parallax);
-  bands::MultiBand bands(sphere_, colours, threads_);
+  bands::MultiBand bands(sphere_, seen_, colours, threads_);
   for (std::size_t h = 0; h < heads_.size(); ++h) {
-    const std::optional<Window> window = window_of(owner_of, sphere_, h, windows_[h]);
+    const std::optional<Window> window = window_of(owner_of, sphere_, seen_, h, windows_[h]);
     if (!window) continue;
     Layer shown(sphere_, *window, colours + 2);
     const HeadPicture picture(heads_[h], pictures[h]);
     workers.run(window->height, [&](int j) {
+      const std::uint8_t* owners = owner_of.data() + static_cast<std::ptrdiff_t>(window->y + j - seen_.y) * seen_.width;
       for (int i = 0; i < window->width; ++i) {
         const int x = (window->x + i) % sphere_.width, y = window->y + j;
         const auto seen = heads_[h].see(parallax.moved(h, ray_of(sphere_, x + 0.5, y + 0.5)));
@@ -154,8 +172,7 @@ Result<DecodedImage> BestBlend::blend(std::span<const ImageView> pictures, std::
         float* pixel = shown.at(i, j);
         picture.sample(*seen, std::numbers::pi / sphere_.height, pixel);
         pixel[colours] = 1;
-        pixel[colours + 1] = owner_of[static_cast<std::size_t>(y) * static_cast<std::size_t>(sphere_.width) +
-                                      static_cast<std::size_t>(x)] == h;
+        pixel[colours + 1] = owners[(x - seen_.x + sphere_.width) % sphere_.width] == h;
       }
     });
     bands.add(std::move(shown));
@@ -164,10 +181,10 @@ Result<DecodedImage> BestBlend::blend(std::span<const ImageView> pictures, std::
 }
 
 std::vector<std::uint8_t> BestBlend::owners(std::span<const ImageView> pictures, const Parallax& parallax) const {
-  std::vector<std::uint8_t> owners(static_cast<std::size_t>(sphere_.width) * static_cast<std::size_t>(sphere_.height),
+  std::vector<std::uint8_t> owners(static_cast<std::size_t>(seen_.width) * static_cast<std::size_t>(seen_.height),
                                    seams::kNobody);
-  parallel::Workers(threads_).run(sphere_.height, [&](int y) {
-    choose_owners_of_row(y, pictures, parallax, owners.data() + static_cast<std::ptrdiff_t>(y) * sphere_.width);
+  parallel::Workers(threads_).run(seen_.height, [&](int j) {
+    choose_owners_of_row(seen_.y + j, pictures, parallax, owners.data() + static_cast<std::ptrdiff_t>(j) * seen_.width);
   });
   return owners;
 }
@@ -178,28 +195,30 @@ void BestBlend::choose_owners_of_row(int y, std::span<const ImageView> pictures,
     return pictures[h].planes[0].data != nullptr ? heads_[h].see(parallax.moved(h, ray)) : std::nullopt;
   };
   std::vector<seams::Share> shares;
-  for (int x = 0; x < sphere_.width; ++x) {
+  for (int i = 0; i < seen_.width; ++i) {
+    const int x = (seen_.x + i) % sphere_.width;
     const Eigen::Vector3d ray = ray_of(sphere_, x + 0.5, y + 0.5);
     seams::shares_at(labels_, map_, (x + 0.5) * map_.width / sphere_.width, (y + 0.5) * map_.height / sphere_.height,
                      shares);
     for (const seams::Share& share : shares) {
       if (!sees(share.head, ray)) continue;
-      owners[x] = share.head;
+      owners[i] = share.head;
       break;
     }
-    if (owners[x] != seams::kNobody) continue;
+    if (owners[i] != seams::kNobody) continue;
     double best = 0;
     for (std::size_t h = 0; h < heads_.size(); ++h) {
       const auto seen = sees(h, ray);
       if (!seen || seen->score <= best) continue;
       best = seen->score;
-      owners[x] = static_cast<std::uint8_t>(h);
+      owners[i] = static_cast<std::uint8_t>(h);
     }
   }
 }
 
 DecodedImage BestBlend::in_layout(const Layer& sphere) const {
-  const int width = layout_->width(), height = layout_->height(), colours = component_count(format_);
+  const int width = equirectangular_ ? seen_.width : layout_->width(), colours = component_count(format_);
+  const int height = equirectangular_ ? seen_.height : layout_->height();
   const bool linear = is_linear16(format_);
   DecodedImage raymap{format_, width, height, {}};
   if (is_linear16(format_)) raymap.meaning = SampleMeaning::linear();

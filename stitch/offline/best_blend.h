@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -26,7 +27,7 @@ class Parallax;
 /// place is clearly better.
 ///
 /// Threading: thread-bound; starts its own threads and waits for them.
-/// Memory: about 60 bytes a pixel of the sphere, and the pictures, 1.3 times; before that, up to 25 MB a thread for
+/// Memory: about 60 bytes a pixel of the sphere, or of its part that heads see, and the pictures, 1.3 times; before that, up to 25 MB a thread for
 /// flows.
 /// Ownership: does not refer to the calibration after make().
 class BestBlend {
@@ -35,9 +36,12 @@ class BestBlend {
   static constexpr std::int64_t kMaxPixels = std::int64_t{1} << 26;
 
   /// Any number of heads that a calibration may have. `threads` 0: one per core; the result does not depend on it.
+  /// `seen`: the part of an equirectangular raymap beyond which no head sees anything; raymaps are this part, then, and
+  /// memory, time and kMaxPixels go by its pixels.
   /// Errors: those of geometry::make_heads and geometry::make_layout; kUnsupported for other formats than RGB24, GREY,
   ///   RGB48 and GREY16; kTooLarge for spheres of more than kMaxPixels.
-  static Result<BestBlend> make(const Calibration& calibration, const table::RaymapSpec& raymap, int threads);
+  static Result<BestBlend> make(const Calibration& calibration, const table::RaymapSpec& raymap, int threads,
+                                std::optional<bands::Window> seen = {});
 
   /// One picture per head, in the calibration's order; RGB24, or GREY for a grey raymap; one without data is a missing
   /// head. `checks`, if not null, gets how well the pictures go on across the seams of this set.
@@ -51,7 +55,7 @@ class BestBlend {
  private:
   BestBlend() = default;
   Status check_pictures(std::span<const ImageView> pictures) const;
-  /// The head that shows each pixel of the sphere.
+  /// The head that shows each pixel of seen_.
   std::vector<std::uint8_t> owners(std::span<const ImageView> pictures, const Parallax& parallax) const;
   void choose_owners_of_row(int y, std::span<const ImageView> pictures, const Parallax& parallax,
                             std::uint8_t* owners) const;
@@ -61,6 +65,7 @@ class BestBlend {
   std::unique_ptr<geometry::RaymapLayout> layout_;
   bool equirectangular_ = true;
   bands::Grid sphere_, map_;
+  bands::Window seen_;  ///< what of sphere_ is blended
   double power_ = 1;
   double full_ = 255;  ///< number at which 65535 of linear light is blended; 255 if light is not linear
   std::vector<HeadView> heads_;

@@ -34,7 +34,7 @@ TEST(MultiBand, OnePicture_IsReproduced) {
   std::mt19937 random(1);
   std::uniform_real_distribution<float> level(0, 255);
   std::vector<float> truth;
-  MultiBand blend(kSphere, 1, 2);
+  MultiBand blend(kSphere, Window::all(kSphere), 1, 2);
   blend.add(picture([&](int, int) { return truth.emplace_back(level(random)); }, everywhere, everywhere));
   const Layer made = blend.finish();
   for (std::size_t k = 0; k < truth.size(); ++k) {
@@ -48,7 +48,7 @@ TEST(MultiBand, EqualPictures_NoSeamShows) {
   std::vector<float> truth(static_cast<std::size_t>(kSphere.width * kSphere.height));
   std::ranges::generate(truth, [&] { return level(random); });
   const auto value = [&](int x, int y) { return truth[static_cast<std::size_t>(y * kSphere.width + x)]; };
-  MultiBand blend(kSphere, 1, 2);
+  MultiBand blend(kSphere, Window::all(kSphere), 1, 2);
   const auto left = [](int x, int y) { return x < 100 + y / 2; };
   blend.add(picture(value, everywhere, left));
   blend.add(picture(value, everywhere, [&](int x, int y) { return !left(x, y); }));
@@ -60,7 +60,7 @@ TEST(MultiBand, EqualPictures_NoSeamShows) {
 
 TEST(MultiBand, DetailOfOneHeadOnly_EndsAtTheSeam) {
   // A checkerboard beside grey of the same mean: at most a pixel of transition.
-  MultiBand blend(kSphere, 1, 2);
+  MultiBand blend(kSphere, Window::all(kSphere), 1, 2);
   blend.add(picture([](int x, int y) { return (x + y) % 2 == 0 ? 60.0F : 140.0F; }, everywhere,
                     [](int x, int) { return x < 128; }));
   blend.add(picture([](int, int) { return 100.0F; }, everywhere, [](int x, int) { return x >= 128; }));
@@ -79,7 +79,7 @@ float steepest(const Layer& made, const std::function<const float*(int)>& at, in
 
 TEST(MultiBand, AStepInBrightness_BecomesARampEverywhereOnTheSphere) {
   // The seam runs around the sphere through both poles; one picture is 40 levels brighter.
-  MultiBand blend(kSphere, 1, 2);
+  MultiBand blend(kSphere, Window::all(kSphere), 1, 2);
   const auto front = [](int x, int) { return x >= 64 && x < 192; };
   blend.add(picture([](int, int) { return 120.0F; }, everywhere, front));
   blend.add(picture([](int, int) { return 80.0F; }, everywhere, [&](int x, int y) { return !front(x, y); }));
@@ -105,7 +105,7 @@ TEST(MultiBand, AStepInBrightness_BecomesARampEverywhereOnTheSphere) {
 TEST(MultiBand, APictureThatEndsAtTheSeam_IsNotDarkenedByItsEdge) {
   const auto front = [](int x, int) { return x >= 60 && x < 190; };
   const auto value = [](int x, int) { return 100 + 20 * std::sin(static_cast<float>(x) * 0.0245F); };
-  MultiBand blend(kSphere, 1, 2);
+  MultiBand blend(kSphere, Window::all(kSphere), 1, 2);
   blend.add(picture(value, front, front));
   blend.add(picture(
       value, [&](int x, int y) { return !front(x, y); }, [&](int x, int y) { return !front(x, y); }));
@@ -117,7 +117,7 @@ TEST(MultiBand, APictureThatEndsAtTheSeam_IsNotDarkenedByItsEdge) {
 
 TEST(MultiBand, AHole_IsTold) {
   const auto seen = [](int x, int) { return x < 200; };
-  MultiBand blend(kSphere, 1, 2);
+  MultiBand blend(kSphere, Window::all(kSphere), 1, 2);
   blend.add(picture([](int, int) { return 100.0F; }, seen, seen));
   const Layer made = blend.finish();
   EXPECT_GT(made.at(100, 64)[1], 0);
@@ -127,7 +127,7 @@ TEST(MultiBand, AHole_IsTold) {
 
 TEST(MultiBand, ThreadsDoNotMatter) {
   const auto blended = [](int threads) {
-    MultiBand blend(kSphere, 1, threads);
+    MultiBand blend(kSphere, Window::all(kSphere), 1, threads);
     const auto left = [](int x, int) { return x < 99; };
     blend.add(picture([](int x, int y) { return static_cast<float>((x * 31 + y * 17) % 200); }, everywhere, left));
     blend.add(picture([](int x, int y) { return static_cast<float>((x * 13 + y * 7) % 250); }, everywhere,

@@ -115,6 +115,60 @@ TEST(BestBlend, AFilmOfHeadsApart_FlickersNearSeamsAsTheHeadsNoiseDoes) {
   EXPECT_LT(flicker(film, near_a_seam), 1.21 * flicker(film, in_the_middle));
 }
 
+/// The smallest part of a raymap beyond which it is black; its columns may go on at 0.
+bands::Window shown_part(const DecodedImage& raymap) {
+  const auto shows = [&](int x, int y) { return raymap.bytes[static_cast<std::size_t>(y * raymap.width + x)] != 0; };
+  std::vector<bool> columns(static_cast<std::size_t>(raymap.width)), rows(static_cast<std::size_t>(raymap.height));
+  for (int y = 0; y < raymap.height; ++y) {
+    for (int x = 0; x < raymap.width; ++x) {
+      if (shows(x, y)) columns[static_cast<std::size_t>(x)] = rows[static_cast<std::size_t>(y)] = true;
+    }
+  }
+  bands::Window part;
+  part.y = static_cast<int>(std::ranges::find(rows, true) - rows.begin());
+  part.height = raymap.height - part.y - static_cast<int>(std::find(rows.rbegin(), rows.rend(), true) - rows.rbegin());
+  int gap = 0, longest = 0;
+  for (int x = 0; x < 2 * raymap.width; ++x) {
+    gap = columns[static_cast<std::size_t>(x % raymap.width)] ? 0 : gap + 1;
+    if (gap <= longest) continue;
+    longest = gap;
+    part.x = (x + 1) % raymap.width;
+  }
+  part.width = raymap.width - longest;
+  return part;
+}
+
+TEST(BestBlend, ThePartThatHeadsSee_IsThatOfTheWholeSphere) {
+  for (const double yaw : {20.0, 180.0}) {  // in the middle, and on both sides of the picture's edge
+    Calibration two = test::six_fisheyes(160, 100);
+    two.heads.resize(2);
+    const double c = std::cos(yaw * std::numbers::pi / 180), s = std::sin(yaw * std::numbers::pi / 180);
+    for (HeadCalibration& head : two.heads) {
+      const auto R = head.R_head_rig;
+      for (std::size_t row = 0; row < 3; ++row) {
+        head.R_head_rig[3 * row] = c * R[3 * row] + s * R[3 * row + 2];
+        head.R_head_rig[3 * row + 2] = -s * R[3 * row] + c * R[3 * row + 2];
+      }
+    }
+    const test::RenderedRig rig = test::render_rig(two, hal::sim::town_square_scene(3));
+    const DecodedImage whole = best(rig, kSphere);
+    const bands::Window part = shown_part(whole);
+    ASSERT_LT(part.width, 0.7 * kWidth);
+    EXPECT_EQ(part.x + part.width > kWidth, yaw == 180);
+    const DecodedImage made = BestBlend::make(rig.truth, kSphere, 2, part)->blend(rig.frames()).value();
+    ASSERT_EQ(made.width, part.width);
+    ASSERT_EQ(made.height, part.height);
+    int most = 0;
+    for (int y = 0; y < part.height; ++y) {
+      for (int x = 0; x < part.width; ++x) {
+        const std::size_t at = static_cast<std::size_t>((part.y + y) * kWidth + (part.x + x) % kWidth);
+        most = std::max(most, std::abs(made.bytes[static_cast<std::size_t>(y * part.width + x)] - whole.bytes[at]));
+      }
+    }
+    EXPECT_LE(most, 1) << "levels; yaw " << yaw;
+  }
+}
+
 TEST(BestBlend, ACube_ShowsTheScene) {
   const hal::sim::ScenePtr town = hal::sim::town_square_scene(3);
   const test::RenderedRig rig = test::render_rig(test::six_fisheyes(160), town);
