@@ -16,7 +16,7 @@ namespace nodal::host {
 
 struct StitchedSphere {
   const DecodedImage& raymap;            ///< all of it, or the part
-  const geometry::RaymapLayout& layout;  ///< of all of it
+  const geometry::RaymapLayout& layout;  ///< layout of the whole raymap
   std::optional<bands::Window> part;     ///< what of an equirectangular raymap `raymap` is
   const Verdict& verdict;
   std::vector<std::string> heads;

@@ -20,9 +20,10 @@ class MultiBand {
   /// Only `window` is blended; outside of it no picture shows anything.
   MultiBand(Grid grid, const Window& window, int colours, int threads);
 
-  /// Adds a picture, whose window lies in the blend's. Its channels are the colours, then 1 where the picture shows anything and 0 elsewhere, then 1
-  /// where the result shows this picture and 0 elsewhere. Colours are 0 where nothing is shown. Beyond its edges a
-  /// picture is continued by its coarser bands, so that an edge close to a seam does no harm.
+  /// Adds a picture, whose window lies in the blend's. Its channels are the colours, then 1 where the picture shows
+  /// anything and 0 elsewhere, then 1 where the result shows this picture and 0 elsewhere. Colours are 0 where nothing
+  /// is shown. Beyond its edges a picture is continued by its coarser bands, so that an edge close to a seam does no
+  /// harm.
   void add(Layer picture);
 
   /// The window: the blended colours, then a channel that is 0 where no picture was to show. Call once.

@@ -11,11 +11,15 @@ namespace {
 
 class FisheyePairs : public testing::Test {
  protected:
+  /// Tests run side by side.
+  static std::filesystem::path own_folder() {
+    return std::filesystem::path(testing::TempDir()) /
+           (std::string("nodal-") + testing::UnitTest::GetInstance()->current_test_info()->name());
+  }
   static PairVerdict judged(FisheyePair pair, int seed, int side = 480) {
     pair.side = side;
     const Calibration truth = true_pair(pair, seed);
-    const auto folder = std::filesystem::path(testing::TempDir()) /
-                        (std::string("nodal-") + testing::UnitTest::GetInstance()->current_test_info()->name());
+    const auto folder = own_folder();
     const auto files = written(rendered_pair(pair, truth, seed), folder);
     EXPECT_TRUE(files) << files.error().text();
     PairVerdict verdict = files ? judged_alone(pair, truth, *files) : PairVerdict{};
@@ -24,7 +28,7 @@ class FisheyePairs : public testing::Test {
   }
   static PairVerdict judged_by_sheet(const FisheyePair& pair, int seed, const NominalAsked& asked) {
     const Calibration truth = true_pair(pair, seed);
-    const auto folder = std::filesystem::path(testing::TempDir()) / "nodal-data-sheet";
+    const auto folder = own_folder();
     const auto files = written(rendered_pair(pair, truth, seed), folder);
     EXPECT_TRUE(files) << files.error().text();
     PairVerdict verdict = files ? judged_nominal(pair, truth, *files, asked) : PairVerdict{};

@@ -75,7 +75,7 @@ TEST_F(FilmTest, OfAnotherFormatOrWhereNoneCanBe_IsRefusedWithTheReason) {
   EXPECT_NE(png.err.find("a film (.mkv) is of JPEGs"), std::string::npos) << png.err;
   const Finished nowhere = nodal({"raymap", "pull", "--out", path("no/such/folder/film.mkv")});
   EXPECT_NE(nowhere.code, 0);
-  EXPECT_NE(nowhere.err.find("no/such/folder/film.mkv: No such file or directory"), std::string::npos) << nowhere.err;
+  EXPECT_NE(nowhere.err.find("there is no such folder as"), std::string::npos) << nowhere.err;
   if (!std::filesystem::exists("/dev/full")) return;
   std::filesystem::create_symlink("/dev/full", path("full.mkv"));
   const Finished full = nodal({"raymap", "pull", "-n", "2", "--out", path("full.mkv")});

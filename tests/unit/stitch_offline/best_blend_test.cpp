@@ -139,7 +139,7 @@ bands::Window shown_part(const DecodedImage& raymap) {
 }
 
 TEST(BestBlend, ThePartThatHeadsSee_IsThatOfTheWholeSphere) {
-  for (const double yaw : {20.0, 180.0}) {  // in the middle, and on both sides of the picture's edge
+  for (const double yaw : {20.0, 180.0}) {  // 180: on both sides of the picture's edge
     Calibration two = test::six_fisheyes(160, 100);
     two.heads.resize(2);
     const double c = std::cos(yaw * std::numbers::pi / 180), s = std::sin(yaw * std::numbers::pi / 180);
