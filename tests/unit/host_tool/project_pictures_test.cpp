@@ -76,7 +76,9 @@ TEST_F(ProjectPictures, StitchAProjectOfAnotherMachine_SaysWhereItsPicturesAre) 
   const std::string project = (folder_ / "project/rig.pto").string();
   std::ofstream(project) << "i w640 h480 f0 v60 r0 p0 y0 n\"C:\\rig\\b.png\"\n"
                             "i w640 h480 f0 v60 r0 p0 y40 n\"C:\\rig\\a.png\"\n";
-  std::ofstream(folder_ / "project/b.png") << "y";
+  for (const char* const name : {"project/a.png", "project/b.png"}) {
+    test::write_bytes(folder_ / name, test::png_of(std::vector<std::uint8_t>(640 * 480, 90), 640, 480, 1));
+  }
   const auto input = read_rig_pictures({}, {project});
   ASSERT_TRUE(input) << input.error().text();
   EXPECT_EQ(input->files(), (std::vector<std::vector<std::string>>{
