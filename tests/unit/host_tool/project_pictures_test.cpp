@@ -76,14 +76,15 @@ TEST_F(ProjectPictures, StitchAProjectOfAnotherMachine_SaysWhereItsPicturesAre) 
   const std::string project = (folder_ / "project/rig.pto").string();
   std::ofstream(project) << "i w640 h480 f0 v60 r0 p0 y0 n\"C:\\rig\\b.png\"\n"
                             "i w640 h480 f0 v60 r0 p0 y40 n\"C:\\rig\\a.png\"\n";
-  for (const char* const name : {"project/a.png", "project/b.png"}) {
-    test::write_bytes(folder_ / name, test::png_of(std::vector<std::uint8_t>(640 * 480, 90), 640, 480, 1));
+  for (const int n : {0, 1}) {
+    const std::vector<std::uint8_t> grey(640 * 480, static_cast<std::uint8_t>(90 + n));
+    test::write_bytes(folder_ / (n == 0 ? "project/a.png" : "project/b.png"), test::png_of(grey, 640, 480, 1));
   }
   const auto input = read_rig_pictures({}, {project});
   ASSERT_TRUE(input) << input.error().text();
   EXPECT_EQ(input->files(), (std::vector<std::vector<std::string>>{
                                 {(folder_ / "project/b.png").string(), (folder_ / "project/a.png").string()}}));
-  ASSERT_EQ(input->notes.size(), 1u);
+  ASSERT_EQ(input->notes.size(), 1u) << input->notes.back();
   EXPECT_NE(input->notes[0].find("2 of 2 pictures"), std::string::npos) << input->notes[0];
   EXPECT_NE(input->notes[0].find("b.png"), std::string::npos) << input->notes[0];
   const Outcome imported(
