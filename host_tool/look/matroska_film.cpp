@@ -28,6 +28,7 @@ constexpr std::uint64_t kVideoType = 1, kEquirectangular = 1;
 constexpr std::uint64_t kLargestHeader = 1 << 20;                 // bytes of Info and Tracks
 constexpr std::uint64_t kLargestFrame = std::uint64_t{64} << 20;  // bytes
 constexpr std::size_t kLongest = 2'000'000;                       // pictures: 18 hours at 30 a second
+constexpr std::uint64_t kLongestUnit = 1'000'000'000;             // ns; of times in the file
 constexpr std::uint64_t kLongestTime = std::uint64_t{1} << 52;    // ns; beyond it, times are nonsense
 
 struct Element {
@@ -172,6 +173,7 @@ class MatroskaFilm final : public Film {
     for_each_element(content, [&](std::uint32_t id, std::span<const std::uint8_t> value) {
       if (id == kTimestampScale) scale_ns_ = number_in(value);
     });
+    if (scale_ns_ > kLongestUnit) return broken("has times in units of more than a second");
     return {};
   }
   Status take_tracks(std::span<const std::uint8_t> content) {

@@ -112,6 +112,16 @@ TEST_F(FilmFile, Damaged_IsRefusedOrShowsWhatItHas) {
   }
 }
 
+TEST_F(FilmFile, TimesInUnitsOfCenturies_AreRefused) {
+  test::write_bytes(folder_ / "slow.mkv", {0x1A, 0x45, 0xDF, 0xA3, 0x80,                          // EBML header
+                                           0x18, 0x53, 0x80, 0x67, 0xFF,                          // segment
+                                           0x15, 0x49, 0xA9, 0x66, 0x8C, 0x2A, 0xD7, 0xB1, 0x88,  // its unit of time
+                                           0x7F, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF});
+  const auto film = open_matroska((folder_ / "slow.mkv").string());
+  ASSERT_FALSE(film);
+  EXPECT_NE(film.error().message.find("units of more than a second"), std::string::npos) << film.error().message;
+}
+
 TEST_F(FilmFile, BecomesShorterWhileItIsShown_IsAnErrorWithItsName) {
   const std::string file = write_film("own.mkv", 12);
   const auto film = open_film(file).value();
