@@ -43,7 +43,7 @@ struct StitchJob {
   media::RaymapFormat format = media::RaymapFormat::kJpg;
   geometry::RaymapSize size;       ///< size of the whole raymap
   double share = 1;                ///< share of the sphere that the heads see
-  std::optional<RaymapPart> part;  ///< what of the raymap is written, if not all
+  std::optional<RaymapPart> part;  ///< the part of the raymap that is written, if not all
   bool part_is_all_seen = false;   ///< beyond it no head sees anything
   RigPictures rig;
   std::optional<HtmlReport> details;  ///< how a calibration from the pictures was registered

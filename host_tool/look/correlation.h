@@ -42,7 +42,7 @@ struct Found {
 /// The place in `to` that looks as the surroundings of `pixel` in `from` do. Both are sampled in the same directions of
 /// the rig, so lenses and turned heads make no difference. `near`: where to begin; nothing: where the calibration says.
 /// `within_px`: how far from there it may be, in pixels of `from`.
-/// Nothing: the heads do not see the place, or there is no detail, or a straight edge only.
+/// No result if a head does not see the place, or if it shows no detail or only a straight edge.
 std::optional<Found> find_again(const SeenBy& from, const geometry::Pixel& pixel, const SeenBy& to,
                                 const std::optional<geometry::Pixel>& near, double within_px);
 

@@ -17,7 +17,7 @@ namespace nodal::host {
 struct StitchedSphere {
   const DecodedImage& raymap;            ///< all of it, or the part
   const geometry::RaymapLayout& layout;  ///< layout of the whole raymap
-  std::optional<bands::Window> part;     ///< what of an equirectangular raymap `raymap` is
+  std::optional<bands::Window> part;     ///< the part of an equirectangular raymap that `raymap` shows
   const Verdict& verdict;
   std::vector<std::string> heads;
   std::vector<std::string> notes;  ///< whole sentences

@@ -65,7 +65,7 @@ class BestBlend {
   std::unique_ptr<geometry::RaymapLayout> layout_;
   bool equirectangular_ = true;
   bands::Grid sphere_, map_;
-  bands::Window seen_;  ///< what of sphere_ is blended
+  bands::Window seen_;  ///< the part of sphere_ that is blended
   double power_ = 1;
   double full_ = 255;  ///< number at which 65535 of linear light is blended; 255 if light is not linear
   std::vector<HeadView> heads_;
