@@ -24,48 +24,72 @@ bool reaches(RadialBasis basis, double angle) {
 
 double angle_of(const Eigen::Vector3d& ray) { return std::atan2(std::hypot(ray.x(), ray.y()), ray.z()); }
 
+/// t by the angle, for a value of t.
+double basis_slope(RadialBasis basis, double t) {
+  switch (basis) {
+    case RadialBasis::kAngle: return 1;
+    case RadialBasis::kTangent: return 1 + t * t;
+    case RadialBasis::kHalfTangent: return (1 + t * t) / 2;
+  }
+  return 1;
+}
+
 double power(double t, int n) {
   double value = 1;
   for (; n > 0; --n) value *= t;
   return value;
 }
 
-double radius_at(const PolynomialHead& head, double angle) {
-  const double t = radial_basis(head.basis, angle);
-  double r = 0;
-  for (std::size_t k = 0; k < head.exponents.size(); ++k) r += head.coefficients[k] * power(t, head.exponents[k]);
-  return r;
-}
+/// One ray's pixel, and its derivatives by all unknowns, px; by the rotation only if it is free.
+class FittedPixel {
+ public:
+  FittedPixel(const PolynomialHead& head, bool turns)
+      : head_(head),
+        turns_(turns),
+        u_(Eigen::RowVectorXd::Zero(kPlace + count())),
+        v_(Eigen::RowVectorXd::Zero(kPlace + count())) {
+    u_[0] = 1;
+    v_[1] = 1;
+  }
 
-/// Derivatives of (u, v) by all unknowns, px; by the rotation only if requested.
-Eigen::Matrix<double, 2, Eigen::Dynamic> derivatives(const PolynomialHead& head, const Eigen::Vector3d& given,
-                                                     bool by_turn) {
-  const auto n = static_cast<Eigen::Index>(kPlace + head.exponents.size());
-  Eigen::Matrix<double, 2, Eigen::Dynamic> J = Eigen::Matrix<double, 2, Eigen::Dynamic>::Zero(2, n);
-  const Eigen::Vector3d ray = head.R_fitted_given * given;
-  const double s = std::hypot(ray.x(), ray.y());
-  const Eigen::Vector2d e = s > 0 ? Eigen::Vector2d(ray.x() / s, ray.y() / s) : Eigen::Vector2d::Zero();
-  const double t = radial_basis(head.basis, angle_of(ray));
-  J(0, 0) = 1;
-  J(1, 1) = 1;
-  J(1, 2) = e.y() * radius_at(head, angle_of(ray));
-  for (int k = 0; by_turn && k < 3; ++k) {
-    constexpr double kStep = 1e-6;
-    PolynomialHead turned = head;
-    turned.R_fitted_given = geometry::rotation_about(kStep * Eigen::Vector3d::Unit(k)) * head.R_fitted_given;
-    const geometry::Pixel more = turned.project(given);
-    turned.R_fitted_given = geometry::rotation_about(-kStep * Eigen::Vector3d::Unit(k)) * head.R_fitted_given;
-    const geometry::Pixel less = turned.project(given);
-    J(0, 3 + k) = (more.x - less.x) / (2 * kStep);
-    J(1, 3 + k) = (more.y - less.y) / (2 * kStep);
+  void evaluate(const Eigen::Vector3d& given) {
+    const Eigen::Vector3d ray = head_.R_fitted_given * given;
+    const double s = std::hypot(ray.x(), ray.y());
+    const Eigen::Vector2d e = s > 0 ? Eigen::Vector2d(ray.x() / s, ray.y() / s) : Eigen::Vector2d::Zero();
+    const double t = radial_basis(head_.basis, std::atan2(s, ray.z()));
+    double r = 0, slope = 0;  // slope: of r by t
+    for (std::size_t k = 0; k < head_.exponents.size(); ++k) {
+      const double before = power(t, head_.exponents[k] - 1);
+      r += head_.coefficients[k] * before * t;
+      slope += head_.coefficients[k] * head_.exponents[k] * before;
+      u_[kPlace + static_cast<Eigen::Index>(k)] = e.x() * before * t;
+      v_[kPlace + static_cast<Eigen::Index>(k)] = head_.aspect * e.y() * before * t;
+    }
+    v_[2] = e.y() * r;
+    pixel_ = {head_.cx + r * e.x(), head_.cy + head_.aspect * r * e.y()};
+    if (!turns_) return;
+    // A small rotation w moves the ray by w x ray, so the derivative by w is ray x gradient.
+    const double by_angle = slope * basis_slope(head_.basis, t) / ray.squaredNorm();
+    const double across = s > 0 ? r / s : by_angle * ray.z();
+    const Eigen::Vector3d outward(by_angle * ray.z() * e.x(), by_angle * ray.z() * e.y(), -by_angle * s);
+    const Eigen::Vector3d by_u(across * (1 - e.x() * e.x()), -across * e.x() * e.y(), 0);
+    const Eigen::Vector3d by_v(-across * e.x() * e.y(), across * (1 - e.y() * e.y()), 0);
+    u_.segment<3>(3) = ray.cross(by_u + e.x() * outward);
+    v_.segment<3>(3) = head_.aspect * ray.cross(by_v + e.y() * outward);
   }
-  for (std::size_t k = 0; k < head.exponents.size(); ++k) {
-    const double slope = power(t, head.exponents[k]);
-    J(0, kPlace + static_cast<Eigen::Index>(k)) = e.x() * slope;
-    J(1, kPlace + static_cast<Eigen::Index>(k)) = head.aspect * e.y() * slope;
-  }
-  return J;
-}
+
+  const geometry::Pixel& pixel() const { return pixel_; }
+  const Eigen::RowVectorXd& by_u() const { return u_; }
+  const Eigen::RowVectorXd& by_v() const { return v_; }
+
+ private:
+  Eigen::Index count() const { return static_cast<Eigen::Index>(head_.exponents.size()); }
+
+  const PolynomialHead& head_;
+  bool turns_;
+  geometry::Pixel pixel_;
+  Eigen::RowVectorXd u_, v_;
+};
 
 /// Which unknowns are held.
 std::vector<bool> fixed_columns(const PolynomialHead& head, const FitFreedom& freedom) {
@@ -92,11 +116,11 @@ PolynomialHead improved(const std::vector<geometry::RayPixel>& samples, const Po
                         const FitFreedom& freedom, int steps) {
   const auto evaluate = [&](const PolynomialHead& head) {
     solve::Evaluation sum{solve::NormalEquations(kPlace + static_cast<int>(head.exponents.size()))};
+    FittedPixel at(head, freedom.turn);
     for (const geometry::RayPixel& sample : samples) {
-      const Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor> J = derivatives(head, sample.ray, freedom.turn);
-      const geometry::Pixel p = head.project(sample.ray);
-      sum.equations.add(J.row(0).data(), p.x - sample.pixel.x, 1);
-      sum.equations.add(J.row(1).data(), p.y - sample.pixel.y, 1);
+      at.evaluate(sample.ray);
+      sum.equations.add(at.by_u().data(), at.pixel().x - sample.pixel.x, 1);
+      sum.equations.add(at.by_v().data(), at.pixel().y - sample.pixel.y, 1);
     }
     sum.cost = sum.equations.cost();
     return sum;
@@ -125,7 +149,9 @@ geometry::Pixel PolynomialHead::project(const Eigen::Vector3d& given) const {
   const Eigen::Vector3d ray = R_fitted_given * given;
   const double s = std::hypot(ray.x(), ray.y());
   if (s == 0) return {cx, cy};
-  const double r = radius_at(*this, angle_of(ray));
+  const double t = radial_basis(basis, std::atan2(s, ray.z()));
+  double r = 0;
+  for (std::size_t k = 0; k < exponents.size(); ++k) r += coefficients[k] * power(t, exponents[k]);
   return {cx + r * ray.x() / s, cy + aspect * r * ray.y() / s};
 }
 

@@ -43,17 +43,21 @@ double turning_tangent(const PlumbBob& bob) {
 
 /// Ideal points whose images cover the picture evenly: one per cell, and the outermost ones, to include the corners.
 std::vector<geometry::RayPixel> samples_of(const PinholeNumbers& p, const PlumbBob& bob, const HeadCalibration& head) {
-  constexpr int kCells = 48;
+  constexpr int kCells = 36;  // many more than a fit has unknowns
   constexpr int kRings = 300, kSpokes = 180;
   constexpr std::size_t kNone = SIZE_MAX;
   std::vector<std::size_t> taken(kCells * kCells, kNone);
   const double end = std::atan(0.995 * turning_tangent(bob));
   std::vector<geometry::RayPixel> samples;
+  std::vector<Eigen::Vector2d> directions(kSpokes);
+  for (int spoke = 0; spoke < kSpokes; ++spoke) {
+    const double turn = 2 * kPi * spoke / kSpokes;
+    directions[static_cast<std::size_t>(spoke)] = {std::cos(turn), std::sin(turn)};
+  }
   for (int ring = 1; ring <= kRings; ++ring) {
-    for (int spoke = 0; spoke < kSpokes; ++spoke) {
-      const double t = std::tan(end * ring / kRings);
-      const double turn = 2 * kPi * spoke / kSpokes;
-      const Eigen::Vector2d ideal(t * std::cos(turn), t * std::sin(turn));
+    const double t = std::tan(end * ring / kRings);
+    for (const Eigen::Vector2d& direction : directions) {
+      const Eigen::Vector2d ideal = t * direction;
       const Eigen::Vector2d bent = bob.bend(ideal);
       const geometry::Pixel pixel{p.fx * bent.x() + p.cx + 0.5, p.fy * bent.y() + p.cy + 0.5};
       if (!(pixel.x >= 0 && pixel.y >= 0 && pixel.x < head.width && pixel.y < head.height)) continue;
