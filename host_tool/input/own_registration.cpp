@@ -74,6 +74,7 @@ class Attempts {
     options.free = free;
     options.geometry = geometry;
     options.search = false;
+    options.diagnose = false;  // the points agree, so the pictures are the right way round
     options.width = width;
     options.progress = [&](const registration::Step&, double done) { progress_(begun_ + share * done, what); };
     Result<Report> report = registration::register_heads(from, lit, options);

@@ -100,13 +100,15 @@ class Model {
     restrict_to(free, H);
     // Where the common curvature is not positive it gives no estimate; the own curvature then gives a bound.
     if (least_eigenvalue(H, free) <= 0) H = own;
-    const Matrix inverse = inverse_of(H), own_inverse = inverse_of(own);
-    const Eigen::Index n = H.rows();
-    Spread spread{inverse * noise_, Matrix::Zero(n, n)};
+    const Matrix inverse = symmetric_system(H).inverse(), own_inverse = symmetric_system(own).inverse();
+    Spread spread{inverse * noise_, Matrix::Zero(H.rows(), H.cols())};
     for (std::size_t p = 0; p < own_.size(); ++p) {
       if (own_[p].size() == 0) continue;
-      const Matrix rest = Matrix::Identity(n, n) - kMaxLeverage * own_[p] * own_inverse;
-      const Vector pull = inverse * rest.partialPivLu().solve(gradients_[p]);  // change of the result without this part
+      const std::vector<Eigen::Index> at = parameters_of(own_[p]);
+      const auto n = static_cast<Eigen::Index>(at.size());
+      const Matrix rest = Matrix::Identity(n, n) - kMaxLeverage * own_[p](at, at) * own_inverse(at, at);
+      // The change of the result without this part.
+      const Vector pull = inverse(Eigen::all, at) * rest.partialPivLu().solve(gradients_[p](at));
       spread.parts += pull * pull.transpose();
     }
     return spread;
@@ -137,12 +139,13 @@ class Model {
     Apart sum;
     int determined = 0;
     for (std::size_t p = 0; p < own.size(); ++p) {
-      if (own[p].size() == 0) continue;
-      const Eigen::SelfAdjointEigenSolver<Matrix> curvature(own[p]);
-      const Vector pulls = curvature.eigenvectors().transpose() * gradients[p];
-      for (Eigen::Index k = 0; k < n; ++k) {
+      const std::vector<Eigen::Index> at = parameters_of(own[p]);
+      if (at.empty()) continue;
+      const Eigen::SelfAdjointEigenSolver<Matrix> curvature(own[p](at, at));
+      const Vector pulls = curvature.eigenvectors().transpose() * gradients[p](at);
+      for (Eigen::Index k = 0; k < pulls.size(); ++k) {
         const double along = curvature.eigenvalues()[k];
-        if (!(along > kDetermined * curvature.eigenvalues()[n - 1])) continue;
+        if (!(along > kDetermined * curvature.eigenvalues()[pulls.size() - 1])) continue;
         sum.removed += pulls[k] * pulls[k] / along;
         sum.curvatures += along;
         ++determined;
@@ -162,6 +165,14 @@ class Model {
     }
     return columns;
   }
+  /// The parameters that a part of the sphere depends on: those of the few heads that see it.
+  static std::vector<Eigen::Index> parameters_of(const Matrix& own) {
+    std::vector<Eigen::Index> at;
+    for (Eigen::Index k = 0; k < own.rows(); ++k) {
+      if (own(k, k) > 0) at.push_back(k);
+    }
+    return at;
+  }
   static void restrict_to(const std::vector<bool>& free, Matrix& H) {
     for (Eigen::Index k = 0; k < H.rows(); ++k) {
       if (free[static_cast<std::size_t>(k)]) continue;
@@ -174,11 +185,6 @@ class Model {
       if (!free[static_cast<std::size_t>(k)]) H(k, k) = H.diagonal().maxCoeff();
     }
     return H.size() > 0 ? Eigen::SelfAdjointEigenSolver<Matrix>(H).eigenvalues().minCoeff() : 1;
-  }
-  static Matrix inverse_of(const Matrix& H) {
-    Matrix inverse(H.rows(), H.cols());
-    for (Eigen::Index k = 0; k < H.cols(); ++k) inverse.col(k) = solve_symmetric(H, Vector::Unit(H.rows(), k));
-    return inverse;
   }
 
   const Parameters& parameters_;

@@ -7,7 +7,6 @@
 
 #include "protocol/base/try.h"
 #include "stitch/solve/levenberg_marquardt.h"
-#include "stitch/solve/symmetric.h"
 
 namespace nodal::registration {
 namespace {
@@ -139,9 +138,7 @@ class LevelProblem {
 
 }  // namespace
 
-Eigen::VectorXd solve_symmetric(const Eigen::MatrixXd& H, const Eigen::VectorXd& g) {
-  return solve::solve_symmetric(H, g, {}, {.least_pivot = kMinPivot});
-}
+solve::SymmetricSystem symmetric_system(const Eigen::MatrixXd& H) { return {H, {}, {.least_pivot = kMinPivot}}; }
 
 Eigen::VectorXd step_to_minimum(const Parameters& parameters, const std::vector<HeadState>& heads,
                                 const Eigen::MatrixXd& H, const Eigen::VectorXd& g, double damping) {

@@ -6,6 +6,7 @@
 
 #include "stitch/registration/objective.h"
 #include "stitch/registration/parameters.h"
+#include "stitch/solve/symmetric.h"
 
 namespace nodal::registration {
 
@@ -27,8 +28,8 @@ struct Descended {
   int iterations = 0;
 };
 
-/// Solves a symmetric system of the objective's sums. Pivots below the rounding error of these sums count as zero.
-Eigen::VectorXd solve_symmetric(const Eigen::MatrixXd& H, const Eigen::VectorXd& g);
+/// A symmetric system of the objective's sums. Pivots below the rounding error of these sums count as zero.
+solve::SymmetricSystem symmetric_system(const Eigen::MatrixXd& H);
 
 /// The step to the minimum of a quadratic model with this matrix and gradient, with plausible fall-offs only; `damping`
 /// is relative to each curvature.

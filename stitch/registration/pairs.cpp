@@ -278,10 +278,8 @@ Result<PairFit> Bundle::fit() const {
   PairFit fit;
   fit.calibration = prior_;
   fit.used = used_;
-  const Eigen::Index n = count_;
-  Eigen::MatrixXd covariance(n, n);
-  for (Eigen::Index k = 0; k < n; ++k) covariance.col(k) = solve_symmetric(H_, Eigen::VectorXd::Unit(n, k));
-  covariance *= noise_ * noise_ / 2;  // a pair's error has two directions
+  // A pair's error has two directions.
+  const Eigen::MatrixXd covariance = symmetric_system(H_).inverse() * (noise_ * noise_ / 2);
   for (std::size_t h = 0; h < placed_.size(); ++h) {
     HeadReport head;
     head.name = prior_.heads[h].name;

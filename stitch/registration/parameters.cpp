@@ -114,6 +114,7 @@ Parameters::Parameters(const std::vector<HeadState>& heads, const Sought& sought
     add_vignetting(basis, rows(vignetting, k, held.light), rows(vignetting, k, others));
   }
   basis_ = basis.matrix();
+  sparse_ = basis_.sparseView();
 }
 
 std::vector<bool> Parameters::part_of(const Sought& sought) const {
@@ -147,11 +148,11 @@ Eigen::MatrixXd Parameters::lens_weights(const std::vector<HeadState>& heads) co
     if (slots_[h].center >= 0) weights.segment<2>(row + slots_[h].center).setConstant(px);
     if (slots_[h].radial >= 0) weights.segment(row + slots_[h].radial, slots_[h].radials).setConstant(px);
   }
-  return basis_.transpose() * weights.asDiagonal() * basis_;
+  return sparse_.transpose() * weights.asDiagonal() * sparse_;
 }
 
 Eigen::VectorXd Parameters::gradient(const Normal& normal) const {
-  return basis_.transpose() * Eigen::Map<const Eigen::VectorXd>(normal.gradient.data(), basis_.rows());
+  return sparse_.transpose() * Eigen::Map<const Eigen::VectorXd>(normal.gradient.data(), basis_.rows());
 }
 
 Eigen::MatrixXd Parameters::hessian(const Normal& normal, Curvature curvature) const {
@@ -161,11 +162,12 @@ Eigen::MatrixXd Parameters::hessian(const Normal& normal, Curvature curvature) c
       all.block(a * stride_, b * stride_, stride_, stride_) = normal.hessian(a, b, curvature);
     }
   }
-  return basis_.transpose() * all * basis_;
+  const Eigen::MatrixXd left = sparse_.transpose() * all;
+  return left * sparse_;
 }
 
 std::vector<HeadState> Parameters::moved(const std::vector<HeadState>& heads, const Eigen::VectorXd& free_step) const {
-  const Eigen::VectorXd all = basis_ * free_step;
+  const Eigen::VectorXd all = sparse_ * free_step;
   std::vector<HeadState> next;
   for (std::size_t h = 0; h < heads.size(); ++h) {
     next.push_back(
@@ -175,7 +177,7 @@ std::vector<HeadState> Parameters::moved(const std::vector<HeadState>& heads, co
 }
 
 double Parameters::largest_turn(const Eigen::VectorXd& free_step) const {
-  const Eigen::VectorXd all = basis_ * free_step;
+  const Eigen::VectorXd all = sparse_ * free_step;
   double largest = 0;
   for (std::size_t h = 0; h < slots_.size(); ++h) {
     if (slots_[h].rotation < 0) continue;

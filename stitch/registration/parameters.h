@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/SparseCore>
 #include <vector>
 
 #include "stitch/registration/head_state.h"
@@ -51,6 +52,7 @@ class Parameters {
   int stride_ = 0;
   std::vector<Slots> slots_;
   Eigen::MatrixXd basis_;
+  Eigen::SparseMatrix<double> sparse_;  ///< the same: most of it is 0
 };
 
 }  // namespace nodal::registration

@@ -84,6 +84,7 @@ Result<Registered> register_with(const Calibration& prior, const LitFrames& fram
     }
     if (report) return Registered{std::move(*report), run.cause(), run.displaced_px()};
     if (report.error().code != Errc::kHeadMismatch || run.wrong().empty()) return fail(report.error());
+    if (!options.diagnose) return fail(report.error());
     if (const auto mistake = mistake_of(prior, frames.frame_sets, options, run.wrong())) {
       return fail(Errc::kHeadMismatch, *mistake);
     }

@@ -74,6 +74,8 @@ struct Options {
   bool one_lens = false;
   /// Searches for heads that are far from the prior, before the descent.
   bool search = true;
+  /// When heads disagree, tries whether pictures are upside down or mirrored. False: they are known not to be.
+  bool diagnose = true;
   int threads = 0;  ///< 0: one per core. The result does not depend on it.
   /// Called on the caller's thread after every accepted step, with the share of the work that is done (0..1).
   std::function<void(const Step&, double)> progress;

@@ -11,16 +11,6 @@ namespace {
 // Smaller eigenvalues of a unit-diagonal matrix are noise: this is some tens of units in the last place.
 constexpr double kMinEigenvalue = 1e-14;
 
-Eigen::VectorXd solve_scaled(const Eigen::MatrixXd& A, const Eigen::VectorXd& g, double least_pivot) {
-  const Eigen::LDLT<Eigen::MatrixXd> cholesky(A);
-  if (cholesky.info() == Eigen::Success && cholesky.vectorD().minCoeff() > least_pivot) return cholesky.solve(g);
-  // A is symmetric: its eigenvalues are its singular values up to sign. Negative ones are noise and are left out too.
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(A);
-  Eigen::VectorXd inverse = eigen.eigenvalues();
-  for (double& each : inverse) each = each > std::max(least_pivot, kMinEigenvalue) ? 1 / each : 0.0;
-  return eigen.eigenvectors() * (inverse.asDiagonal() * (eigen.eigenvectors().transpose() * g));
-}
-
 /// The multipliers >= 0 of a quadratic problem's bounds, by Hildreth's method: sweeps over the multipliers and sets
 /// each so that its own bound is just met.
 Eigen::VectorXd multipliers_of(const Eigen::MatrixXd& gram, const Eigen::VectorXd& crossed) {
@@ -57,23 +47,49 @@ ScaledMatrix scale_to_unit_diagonal(const Eigen::MatrixXd& H, const std::vector<
   return s;
 }
 
+SymmetricSystem::SymmetricSystem(const Eigen::MatrixXd& H, const std::vector<bool>& fixed,
+                                 const SymmetricOptions& options)
+    : size_(H.rows()), scaled_(scale_to_unit_diagonal(H, fixed)) {
+  if (scaled_.free.empty()) return;
+  scaled_.A.diagonal().array() += options.damping;
+  cholesky_.compute(scaled_.A);
+  if (cholesky_.info() == Eigen::Success && cholesky_.vectorD().minCoeff() > options.least_pivot) return;
+  // The matrix is symmetric: its eigenvalues are its singular values up to sign. Negative ones are noise and are left
+  // out, too.
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled_.A);
+  eigenvectors_ = eigen.eigenvectors();
+  inverse_eigenvalues_ = eigen.eigenvalues();
+  for (double& each : inverse_eigenvalues_) each = each > std::max(options.least_pivot, kMinEigenvalue) ? 1 / each : 0;
+}
+
+Eigen::VectorXd SymmetricSystem::solve(const Eigen::VectorXd& g) const {
+  Eigen::VectorXd out = Eigen::VectorXd::Zero(size_);
+  const Eigen::Index n = scaled_.scale.size();
+  if (n == 0) return out;
+  Eigen::VectorXd x(n);
+  for (Eigen::Index i = 0; i < n; ++i) x[i] = scaled_.scale[i] * g[scaled_.free[static_cast<std::size_t>(i)]];
+  x = eigenvectors_.size() == 0
+          ? Eigen::VectorXd(cholesky_.solve(x))
+          : Eigen::VectorXd(eigenvectors_ * (inverse_eigenvalues_.asDiagonal() * (eigenvectors_.transpose() * x)));
+  for (Eigen::Index i = 0; i < n; ++i) out[scaled_.free[static_cast<std::size_t>(i)]] = scaled_.scale[i] * x[i];
+  return out;
+}
+
+Eigen::MatrixXd SymmetricSystem::inverse() const {
+  Eigen::MatrixXd columns(size_, size_);
+  for (Eigen::Index k = 0; k < size_; ++k) columns.col(k) = solve(Eigen::VectorXd::Unit(size_, k));
+  return columns;
+}
+
 Eigen::VectorXd solve_symmetric(const Eigen::MatrixXd& H, const Eigen::VectorXd& g, const std::vector<bool>& fixed,
                                 const SymmetricOptions& options) {
-  ScaledMatrix s = scale_to_unit_diagonal(H, fixed);
-  Eigen::VectorXd out = Eigen::VectorXd::Zero(g.size());
-  const Eigen::Index n = s.scale.size();
-  if (n == 0) return out;
-  s.A.diagonal().array() += options.damping;
-  Eigen::VectorXd right(n);
-  for (Eigen::Index i = 0; i < n; ++i) right[i] = s.scale[i] * g[s.free[static_cast<std::size_t>(i)]];
-  const Eigen::VectorXd x = solve_scaled(s.A, right, options.least_pivot);
-  for (Eigen::Index i = 0; i < n; ++i) out[s.free[static_cast<std::size_t>(i)]] = s.scale[i] * x[i];
-  return out;
+  return SymmetricSystem(H, fixed, options).solve(g);
 }
 
 Eigen::VectorXd solve_bounded(const Eigen::MatrixXd& H, const Eigen::VectorXd& g, std::vector<Bound> bounds,
                               const SymmetricOptions& options) {
-  const Eigen::VectorXd unbounded = solve_symmetric(H, g, {}, options);
+  const SymmetricSystem system(H, {}, options);
+  const Eigen::VectorXd unbounded = system.solve(g);
   Eigen::VectorXd x = unbounded;
   Eigen::MatrixXd rows(0, x.size()), toward(x.size(), 0);  // one row or column per bound violated so far
   Eigen::VectorXd crossed(0);
@@ -86,7 +102,7 @@ Eigen::VectorXd solve_bounded(const Eigen::MatrixXd& H, const Eigen::VectorXd& g
     rows.conservativeResize(n + 1, Eigen::NoChange);
     rows.row(n) = worst->row.transpose();
     toward.conservativeResize(Eigen::NoChange, n + 1);
-    toward.col(n) = solve_symmetric(H, worst->row, {}, options);
+    toward.col(n) = system.solve(worst->row);
     crossed.conservativeResize(n + 1);
     crossed[n] = worst->row.dot(unbounded) - worst->room;
     bounds.erase(worst);

@@ -1,6 +1,7 @@
 // Symmetric linear systems whose unknowns differ in unit and size, and quadratic problems with linear bounds.
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <vector>
 
@@ -21,8 +22,26 @@ struct ScaledMatrix {
 /// Leaves out the rows that `fixed` marks (empty: none) and those whose diagonal is not positive.
 ScaledMatrix scale_to_unit_diagonal(const Eigen::MatrixXd& H, const std::vector<bool>& fixed);
 
-/// Solves H x = g for x by Cholesky; where a pivot is too small, gives the least-norm solution (§4.4). An unknown that
-/// is fixed, or whose diagonal is not positive, is 0.
+/// H x = g for several g. By Cholesky; where a pivot is too small, the least-norm solution (§4.4). An unknown that is
+/// fixed, or whose diagonal is not positive, is 0.
+///
+/// Threading: immutable.
+class SymmetricSystem {
+ public:
+  SymmetricSystem(const Eigen::MatrixXd& H, const std::vector<bool>& fixed, const SymmetricOptions& options);
+  Eigen::VectorXd solve(const Eigen::VectorXd& g) const;
+  /// The inverse of H, symmetric but for rounding.
+  Eigen::MatrixXd inverse() const;
+
+ private:
+  Eigen::Index size_;
+  ScaledMatrix scaled_;
+  Eigen::LDLT<Eigen::MatrixXd> cholesky_;
+  Eigen::MatrixXd eigenvectors_;         // empty: Cholesky's factors are used
+  Eigen::VectorXd inverse_eigenvalues_;  // 0 for those that are noise
+};
+
+/// Solves H x = g for one g.
 Eigen::VectorXd solve_symmetric(const Eigen::MatrixXd& H, const Eigen::VectorXd& g, const std::vector<bool>& fixed,
                                 const SymmetricOptions& options);
 
