@@ -12,6 +12,7 @@
 #include "stitch/bands/multi_band.h"
 #include "stitch/bands/pyramid.h"
 #include "stitch/offline/parallax.h"
+#include "stitch/offline/sight_grid.h"
 #include "stitch/parallel/workers.h"
 #include "stitch/table/tone_compiler.h"
 
@@ -156,7 +157,14 @@ Result<DecodedImage> BestBlend::blend(std::span<const ImageView> pictures, std::
     const MovedRay moved = [&](std::size_t h, const Eigen::Vector3d& ray) { return parallax.moved(h, ray); };
     *checks = check_seams(heads_, pictures, moved, {labels_, map_}, sphere_, workers);
   }
-  const std::vector<std::uint8_t> owner_of = owners(pictures, parallax);
+  std::vector<SightGrid> sights;
+  for (std::size_t h = 0; h < heads_.size(); ++h) {
+    const bool shown = pictures[h].planes[0].data != nullptr;
+    sights.emplace_back(
+        heads_[h], [&, h](const Eigen::Vector3d& ray) { return parallax.moved(h, ray); }, sphere_,
+        shown ? windows_[h] : Window{}, workers);
+  }
+  const std::vector<std::uint8_t> owner_of = owners(sights);
   bands::MultiBand bands(sphere_, seen_, colours, threads_);
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     const std::optional<Window> window = window_of(owner_of, sphere_, seen_, h, windows_[h]);
@@ -166,8 +174,8 @@ Result<DecodedImage> BestBlend::blend(std::span<const ImageView> pictures, std::
     workers.run(window->height, [&](int j) {
       const std::uint8_t* owners = owner_of.data() + static_cast<std::ptrdiff_t>(window->y + j - seen_.y) * seen_.width;
       for (int i = 0; i < window->width; ++i) {
-        const int x = (window->x + i) % sphere_.width, y = window->y + j;
-        const auto seen = heads_[h].see(parallax.moved(h, ray_of(sphere_, x + 0.5, y + 0.5)));
+        const int x = (window->x + i) % sphere_.width;
+        const auto seen = sights[h].at(x, window->y + j);
         if (!seen) continue;
         float* pixel = shown.at(i, j);
         picture.sample(*seen, std::numbers::pi / sphere_.height, pixel);
@@ -180,35 +188,30 @@ Result<DecodedImage> BestBlend::blend(std::span<const ImageView> pictures, std::
   return in_layout(bands.finish());
 }
 
-std::vector<std::uint8_t> BestBlend::owners(std::span<const ImageView> pictures, const Parallax& parallax) const {
+std::vector<std::uint8_t> BestBlend::owners(std::span<const SightGrid> sights) const {
   std::vector<std::uint8_t> owners(static_cast<std::size_t>(seen_.width) * static_cast<std::size_t>(seen_.height),
                                    seams::kNobody);
   parallel::Workers(threads_).run(seen_.height, [&](int j) {
-    choose_owners_of_row(seen_.y + j, pictures, parallax, owners.data() + static_cast<std::ptrdiff_t>(j) * seen_.width);
+    choose_owners_of_row(seen_.y + j, sights, owners.data() + static_cast<std::ptrdiff_t>(j) * seen_.width);
   });
   return owners;
 }
 
-void BestBlend::choose_owners_of_row(int y, std::span<const ImageView> pictures, const Parallax& parallax,
-                                     std::uint8_t* owners) const {
-  const auto sees = [&](std::size_t h, const Eigen::Vector3d& ray) {
-    return pictures[h].planes[0].data != nullptr ? heads_[h].see(parallax.moved(h, ray)) : std::nullopt;
-  };
+void BestBlend::choose_owners_of_row(int y, std::span<const SightGrid> sights, std::uint8_t* owners) const {
   std::vector<seams::Share> shares;
   for (int i = 0; i < seen_.width; ++i) {
     const int x = (seen_.x + i) % sphere_.width;
-    const Eigen::Vector3d ray = ray_of(sphere_, x + 0.5, y + 0.5);
     seams::shares_at(labels_, map_, (x + 0.5) * map_.width / sphere_.width, (y + 0.5) * map_.height / sphere_.height,
                      shares);
     for (const seams::Share& share : shares) {
-      if (!sees(share.head, ray)) continue;
+      if (!sights[share.head].at(x, y)) continue;
       owners[i] = share.head;
       break;
     }
     if (owners[i] != seams::kNobody) continue;
     double best = 0;
     for (std::size_t h = 0; h < heads_.size(); ++h) {
-      const auto seen = sees(h, ray);
+      const auto seen = sights[h].at(x, y);
       if (!seen || seen->score <= best) continue;
       best = seen->score;
       owners[i] = static_cast<std::uint8_t>(h);

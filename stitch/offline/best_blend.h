@@ -18,7 +18,7 @@
 
 namespace nodal::offline {
 
-class Parallax;
+class SightGrid;
 
 /// Blends sets of pictures, one after the other. Each head's picture is projected onto an equirectangular sphere in
 /// floating point, with cubic interpolation; what heads see from different places is moved together (parallax.h). Seams
@@ -56,9 +56,8 @@ class BestBlend {
   BestBlend() = default;
   Status check_pictures(std::span<const ImageView> pictures) const;
   /// The head that shows each pixel of seen_.
-  std::vector<std::uint8_t> owners(std::span<const ImageView> pictures, const Parallax& parallax) const;
-  void choose_owners_of_row(int y, std::span<const ImageView> pictures, const Parallax& parallax,
-                            std::uint8_t* owners) const;
+  std::vector<std::uint8_t> owners(std::span<const SightGrid> sights) const;
+  void choose_owners_of_row(int y, std::span<const SightGrid> sights, std::uint8_t* owners) const;
   DecodedImage in_layout(const bands::Layer& sphere) const;
 
   PixelFormat format_ = PixelFormat::kRgb24;

@@ -63,7 +63,7 @@ std::optional<Sighting> HeadView::see(const Eigen::Vector3d& rig_ray) const {
   const auto seen =
       table::see(head_, optics_.lens, {optics_.right.dot(d), optics_.down.dot(d), ahead}, optics_.depth_per_px);
   if (!seen || seen->inside < kEdge || !std::isfinite(seen->density)) return std::nullopt;
-  return Sighting{seen->pixel, seen->density, seen->density * (seen->depth + kMinDepth)};
+  return Sighting{seen->pixel, seen->density, seen->density * (seen->depth + kMinDepth), seen->inside};
 }
 
 bands::Window HeadView::window(bands::Grid grid) const {

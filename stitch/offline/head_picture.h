@@ -20,6 +20,7 @@ struct Sighting {
   geometry::Pixel pixel;
   double density = 0;  ///< original pixels per steradian
   double score = 0;    ///< > 0; how well the head shows the ray: density times the distance from the region's edges
+  double inside = 0;   ///< px of the picture to the nearest edge of the region or of a mask
 };
 
 /// A head, prepared for many pictures.

@@ -1,0 +1,105 @@
+// Interpolated sights against the projection of every pixel.
+#include "stitch/offline/sight_grid.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "tests/support/rendered_rig.h"
+
+namespace nodal::offline {
+namespace {
+
+constexpr bands::Grid kGrid{2050, 1025};  // the last cells are narrower than the others
+
+HeadView view_of(const HeadCalibration& head) { return {geometry::Head::make(head).value(), PixelFormat::kGrey8, 1}; }
+
+/// Heads of a fisheye: one that looks at the horizon, and one at the pole, where a grid's columns are narrow.
+HeadCalibration fisheye(bool at_pole) {
+  HeadCalibration head = test::six_fisheyes(640).heads[0];
+  if (at_pole) head.R_head_rig = {1, 0, 0, 0, 0, 1, 0, -1, 0};
+  return head;
+}
+
+struct Compared {
+  double farthest_px = 0;
+  int seen = 0, differ = 0;
+};
+
+Compared compare(const HeadView& head, const HeadPicture::Moved& moved, const SightGrid& sights) {
+  Compared sum;
+  for (int y = 0; y < kGrid.height; ++y) {
+    for (int x = 0; x < kGrid.width; ++x) {
+      const auto exact = head.see(moved(ray_of(kGrid, x + 0.5, y + 0.5)));
+      const auto near = sights.at(x, y);
+      sum.seen += exact.has_value();
+      sum.differ += exact.has_value() != near.has_value();
+      if (!exact || !near) continue;
+      sum.farthest_px =
+          std::max(sum.farthest_px, std::hypot(exact->pixel.x - near->pixel.x, exact->pixel.y - near->pixel.y));
+    }
+  }
+  return sum;
+}
+
+Eigen::Vector3d as_it_is(const Eigen::Vector3d& ray) { return ray; }
+
+/// Up and down by up to a degree, in waves of 60 degrees, as flow moves rays.
+Eigen::Vector3d waved(const Eigen::Vector3d& ray) {
+  return (ray + Eigen::Vector3d(0, 0.0175 * std::sin(6 * ray.x()), 0)).normalized();
+}
+
+TEST(SightGrid, AFisheyeAtTheHorizonAndAtThePole_IsSeenWhereItIsAndIsMostlyInterpolated) {
+  for (const bool at_pole : {false, true}) {
+    const HeadView head = view_of(fisheye(at_pole));
+    for (const auto& moved : {as_it_is, waved}) {
+      const SightGrid sights(head, moved, kGrid, head.window(kGrid), parallel::Workers(2));
+      const Compared found = compare(head, moved, sights);
+      EXPECT_GT(found.seen, 100000);
+      EXPECT_EQ(found.differ, 0) << at_pole;
+      EXPECT_LT(found.farthest_px, 2 * SightGrid::kMaxOffPx) << at_pole;
+      EXPECT_GT(sights.interpolated(), 0.2) << at_pole;
+    }
+  }
+}
+
+TEST(SightGrid, AMaskSmallerThanACell_HidesItsPixels) {
+  HeadCalibration head = fisheye(false);
+  head.region.masks = {{{320, 320}, {323, 320}, {323, 323}, {320, 323}}};
+  const HeadView view = view_of(head);
+  const SightGrid sights(view, as_it_is, kGrid, view.window(kGrid), parallel::Workers(1));
+  EXPECT_EQ(compare(view, as_it_is, sights).differ, 0);
+}
+
+TEST(SightGrid, AWindowAcrossTheGridsEdge_ShowsWhatTheWholeGridShows) {
+  HeadCalibration behind = fisheye(false);
+  behind.R_head_rig = {-1, 0, 0, 0, 1, 0, 0, 0, -1};
+  const HeadView head = view_of(behind);
+  const parallel::Workers workers(1);
+  const SightGrid whole(head, as_it_is, kGrid, bands::Window::all(kGrid), workers);
+  const bands::Window part{kGrid.width - 301, 397, 555, 211};
+  const SightGrid sights(head, as_it_is, kGrid, part, workers);
+  double farthest = 0;
+  for (int j = 0; j < part.height; ++j) {
+    for (int i = 0; i < part.width; ++i) {
+      const int x = (part.x + i) % kGrid.width, y = part.y + j;
+      ASSERT_TRUE(sights.at(x, y));
+      const geometry::Pixel here = sights.at(x, y)->pixel, there = whole.at(x, y)->pixel;
+      farthest = std::max(farthest, std::hypot(here.x - there.x, here.y - there.y));
+    }
+  }
+  EXPECT_LT(farthest, 1e-9);
+  EXPECT_FALSE(sights.at(part.x - 1, 400));
+  EXPECT_FALSE(sights.at(kGrid.width / 2, 400));
+}
+
+TEST(SightGrid, AnEmptyWindow_ShowsNothing) {
+  const HeadView head = view_of(fisheye(false));
+  const SightGrid sights(head, as_it_is, kGrid, {}, parallel::Workers(1));
+  EXPECT_FALSE(sights.at(kGrid.width / 2, kGrid.height / 2));
+  EXPECT_EQ(sights.interpolated(), 0);
+}
+
+}  // namespace
+}  // namespace nodal::offline
