@@ -1,5 +1,6 @@
 #include "stitch/interchange/head_fit.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
