@@ -208,8 +208,8 @@ Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std
   }
   BundleRules last = rules_for(starts[chosen], starts[chosen].state.lens);
   last.first = first;
-  const LensChoice choice = choose_lens(state, units, last);
-  const BundleFit best = choice.evidence.mostly() ? with_own_lenses(choice.fit, units, choice.rules) : choice.fit;
+  const LensChoice choice = choose_lens(state, units, last, workers);
+  const BundleFit best = choice.evidence.mostly() ? with_own_lenses(choice.fit, units, choice.rules, workers) : choice.fit;
   if (circles && !is_built(best.state.lens)) return fail(not_built());
   if (circles && choice.evidence.nowhere()) {
     return fail(Errc::kNoCoverage,

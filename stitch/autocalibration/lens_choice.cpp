@@ -1,6 +1,7 @@
 #include "stitch/autocalibration/lens_choice.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <tuple>
@@ -110,7 +111,8 @@ void find_known(const BundleFit& fit, const std::vector<const BundleFit*>& other
 
 }  // namespace
 
-LensChoice choose_lens(const BundleState& start, const std::vector<UnitMatch>& matches, const BundleRules& rules) {
+LensChoice choose_lens(const BundleState& start, const std::vector<UnitMatch>& matches, const BundleRules& rules,
+                       const parallel::Workers& workers) {
   const BundleFit first = adjust(start, matches, rules);
   const std::vector<double> radii = radii_used(first, matches);
   const Result<LensRays> rays = LensRays::make(first.state.lens);
@@ -132,10 +134,14 @@ LensChoice choose_lens(const BundleState& start, const std::vector<UnitMatch>& m
       own.prior = *lens;
       own.sigma = family_sigma(*edge, kFamilyPart * thin);
       own.shift_sigma *= thin;
-      BundleState from = first.state;
-      from.lens = *lens;
-      all.push_back({family, adjust(std::move(from), matches, own), own});
+      all.push_back({family, {}, own});
     }
+    workers.run(static_cast<int>(all.size()), [&](int i) {
+      Tried& one = all[static_cast<std::size_t>(i)];
+      BundleState from = first.state;
+      from.lens = one.rules.prior;
+      one.fit = adjust(std::move(from), matches, one.rules);
+    });
   }
   if (all.empty()) {
     LensEvidence none;
@@ -169,22 +175,30 @@ LensChoice choose_lens(const BundleState& start, const std::vector<UnitMatch>& m
   return choice;
 }
 
-BundleFit with_own_lenses(const BundleFit& fit, const std::vector<UnitMatch>& matches, BundleRules rules) {
+BundleFit with_own_lenses(const BundleFit& fit, const std::vector<UnitMatch>& matches, const BundleRules& rules,
+                          const parallel::Workers& workers) {
   const auto heads = std::ranges::count_if(fit.state.R_head_rig, [](const auto& R) { return R.has_value(); });
   if (heads < 3 || std::ranges::count(fit.used, true) * 2 < kFewestOfHead * heads) return fit;
   BundleRules own = rules;
   own.own_sigma = kOwnSigma;
   own.prior = fit.state.lens;
-  std::vector<double> shared_errors, own_errors;
-  for (const std::size_t half : {std::size_t{0}, std::size_t{1}}) {
-    std::vector<UnitMatch> fitted, kept;
-    for (std::size_t m = 0; m < matches.size(); ++m) {
-      if (!fit.used[m]) continue;
-      (m % 2 == half ? fitted : kept).push_back(matches[m]);
-    }
-    for (const double error : errors_of(adjust(fit.state, fitted, rules).state, kept)) shared_errors.push_back(error);
-    for (const double error : errors_of(adjust(fit.state, fitted, own).state, kept)) own_errors.push_back(error);
+  // Each half is fitted in both ways, and judged by the other half.
+  std::array<std::vector<UnitMatch>, 2> halves;
+  for (std::size_t m = 0; m < matches.size(); ++m) {
+    if (fit.used[m]) halves[m % 2].push_back(matches[m]);
   }
+  std::array<std::vector<double>, 4> errors;  // shared lenses, then own ones
+  workers.run(4, [&](int i) {
+    const auto n = static_cast<std::size_t>(i);
+    const BundleRules& lenses = n / 2 == 0 ? rules : own;
+    errors[n] = errors_of(adjust(fit.state, halves[n % 2], lenses).state, halves[1 - n % 2]);
+  });
+  const auto both = [&](std::size_t first) {
+    std::vector<double> all = errors[first];
+    all.insert(all.end(), errors[first + 1].begin(), errors[first + 1].end());
+    return all;
+  };
+  std::vector<double> shared_errors = both(0), own_errors = both(2);
   if (solve::median(own_errors) > kClearlyBetter * solve::median(shared_errors)) return fit;
   return adjust(fit.state, matches, own);
 }

@@ -1,5 +1,6 @@
 #include "stitch/autocalibration/sight.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "stitch/autocalibration/picture.h"
@@ -13,6 +14,13 @@ constexpr std::size_t kFeatures = 2500;     // per picture
 constexpr std::size_t kRimFeatures = 4000;  // per picture
 // Share of the circle's radius; overlaps that reach farther inwards have enough features.
 constexpr double kRimFrom = 0.8;
+
+// Pictures that are compared with every other one; more of them are first compared by a few features, which takes a
+// 25th of the time, and each then with those that are likely to show the same.
+constexpr std::size_t kAllPairs = 10;
+constexpr std::size_t kFirstFeatures = 500;
+constexpr std::size_t kLikely = 6;      // pictures that are most alike, for each one
+constexpr std::size_t kFirstSure = 12;  // matches of those features that are hardly by chance
 
 struct Effort {
   int side = kFeatureSide;
@@ -39,6 +47,45 @@ std::vector<Feature> features_of(const DecodedImage& whole, const Shape& shape, 
   return features;
 }
 
+using Pair = std::pair<std::size_t, std::size_t>;
+
+std::vector<Pair> likely_pairs(const std::vector<std::vector<Feature>>& features, const parallel::Workers& workers) {
+  std::vector<Pair> all;
+  for (std::size_t a = 0; a < features.size(); ++a) {
+    for (std::size_t b = a + 1; b < features.size(); ++b) all.emplace_back(a, b);
+  }
+  if (features.size() <= kAllPairs) return all;
+  // The features are in an order in which the first ones are spread over the picture.
+  std::vector<std::vector<Feature>> first;
+  for (const std::vector<Feature>& of_one : features) {
+    first.emplace_back(of_one.begin(),
+                       of_one.begin() + static_cast<std::ptrdiff_t>(std::min(of_one.size(), kFirstFeatures)));
+  }
+  std::vector<std::size_t> alike(all.size());
+  workers.run(static_cast<int>(all.size()), [&](int i) {
+    const auto [a, b] = all[static_cast<std::size_t>(i)];
+    alike[static_cast<std::size_t>(i)] = find_matches(a, first[a], b, first[b]).size();
+  });
+  // By picture: the numbers of its pairs, the most alike first.
+  std::vector<std::vector<std::size_t>> of_picture(features.size());
+  for (std::size_t n = 0; n < all.size(); ++n) {
+    of_picture[all[n].first].push_back(n);
+    of_picture[all[n].second].push_back(n);
+  }
+  std::vector<bool> taken(all.size());
+  for (std::vector<std::size_t>& pairs : of_picture) {
+    std::ranges::stable_sort(pairs, [&](std::size_t p, std::size_t q) { return alike[p] > alike[q]; });
+    for (std::size_t k = 0; k < pairs.size(); ++k) {
+      if (k < kLikely || alike[pairs[k]] >= kFirstSure) taken[pairs[k]] = true;
+    }
+  }
+  std::vector<Pair> likely;
+  for (std::size_t n = 0; n < all.size(); ++n) {
+    if (taken[n]) likely.push_back(all[n]);
+  }
+  return likely;
+}
+
 Sight seen(const std::vector<DecodedImage>& pictures, const std::vector<Shape>& shapes, const Effort& effort,
            const parallel::Workers& workers) {
   Sight sight;
@@ -47,10 +94,7 @@ Sight seen(const std::vector<DecodedImage>& pictures, const std::vector<Shape>& 
     const auto n = static_cast<std::size_t>(i);
     sight.features[n] = features_of(pictures[n], shapes[n], effort);
   });
-  std::vector<std::pair<std::size_t, std::size_t>> pairs;
-  for (std::size_t a = 0; a < pictures.size(); ++a) {
-    for (std::size_t b = a + 1; b < pictures.size(); ++b) pairs.emplace_back(a, b);
-  }
+  const std::vector<Pair> pairs = likely_pairs(sight.features, workers);
   std::vector<std::vector<Match>> of_pair(pairs.size());
   std::vector<Repetition> repetitions(pairs.size());
   workers.run(static_cast<int>(pairs.size()), [&](int i) {

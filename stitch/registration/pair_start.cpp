@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <numeric>
 
 #include "protocol/base/angles.h"
 
@@ -17,7 +18,7 @@ using Eigen::Vector3d;
 
 // Two points closer to each other do not determine the rotation about them.
 constexpr double kMinBase = 2 * kRadiansPerDegree;
-constexpr std::size_t kMaxTried = 1500;
+constexpr std::size_t kMinTried = 64, kMaxTried = 1500;
 constexpr int kMaxAttempts = 4;
 
 struct Joint {
@@ -55,17 +56,36 @@ int agreeing(const std::vector<RayPair>& pairs, const Matrix3d& R_b_a, double to
   return count;
 }
 
+/// The combination (i, j), i < j < n, with this number: (0, 1), (0, 2) .. (0, n - 1), (1, 2) ..
+std::pair<std::size_t, std::size_t> combination(std::size_t number, std::size_t n) {
+  // Row i begins at i n - i (i + 1) / 2: the smaller root, and then its neighbours because of rounding.
+  const double m = 2 * static_cast<double>(n) - 1;
+  auto i = static_cast<std::size_t>((m - std::sqrt(std::max(0.0, m * m - 8 * static_cast<double>(number)))) / 2);
+  const auto begin = [n](std::size_t row) { return row * n - row * (row + 1) / 2; };
+  while (i > 0 && begin(i) > number) --i;
+  while (begin(i + 1) <= number) ++i;
+  return {i, i + 1 + (number - begin(i))};
+}
+
+/// How many combinations of two pairs must be tried so that one of them is sure to be of pairs that agree, if the share
+/// of those is at least `share`.
+std::size_t enough_tried(double share) {
+  constexpr double kLogDoubt = -21;  // one in 10^9
+  const double both = std::min(share * share, 0.99);
+  return both > 0 ? kMinTried + static_cast<std::size_t>(std::ceil(kLogDoubt / std::log1p(-both))) : kMaxTried;
+}
+
 Joint joint_of(const std::vector<RayPair>& pairs, double tolerance) {
   Joint best;
   const std::size_t n = pairs.size(), all = n * (n - 1) / 2;
-  // If there are too many combinations, a regular subset of them: the same one every time.
-  const std::size_t step = 1 + all / kMaxTried;
-  // Combinations (i, j) with i < j are numbered row by row; row_begin is the number of (i, i + 1). Only those that are
-  // tried are visited, so the time grows with the pairs and not with their square.
-  std::size_t i = 0, row_begin = 0;
-  for (std::size_t number = 0; number < all; number += step) {
-    for (; number >= row_begin + (n - 1 - i); ++i) row_begin += n - 1 - i;
-    const std::size_t j = i + 1 + (number - row_begin);
+  // Combinations (i, j) with i < j are numbered row by row. If there are too many, a part of them is tried, the same
+  // every time: steps of a golden section, which has no divisor in common with their number, visit all of them evenly.
+  std::size_t step = std::max<std::size_t>(1, static_cast<std::size_t>(0.6180339887 * static_cast<double>(all)));
+  while (std::gcd(step, all) > 1) ++step;
+  std::size_t number = 0;
+  for (std::size_t tried = 0; tried < std::min(all, kMaxTried); ++tried, number = (number + step) % all) {
+    if (tried >= enough_tried(static_cast<double>(best.agreeing) / static_cast<double>(n))) break;
+    const auto [i, j] = combination(number, n);
     const double apart_a = between(pairs[i].ray_a, pairs[j].ray_a), apart_b = between(pairs[i].ray_b, pairs[j].ray_b);
     const bool holds = std::min(apart_a, apart_b) > kMinBase && std::max(apart_a, apart_b) < std::numbers::pi - 0.1;
     if (!holds || std::abs(apart_a - apart_b) > 2 * tolerance) continue;

@@ -115,7 +115,8 @@ TEST(LensChoice, PairsBackToBack_NoRadiusThatCountsAsKnownIsThreePercentOff) {
       back << -1, 0, 0, 0, 1, 0, 0, 0, -1;
       const BundleRules rules{start, 0, false, {0.05, 0.01}, 0.02, 0, 0};
       const std::vector<UnitMatch> matches = back_to_back(kind, edge, 0.0008, 120);
-      const LensChoice choice = choose_lens({start, {Eigen::Matrix3d::Identity(), back}}, matches, rules);
+      const LensChoice choice =
+          choose_lens({start, {Eigen::Matrix3d::Identity(), back}}, matches, rules, parallel::Workers(2));
       const LensRays lens = *LensRays::make(choice.fit.state.lens);
       const double focal = 1 / kind.radius(edge * kRadiansPerDegree);
       EXPECT_FALSE(choice.evidence.family.empty());
@@ -147,8 +148,8 @@ TEST(LensChoice, PairWithAThinOverlap_CountsAsKnownOnlyWhereItsMatchesAre) {
       matches[n].at_a *= farther;
       matches[n].at_b *= farther;
     }
-    const LensChoice choice =
-        choose_lens({start, {Eigen::Matrix3d::Identity(), back}}, matches, {start, 0, false, {0.05, 0.01}, 0.02, 0, 0});
+    const LensChoice choice = choose_lens({start, {Eigen::Matrix3d::Identity(), back}}, matches,
+                                          {start, 0, false, {0.05, 0.01}, 0.02, 0, 0}, parallel::Workers(2));
     const LensEvidence& evidence = choice.evidence;
     const double range = evidence.seen_to - evidence.seen_from;
     EXPECT_GT(evidence.seen_from, 0.84);
@@ -169,7 +170,7 @@ TEST(LensChoice, EquidistantPairOf200Degrees_IsEquidistantInItsMiddle) {
   back << -1, 0, 0, 0, 1, 0, 0, 0, -1;
   const LensChoice choice =
       choose_lens({start, {Eigen::Matrix3d::Identity(), back}}, back_to_back(kind, 100, 0.001, 90),
-                  {start, 0, false, {0.05, 0.01}, 0.02, 0, 0});
+                  {start, 0, false, {0.05, 0.01}, 0.02, 0, 0}, parallel::Workers(2));
   const LensRays lens = *LensRays::make(choice.fit.state.lens);
   for (const double deg : {10.0, 45.0, 80.0, 98.0}) {
     EXPECT_NEAR(*lens.radius(deg * kRadiansPerDegree), deg / 100, 0.03 * deg / 100) << deg;
