@@ -97,12 +97,12 @@ class Stitcher {
   explicit Stitcher(const StitchJob& job) : job_(job) {}
 
   /// The part of the raymap that is written.
-  /// `progress`: as for OfflineBlend::make. `checks`: the seams of this set, if not null.
+  /// `progress`: 0..1, on the caller's thread. `checks`: the seams of this set, if not null.
   Result<DecodedImage> stitch(std::span<const ImageView> pictures, const std::function<void(double)>& progress,
                               std::vector<offline::SeamCheck>* checks) {
     NODAL_TRY(make(pictures.front().format, progress));
     if (best(job_.args)) {
-      NODAL_TRY_ASSIGN(DecodedImage raymap, best_->blend(pictures, checks));
+      NODAL_TRY_ASSIGN(DecodedImage raymap, best_->blend(pictures, checks, progress));
       return job_.part && !job_.part_is_all_seen ? cropped(raymap, *job_.part) : std::move(raymap);
     }
     if (checks != nullptr) {
@@ -186,7 +186,10 @@ Result<Stitched> stitch_sets(Console& console, StitchJob& job, Progress& bar) {
                                                   static_cast<double>(count + 1)),
                remark);
   };
-  const auto compiled = [&](double done) { show(done, "compiling the blend table"); };
+  double begun_with = 0;
+  const auto working = [&](double done) {
+    show(begun_with + done, best(args) ? "blending the pictures" : "compiling the blend table");
+  };
   for (std::size_t i = 0; i < count; ++i) {
     if (interrupted()) return fail(Errc::kCancelled, fmt::format("stopped after {} of {} spheres", i, count));
     const bool rgb = args.bits == 16 || best(args);
@@ -198,14 +201,15 @@ Result<Stitched> stitch_sets(Console& console, StitchJob& job, Progress& bar) {
                        for (const DecodedImage& picture : pictures) views.push_back(picture.view());
                        std::vector<offline::SeamCheck> checks;
                        NODAL_TRY_ASSIGN(const DecodedImage raymap,
-                                        stitcher.stitch(views, compiled, i == 0 ? &checks : nullptr));
+                                        stitcher.stitch(views, working, i == 0 ? &checks : nullptr));
                        if (i == 0) stitched.verdict = verdict_of(std::move(checks), job.rig.heads, left_out);
                        if (i == 0 && job.rig.match) NODAL_TRY(write_report(job, raymap, stitched.verdict));
                        return encode(job, raymap, pictures.front());
                      }));
     NODAL_TRY(write_file(name, file));
     stitched.last = name;
-    show(static_cast<double>(i + 2), name);
+    begun_with = static_cast<double>(i + 2);
+    show(begun_with, name);
   }
   return stitched;
 }

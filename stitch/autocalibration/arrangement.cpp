@@ -7,6 +7,7 @@
 #include "protocol/base/angles.h"
 #include "stitch/autocalibration/bundle.h"
 #include "stitch/autocalibration/lens_choice.h"
+#include "stitch/parallel/part_of.h"
 #include "stitch/parallel/workers.h"
 #include "stitch/registration/pair_start.h"
 
@@ -156,7 +157,11 @@ geometry::Pixel Shape::center() const {
 double Shape::unit() const { return circle ? circle->radius : std::max(width, height) / 2.0; }
 
 Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std::vector<Match>& matches, int threads,
-                                     const Checks& checks, Overlap overlap) {
+                                     const Checks& checks, Overlap overlap,
+                                     const std::function<void(double)>& progress) {
+  const auto tell = [&](double done) {
+    if (progress) progress(done);
+  };
   const std::vector<UnitMatch> units = in_units(shapes, matches);
   const bool circles = std::ranges::all_of(shapes, [](const Shape& shape) { return shape.circle.has_value(); });
   const bool anamorphic = 2 * std::ranges::count_if(shapes, may_be_anamorphic) > std::ssize(shapes);
@@ -171,20 +176,22 @@ Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std
   };
   std::vector<Start> starts(lenses.size());
   const parallel::Workers workers(threads);
-  workers.run(static_cast<int>(lenses.size()), [&](int i) {
+  const auto try_lens = [&](int i) {
     const auto n = static_cast<std::size_t>(i);
     starts[n] = start_with(lenses[n], units, shapes.size(), checks.quick);
-  });
+  };
+  workers.run(static_cast<int>(lenses.size()), try_lens, parallel::part_of(progress, 0, 0.4));
   std::ranges::stable_sort(starts, [](const Start& a, const Start& b) { return a.agreeing > b.agreeing; });
   if (starts.front().agreeing == 0) {
     return fail(Errc::kNoCoverage, "no two pictures show the same things");
   }
   starts.resize(std::min(starts.size(), kFinalists));
   std::vector<BundleFit> fits(starts.size());
-  workers.run(static_cast<int>(starts.size()), [&](int i) {
+  const auto fit = [&](int i) {
     const auto n = static_cast<std::size_t>(i);
     fits[n] = adjust(starts[n].state, units, rules_for(starts[n], starts[n].state.lens));
-  });
+  };
+  workers.run(static_cast<int>(starts.size()), fit, parallel::part_of(progress, 0.4, 0.2));
   std::vector<double> scores = scores_of(fits);
   for (std::size_t n = 0; n < fits.size(); ++n) {
     if (circles && !is_built(fits[n].state.lens)) scores[n] = -1;
@@ -206,10 +213,13 @@ Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std
     state = std::move(again.state);
     first = again.first;
   }
+  tell(0.7);
   BundleRules last = rules_for(starts[chosen], starts[chosen].state.lens);
   last.first = first;
   const LensChoice choice = choose_lens(state, units, last, workers);
-  const BundleFit best = choice.evidence.mostly() ? with_own_lenses(choice.fit, units, choice.rules, workers) : choice.fit;
+  tell(0.9);
+  const BundleFit best =
+      choice.evidence.mostly() ? with_own_lenses(choice.fit, units, choice.rules, workers) : choice.fit;
   if (circles && !is_built(best.state.lens)) return fail(not_built());
   if (circles && choice.evidence.nowhere()) {
     return fail(Errc::kNoCoverage,

@@ -60,12 +60,13 @@ enum class Overlap : std::uint8_t { kWide, kThin };
 /// Tries lenses from tele to fisheye (Kannala-Brandt with two coefficients; pixels that are not square for the sizes of
 /// BT.601), and for each one finds the rotations on which most matches agree; the best of these starts go through a
 /// bundle adjustment of all rotations and the lens. Lenses that nobody builds are refused. Where matches do not
-/// determine the lens, it is that of a family (see LensEvidence).
+/// determine the lens, it is that of a family (see LensEvidence). `progress`: 0..1, on the caller's thread.
 ///
 /// Threading: thread-safe; starts `threads` of its own (0: one per core). The result does not depend on their number.
 /// Errors: kNoCoverage with the cause, without advice, if no two pictures have enough matches in common, or if these
 ///   contradict what the pictures show, or every lens.
 Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std::vector<Match>& matches, int threads,
-                                     const Checks& checks = {}, Overlap overlap = Overlap::kWide);
+                                     const Checks& checks = {}, Overlap overlap = Overlap::kWide,
+                                     const std::function<void(double)>& progress = {});
 
 }  // namespace nodal::autocalibration

@@ -140,7 +140,7 @@ Status turn_upright(const std::vector<Picture>& small, const std::vector<Eigen::
 
 /// Lens and rotations from what the pictures show.
 Result<Arrangement> arranged(const std::vector<Shape>& shapes, const Sight& sight, const Overlaps& overlaps,
-                             int threads, Overlap overlap) {
+                             int threads, Overlap overlap, const std::function<void(double)>& progress) {
   const InCommon common(shapes, sight.features, sight.matches);
   const auto matched = [&](std::size_t a, std::size_t b, const Eigen::Matrix3d& R_b_a, const SharedLens& lens) {
     return common.agreeing(a, b, R_b_a, lens);
@@ -150,7 +150,7 @@ Result<Arrangement> arranged(const std::vector<Shape>& shapes, const Sight& sigh
     const double correlation = overlaps.correlation(a, b, R_b_a, lens, lens);
     return correlation > kMinCorrelation ? correlation : 0;
   };
-  return find_arrangement(shapes, sight.matches, threads, {matched, alike}, overlap);
+  return find_arrangement(shapes, sight.matches, threads, {matched, alike}, overlap, progress);
 }
 
 /// The error of pictures that are not placed: the cause, and what helps.
@@ -214,16 +214,17 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
   for (std::size_t n = 0; n < std::min(count, options.focal_px.size()); ++n) shapes[n].focal_px = options.focal_px[n];
   for (std::size_t n = 0; n < std::min(count, options.masks.size()); ++n) shapes[n].masks = options.masks[n];
   tell(0.05);
-  Sight sight = see(pictures, shapes, workers);
+  Sight sight = see(pictures, shapes, workers, [&](double done) { tell(0.05 + 0.65 * done); });
   tell(0.7);
   const Overlaps overlaps(shapes, small);
   const Repetition repetition = sight.repetition;
-  Result<Arrangement> arrangement = arranged(shapes, sight, overlaps, options.threads, Overlap::kWide);
+  const auto arranging = [&](double done) { tell(0.7 + 0.2 * done); };
+  Result<Arrangement> arrangement = arranged(shapes, sight, overlaps, options.threads, Overlap::kWide, arranging);
   const bool fisheyes = shapes.front().circle.has_value();  // if one has a circle, all have
   if (!arrangement && fisheyes && !repetition.prevails()) {
     // Overlaps may be so thin that hardly any of these features are in them.
     sight = see_rims(pictures, shapes, workers);
-    arrangement = arranged(shapes, sight, overlaps, options.threads, Overlap::kThin);
+    arrangement = arranged(shapes, sight, overlaps, options.threads, Overlap::kThin, {});
   }
   if (!arrangement) return fail(with_advice(arrangement.error(), repetition, fisheyes));
   NODAL_TRY(check_different(arrangement->used, count, options.files.empty() ? names : options.files));

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "stitch/autocalibration/picture.h"
+#include "stitch/parallel/part_of.h"
 
 namespace nodal::autocalibration {
 namespace {
@@ -21,6 +22,8 @@ constexpr std::size_t kAllPairs = 10;
 constexpr std::size_t kFirstFeatures = 500;
 constexpr std::size_t kLikely = 6;      // pictures that are most alike, for each one
 constexpr std::size_t kFirstSure = 12;  // matches of those features that are hardly by chance
+
+constexpr double kFeaturesShare = 0.5;  // of the time
 
 struct Effort {
   int side = kFeatureSide;
@@ -87,21 +90,23 @@ std::vector<Pair> likely_pairs(const std::vector<std::vector<Feature>>& features
 }
 
 Sight seen(const std::vector<DecodedImage>& pictures, const std::vector<Shape>& shapes, const Effort& effort,
-           const parallel::Workers& workers) {
+           const parallel::Workers& workers, const std::function<void(double)>& progress) {
   Sight sight;
   sight.features.resize(pictures.size());
-  workers.run(static_cast<int>(pictures.size()), [&](int i) {
+  const auto find = [&](int i) {
     const auto n = static_cast<std::size_t>(i);
     sight.features[n] = features_of(pictures[n], shapes[n], effort);
-  });
+  };
+  workers.run(static_cast<int>(pictures.size()), find, parallel::part_of(progress, 0, kFeaturesShare));
   const std::vector<Pair> pairs = likely_pairs(sight.features, workers);
   std::vector<std::vector<Match>> of_pair(pairs.size());
   std::vector<Repetition> repetitions(pairs.size());
-  workers.run(static_cast<int>(pairs.size()), [&](int i) {
+  const auto match = [&](int i) {
     const auto n = static_cast<std::size_t>(i);
     const auto [a, b] = pairs[n];
     of_pair[n] = find_matches(a, sight.features[a], b, sight.features[b], &repetitions[n]);
-  });
+  };
+  workers.run(static_cast<int>(pairs.size()), match, parallel::part_of(progress, kFeaturesShare, 1 - kFeaturesShare));
   for (std::size_t n = 0; n < pairs.size(); ++n) {
     sight.matches.insert(sight.matches.end(), of_pair[n].begin(), of_pair[n].end());
     sight.repetition.add(repetitions[n]);
@@ -111,14 +116,14 @@ Sight seen(const std::vector<DecodedImage>& pictures, const std::vector<Shape>& 
 
 }  // namespace
 
-Sight see(const std::vector<DecodedImage>& pictures, const std::vector<Shape>& shapes,
-          const parallel::Workers& workers) {
-  return seen(pictures, shapes, {}, workers);
+Sight see(const std::vector<DecodedImage>& pictures, const std::vector<Shape>& shapes, const parallel::Workers& workers,
+          const std::function<void(double)>& progress) {
+  return seen(pictures, shapes, {}, workers, progress);
 }
 
 Sight see_rims(const std::vector<DecodedImage>& pictures, const std::vector<Shape>& shapes,
                const parallel::Workers& workers) {
-  return seen(pictures, shapes, {kRimSide, kRimFeatures, kRimFrom}, workers);
+  return seen(pictures, shapes, {kRimSide, kRimFeatures, kRimFrom}, workers, {});
 }
 
 }  // namespace nodal::autocalibration

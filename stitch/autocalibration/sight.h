@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <vector>
 
 #include "protocol/base/decoded_image.h"
@@ -18,9 +19,10 @@ struct Sight {
   Repetition repetition;                       ///< repetition in all pairs of pictures
 };
 
-/// Features and matches of whole pictures, which are reduced to a size that suits the work.
-Sight see(const std::vector<DecodedImage>& pictures, const std::vector<Shape>& shapes,
-          const parallel::Workers& workers);
+/// Features and matches of whole pictures, which are reduced to a size that suits the work. `progress`: 0..1, on the
+/// caller's thread.
+Sight see(const std::vector<DecodedImage>& pictures, const std::vector<Shape>& shapes, const parallel::Workers& workers,
+          const std::function<void(double)>& progress = {});
 
 /// The same of the rims of fisheyes, in more detail: used if their overlaps are so thin that few of the features of
 /// whole pictures are in them. All shapes must have a circle.

@@ -137,11 +137,16 @@ Status BestBlend::check_pictures(std::span<const ImageView> pictures) const {
   return {};
 }
 
-Result<DecodedImage> BestBlend::blend(std::span<const ImageView> pictures, std::vector<SeamCheck>* checks) {
+Result<DecodedImage> BestBlend::blend(std::span<const ImageView> pictures, std::vector<SeamCheck>* checks,
+                                      const std::function<void(double)>& progress) {
   NODAL_TRY(check_pictures(pictures));
+  const auto tell = [&](double done) {
+    if (progress) progress(done);
+  };
   const parallel::Workers workers(threads_);
   const int colours = component_count(format_);
   const Parallax parallax(heads_, pictures, kFlowColumns, workers);
+  tell(0.15);
   {
     std::vector<Layer> views;
     for (std::size_t h = 0; h < heads_.size(); ++h) {
@@ -153,10 +158,12 @@ Result<DecodedImage> BestBlend::blend(std::span<const ImageView> pictures, std::
     }
     labels_ = seams::place_seams(views, labels_);
   }
+  tell(0.25);
   if (checks != nullptr) {
     const MovedRay moved = [&](std::size_t h, const Eigen::Vector3d& ray) { return parallax.moved(h, ray); };
     *checks = check_seams(heads_, pictures, moved, {labels_, map_}, sphere_, workers);
   }
+  tell(0.35);
   std::vector<SightGrid> sights;
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     const bool shown = pictures[h].planes[0].data != nullptr;
@@ -184,6 +191,7 @@ Result<DecodedImage> BestBlend::blend(std::span<const ImageView> pictures, std::
       }
     });
     bands.add(std::move(shown));
+    tell(0.4 + 0.6 * static_cast<double>(h + 1) / static_cast<double>(heads_.size()));
   }
   return in_layout(bands.finish());
 }

@@ -1,6 +1,7 @@
 // Raymaps at full quality, for computers with time: seams placed where the pictures agree, blended in many bands.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -44,9 +45,11 @@ class BestBlend {
                                 std::optional<bands::Window> seen = {});
 
   /// One picture per head, in the calibration's order; RGB24, or GREY for a grey raymap; one without data is a missing
-  /// head. `checks`, if not null, gets how well the pictures go on across the seams of this set.
+  /// head. `checks`, if not null, gets how well the pictures go on across the seams of this set. `progress`: 0..1, on
+  /// the caller's thread.
   /// Errors: kHeadMismatch, with the head's number, for a picture of another size or format.
-  Result<DecodedImage> blend(std::span<const ImageView> pictures, std::vector<SeamCheck>* checks = nullptr);
+  Result<DecodedImage> blend(std::span<const ImageView> pictures, std::vector<SeamCheck>* checks = nullptr,
+                             const std::function<void(double)>& progress = {});
 
   /// The seams of the last set, and their map.
   const seams::Labels& labels() const { return labels_; }

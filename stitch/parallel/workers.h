@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <functional>
 #include <thread>
 #include <vector>
 
@@ -29,6 +30,18 @@ class Workers {
     for (int t = 1; t < std::min(threads_, chunks); ++t) others.emplace_back(work_off);
     work_off();
     for (std::thread& other : others) other.join();
+  }
+  /// The same. `progress`, if given, is called on the caller's thread with the share of the chunks that are done, after
+  /// each chunk that this thread has done.
+  template <class Work>
+  void run(int chunks, const Work& work, const std::function<void(double)>& progress) const {
+    const std::thread::id caller = std::this_thread::get_id();
+    std::atomic<int> done{0};
+    run(chunks, [&](int i) {
+      work(i);
+      const int now = done.fetch_add(1) + 1;
+      if (progress && std::this_thread::get_id() == caller) progress(static_cast<double>(now) / chunks);
+    });
   }
 
  private:
