@@ -20,9 +20,10 @@ constexpr double kTolerance = 0.015;  // units of radius: how far a tried lens m
 constexpr int kMin = 8;               // matches that must agree to connect two heads
 constexpr double kMinShare = 0.12;    // share of two heads' matches that must agree to connect them
 constexpr std::size_t kFinalists = 5;
-constexpr double kTolerances = 6;   // standard deviations within which a match agrees with a fit
-constexpr double kThinStep = 1.25;  // degrees between lenses that are tried: two rims then agree within kTolerance
-constexpr double kCircle = 0.98;    // share of an image circle's radius at which a fisheye's angle is judged
+constexpr std::size_t kCompared = 3000;  // matches by which they are compared
+constexpr double kTolerances = 6;        // standard deviations within which a match agrees with a fit
+constexpr double kThinStep = 1.25;       // degrees between lenses that are tried: two rims then agree within kTolerance
+constexpr double kCircle = 0.98;         // share of an image circle's radius at which a fisheye's angle is judged
 constexpr double kWidestFisheye = 142 * kRadiansPerDegree;  // angle from the axis; the widest fisheyes see 280 degrees
 constexpr std::array<double, 2> kSigma{0.3, 0.15};  // standard deviations of the two coefficients around the tried lens
 constexpr double kSameFocal = 0.1;    // relative difference that the cameras' statements of equal lenses may have
@@ -132,6 +133,14 @@ Error not_built() {
   return {Errc::kNoCoverage, "the points that the pictures seem to have in common fit no lens that is built"};
 }
 
+/// Evenly chosen matches, as many as suffice to compare starts.
+std::vector<UnitMatch> thinned(const std::vector<UnitMatch>& matches) {
+  const std::size_t step = 1 + matches.size() / kCompared;
+  std::vector<UnitMatch> some;
+  for (std::size_t m = 0; m < matches.size(); m += step) some.push_back(matches[m]);
+  return some;
+}
+
 /// How many matches agree with each fit, within the tolerance of the most accurate one; near misses count in part.
 std::vector<double> scores_of(const std::vector<BundleFit>& fits) {
   double noise = fits.front().noise;
@@ -187,9 +196,10 @@ Result<Arrangement> find_arrangement(const std::vector<Shape>& shapes, const std
   }
   starts.resize(std::min(starts.size(), kFinalists));
   std::vector<BundleFit> fits(starts.size());
+  const std::vector<UnitMatch> some = thinned(units);
   const auto fit = [&](int i) {
     const auto n = static_cast<std::size_t>(i);
-    fits[n] = adjust(starts[n].state, units, rules_for(starts[n], starts[n].state.lens));
+    fits[n] = adjust(starts[n].state, some, rules_for(starts[n], starts[n].state.lens));
   };
   workers.run(static_cast<int>(starts.size()), fit, parallel::part_of(progress, 0.4, 0.2));
   std::vector<double> scores = scores_of(fits);

@@ -27,6 +27,7 @@ constexpr double kAspectSigma = 0.01;      // standard deviation of the log aspe
 constexpr double kMaxAspectChange = 0.05;  // largest change of the log aspect
 constexpr int kRounds = 8;
 constexpr int kStepsARound = 8;
+constexpr double kSettledNoise = 1e-3;  // the rounds end with a smaller relative change of the noise
 constexpr double kEnough = 1e-7;
 constexpr int kOwnUnknowns = 3;  // log focal, the axis's shift
 // px of the picture in which features are found: a blob of this scale has a spread of sqrt(2).
@@ -222,7 +223,10 @@ BundleFit Bundle::run(BundleState start) {
   fit.state = std::move(start);
   if (rules_.own_sigma > 0) fit.state.own.resize(fit.state.R_head_rig.size());
   for (int round = 0; round < kRounds; ++round) {  // each one holds its weights
+    const double noise = noise_, limit = limit_;
     reweigh(fit.state);
+    // Matches that are left out once stay out, so equal weights give equal steps.
+    if (limit - limit_ < kSettledNoise * limit && std::abs(noise_ - noise) < kSettledNoise * noise) break;
     auto end = solve::descend(
         fit.state, [this](const BundleState& state) { return evaluate(state); },
         [this](const BundleState& from, const Eigen::VectorXd& step) { return moved(from, step); }, fixed_,
