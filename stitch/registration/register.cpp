@@ -84,10 +84,9 @@ Result<Registered> register_with(const Calibration& prior, const LitFrames& fram
     }
     if (report) return Registered{std::move(*report), run.cause(), run.displaced_px()};
     if (report.error().code != Errc::kHeadMismatch || run.wrong().empty()) return fail(report.error());
-    if (!options.diagnose) return fail(report.error());
-    if (const auto mistake = mistake_of(prior, frames.frame_sets, options, run.wrong())) {
-      return fail(Errc::kHeadMismatch, *mistake);
-    }
+    std::optional<std::string> mistake;
+    if (options.diagnose) mistake = mistake_of(prior, frames.frame_sets, options, run.wrong());
+    if (mistake) return fail(Errc::kHeadMismatch, *mistake);
     // One head alone must not refuse the others, if those that are left can contradict each other.
     if (run.wrong().size() != 1 || prior.heads.size() - left_out.size() < 4) return fail(report.error());
     const std::size_t head = run.wrong().front();
