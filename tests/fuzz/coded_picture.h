@@ -1,4 +1,4 @@
-// A file of a coded picture with any bytes, for the target webp.
+// A file of a coded picture with any bytes, for the targets heif and webp.
 #pragma once
 
 #include <algorithm>

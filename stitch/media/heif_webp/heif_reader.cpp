@@ -12,6 +12,7 @@
 
 #include "protocol/base/try.h"
 #include "stitch/media/code_points.h"
+#include "stitch/media/heif_webp/heif_references.h"
 #include "stitch/media/heif_webp/reader.h"
 #include "stitch/media/image_file.h"
 
@@ -50,6 +51,11 @@ Error error_of(const heif_error& error, const std::string& name) {
 
 /// The bytes must outlive it.
 Result<File> opened(std::span<const std::uint8_t> bytes, const std::string& name) {
+  if (!are_references_bounded(bytes)) {
+    return fail(Errc::kBadFormat, fmt::format("picture '{}': the HEIF file is broken (a picture in it is a part of "
+                                              "itself, or of too many others); fetch or export it again",
+                                              name));
+  }
   File file{Context(heif_context_alloc()), nullptr};
   if (!file.context) return fail(Errc::kInternal, "picture '" + name + "': no memory for libheif");
   heif_context_set_maximum_image_size_limit(file.context.get(), kMaxImageSide);
