@@ -10,8 +10,10 @@
 #include "host_tool/commands/command_list.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
+#include "host_tool/input/corner_lists.h"
 #include "host_tool/input/pictures.h"
 #include "host_tool/report/lens_report.h"
+#include "protocol/base/file_ending.h"
 #include "protocol/base/try.h"
 #include "stitch/calibration/lens/calibrate.h"
 #include "stitch/media/image_file.h"
@@ -73,6 +75,11 @@ void on_every_core(int count, const std::function<void(int)>& work) {
   for (std::thread& other : others) other.join();
 }
 
+/// Whether corners are given instead of photographs of the pattern.
+bool is_corner_list(const CalibrateLensArgs& args) {
+  return args.photos.size() == 1 && has_ending(args.photos.front(), ".csv");
+}
+
 Json calibrate_lens_json(const cal::Measured& m) { return {{"value", m.value}, {"deviation", m.deviation}}; }
 
 Json calibrate_lens_json(const cal::LensCalibration& result, const CalibrateLensArgs& args) {
@@ -86,6 +93,7 @@ Json calibrate_lens_json(const cal::LensCalibration& result, const CalibrateLens
                      {"covered", view.covered},
                      {"explained", view.explained},
                      {"rms_levels", view.rms},
+                     {"rms_px", view.rms_px},
                      {"gain", view.gain}});
   }
   const cal::LensReport& report = result.report;
@@ -131,7 +139,15 @@ void tell(Console& console, const cal::LensCalibration& result, const CalibrateL
                fmt::format("{:.0f} %", 100 * view.covered), fmt::format("{:.2f} %", 100 * view.explained),
                fmt::format("{:.1f}/255", view.rms)});
   }
-  for (const std::string& line : table.lines()) console.line(line);
+  Table corners({{"photograph"},
+                 {"corners", Table::Align::kRight},
+                 {"tilt", Table::Align::kRight},
+                 {"left over", Table::Align::kRight}});
+  for (const cal::ViewReport& view : result.report.views) {
+    corners.row({view.name, std::to_string(view.pairs), fmt::format("{:.1f}°", view.tilt_deg),
+                 fmt::format("{:.2f} px", view.rms_px)});
+  }
+  for (const std::string& line : (is_corner_list(args) ? corners : table).lines()) console.line(line);
   const HeadCalibration& head = result.head;
   const cal::LensReport& report = result.report;
   const auto& v = head.vignetting.coefficients;
@@ -143,8 +159,10 @@ void tell(Console& console, const cal::LensCalibration& result, const CalibrateL
       fmt::format("mapping       ± {:.4f} px over the picture, {:.0f} % of it seen, {:.0f} to {:.0f} px from "
                   "the centre",
                   report.mapping_deviation_px, 100 * report.covered, report.seen_from_px, report.seen_to_px));
-  console.line(fmt::format("light         {}; {:.2f} of it left in the farthest corner", show_response(head.response),
-                           1 + v[0] + v[1] + v[2]));
+  if (is_corner_list(args)) console.line("light         not measured by corners; sRGB is taken");
+  else
+    console.line(fmt::format("light         {}; {:.2f} of it left in the farthest corner", show_response(head.response),
+                             1 + v[0] + v[1] + v[2]));
   if (head.region.circle) {
     console.line(fmt::format("region        a circle about {:.1f}, {:.1f} of {:.1f} px", head.region.circle->x,
                              head.region.circle->y, head.region.circle->radius));
@@ -156,17 +174,44 @@ void tell(Console& console, const cal::LensCalibration& result, const CalibrateL
   console.line("wrote " + args.out + (args.report.empty() ? "" : " and " + args.report));
 }
 
+/// The calibration of this one head in its file.
+Status write_lens(const CalibrateLensArgs& args, const cal::LensCalibration& result, const std::string& source) {
+  Calibration calibration;
+  calibration.name = args.name;
+  calibration.comment = fmt::format(
+      "Lens of {}; mapping ± {:.4f} px; seen {:.0f} to {:.0f} px from its centre, and extrapolated elsewhere.", source,
+      result.report.mapping_deviation_px, result.report.seen_from_px, result.report.seen_to_px);
+  calibration.heads.push_back(result.head);
+  NODAL_TRY(check_calibration(calibration));
+  return write_file(args.out, nodal::to_json(calibration));
+}
+
+Status run_on_corners(Context& context, const CalibrateLensArgs& args, const cal::LensOptions& options) {
+  const std::string& file = args.photos.front();
+  if (!args.report.empty()) return fail(Errc::kUnsupported, "--report: needs photographs of the pattern, not corners");
+  NODAL_TRY_ASSIGN(CornerList list, interruptible(context.console(), [&] { return read_corner_list(file); }));
+  const std::string source = fmt::format("the corners of a board in {} photographs", list.views.size());
+  const auto result = interruptible(context.console(), [&] {
+    return cal::calibrate_on_corners(std::move(list.views), list.width, list.height, options);
+  });
+  if (!result) return fail(result.error().in(file));
+  NODAL_TRY(write_lens(args, *result, source));
+  tell(context.console(), *result, args);
+  return {};
+}
+
 Status run_calibrate_lens(Context& context, const CalibrateLensArgs& args) {
   NODAL_TRY_ASSIGN(const cal::LensKind kind, cal::lens_kind_named(args.model));
-  NODAL_TRY_ASSIGN(const cal::PatternRaster pattern, read_pattern(args.pattern));
-  NODAL_TRY_ASSIGN(const auto photographs,
-                   interruptible(context.console(), [&] { return read_photographs(args.photos); }));
   cal::LensOptions options;
   options.kind = kind;
   options.head_name = args.name;
   options.aspect_known = args.aspect > 0;
   if (args.aspect > 0) options.aspect = args.aspect;
   options.for_each = on_every_core;
+  if (is_corner_list(args)) return run_on_corners(context, args, options);
+  NODAL_TRY_ASSIGN(const cal::PatternRaster pattern, read_pattern(args.pattern));
+  NODAL_TRY_ASSIGN(const auto photographs,
+                   interruptible(context.console(), [&] { return read_photographs(args.photos); }));
   Result<cal::LensCalibration> result = fail(Errc::kInternal, "");
   {
     Progress progress(context.console(), "calibrating", 100);
@@ -176,15 +221,7 @@ Status run_calibrate_lens(Context& context, const CalibrateLensArgs& args) {
     result = interruptible(context.console(), [&] { return cal::calibrate_lens(photographs, pattern, options); });
   }
   if (!result) return fail(result.error());
-  Calibration calibration;
-  calibration.name = args.name;
-  calibration.comment = fmt::format(
-      "Lens of {} photographs of the pattern; mapping ± {:.4f} px; seen {:.0f} to {:.0f} px from its centre, and "
-      "extrapolated elsewhere.",
-      photographs.size(), result->report.mapping_deviation_px, result->report.seen_from_px, result->report.seen_to_px);
-  calibration.heads.push_back(result->head);
-  NODAL_TRY(check_calibration(calibration));
-  NODAL_TRY(write_file(args.out, nodal::to_json(calibration)));
+  NODAL_TRY(write_lens(args, *result, fmt::format("{} photographs of the pattern", photographs.size())));
   if (!args.report.empty()) {
     NODAL_TRY_ASSIGN(const std::string page,
                      interruptible(context.console(), [&] { return lens_report(*result, args.model); }));
@@ -203,11 +240,15 @@ void add_calibrate(CLI::App& app, CommandLine& line) {
       add_command(*group, "lens", "A head's lens from photographs of the pattern",
                   "  nodal calibrate lens photo*.png --name cam5 -o cam5.json --report cam5.html\n"
                   "  nodal calibrate lens fish*.jpg --model kannala_brandt --aspect 1\n"
+                  "  nodal calibrate lens corners.csv --model kannala_brandt\n"
                   "Take three to eight photographs of the printed pattern (`nodal pattern`): sharp, focus and zoom\n"
                   "as they will be used, the pattern filling the picture and its corners, turned by 20 to 40 degrees\n"
-                  "to different sides, lit evenly. Every pixel of them is aligned, so no points need be marked.\n");
+                  "to different sides, lit evenly. Every pixel of them is aligned, so no points need be marked.\n"
+                  "Your own board: corners.csv lists its corners as another program found them, such as OpenCV, a row\n"
+                  "each: picture,x,y,board_x,board_y. See the manual page.\n");
   auto args = std::make_shared<CalibrateLensArgs>();
-  lens->add_option("PHOTOS", args->photos, "Photographs of the pattern: JPEG, PNG, TIFF, HEIF or WebP")
+  lens->add_option("PHOTOS", args->photos,
+                   "Photographs of the pattern: JPEG, PNG, TIFF, HEIF or WebP; or a list of corners, .csv")
       ->required()
       ->type_name("");
   lens->add_option("--model", args->model, "tsai, equidistant or kannala_brandt (tsai when not given)")

@@ -245,6 +245,7 @@ void add_calibration(CLI::App& app, CommandLine& line) {
   line.on(check, [args](Context& context) { return run_check(context, *args); });
 
   add_calibration_diff(*group, line);
+  add_calibration_join(*group, line);
 }
 
 }  // namespace nodal::host

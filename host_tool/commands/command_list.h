@@ -38,6 +38,8 @@ void add_pattern(CLI::App& app, CommandLine& line);
 void add_calibrate(CLI::App& app, CommandLine& line);
 /// `heads latency`, below `heads`.
 void add_latency(CLI::App& heads, CommandLine& line);
+/// `calibration join`, below `calibration`.
+void add_calibration_join(CLI::App& group, CommandLine& line);
 /// `calibration diff`, below `calibration`.
 void add_calibration_diff(CLI::App& group, CommandLine& line);
 /// `calibrate light`, below `calibrate`.

@@ -84,7 +84,7 @@ void add_output(const std::string& word, CommandRights& rights) {
 }
 
 bool names_pictures(const std::string& file) {
-  return std::ranges::any_of(std::array{".pto", ".pts", ".ptv", ".json"},
+  return std::ranges::any_of(std::array{".pto", ".pts", ".ptv", ".json", ".csv"},
                              [&](const char* end) { return file.ends_with(end); });
 }
 
@@ -167,14 +167,15 @@ PathUse path_use(const std::string& option) {
 namespace {
 
 /// That the folder of a file is there, and no file in its place: before hours of work, not after.
-Status check_writable(const std::string& file) {
+/// `prefix`: the command may write other names that begin like this one, and checks those itself.
+Status check_writable(const std::string& file, bool prefix) {
   const fs::path folder = folder_of(file);
   std::error_code error;
   if (file != "-" && !fs::is_directory(folder, error)) {
     return fail(Errc::kNotFound, fmt::format("{}: there is no such folder as {}; make it (mkdir -p {})", file,
                                              folder.string(), folder.string()));
   }
-  return check_free(file);
+  return prefix ? Status{} : check_free(file);
 }
 
 }  // namespace
@@ -185,8 +186,9 @@ Status check_outputs(const CLI::App& command) {
       const bool named = !option->get_lnames().empty() && !option->empty();
       if (!named || path_use(option->get_lnames().front()) != PathUse::kOutputFile) continue;
       for (const std::string& word : option->results()) {
-        if (const Status free = check_writable(word); !free)
-          return fail(free.error().in("--" + option->get_lnames().front()));
+        const std::string name = option->get_lnames().front();
+        const bool prefix = app->get_name() == "convert" && name == "out";  // six faces of a cube
+        if (const Status free = check_writable(word, prefix); !free) return fail(free.error().in("--" + name));
       }
     }
   }

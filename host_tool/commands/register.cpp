@@ -101,13 +101,17 @@ Result<RigPictures> calibrated_alone(Console& console, const RegisterArgs& args,
 /// All pictures are decoded.
 Result<RigPictures> read_input(Context& context, const RegisterArgs& args, Progress& bar) {
   Console& console = context.console();
-  if (args.inputs.empty() && !args.nominal.rig.empty())
-    return fail(Errc::kMissingField, "no pictures; give one a head");
   if (args.inputs.empty()) {
     const std::string what = "registering a running rig";
     NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
     Result<RigPictures> pulled = pull_frame_sets(*rig, what, args.sets, console);
+    const bool by_sheet = !args.nominal.rig.empty();
+    if (pulled && by_sheet) return by_data_sheet(std::move(*pulled), args.nominal);
     if (pulled || pulled.error().code != Errc::kNotFound || args.trial) return pulled;
+    if (by_sheet) {
+      NODAL_TRY_ASSIGN(RigPictures frames, pull_uncalibrated_set(*rig, what, console));
+      return by_data_sheet(std::move(frames), args.nominal);
+    }
     console.note("note: the rig has no calibration; everything is found in one set of its frames");
     NODAL_TRY_ASSIGN(RigPictures alone, pull_uncalibrated_set(*rig, what, console));
     rig.reset();  // matching takes longer than a rig waits for a host
@@ -289,7 +293,8 @@ Status run_register(Context& context, const RegisterArgs& args) {
   document["cpu_seconds"] = static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC;
   console.document(document);
   tell(console, *report, verdict, options.free != registration::Free::kRotations, args.out, seconds);
-  if (args.inputs.empty() && input.match) {
+  const bool first = input.match || input.origin == RigPictures::Origin::kDataSheet;
+  if (args.inputs.empty() && first && !args.trial) {
     console.line("put it in force with: nodal calibration upload " + args.out);
   }
   if (!args.trial) return {};

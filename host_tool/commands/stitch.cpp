@@ -155,7 +155,7 @@ void tell_linear(Console& console, const RigPictures& rig, const std::vector<Hea
 }
 
 /// The page beside a sphere whose calibration was found in its pictures.
-Status write_report(const StitchJob& job, const DecodedImage& raymap, const Verdict& verdict) {
+Result<std::string> make_report(const StitchJob& job, const DecodedImage& raymap, const Verdict& verdict) {
   NODAL_TRY_ASSIGN(const auto name, geometry::LayoutName::parse(job.args.layout));
   NODAL_TRY_ASSIGN(const auto layout, geometry::make_layout(name, job.size.width, job.size.height));
   std::optional<bands::Window> part;
@@ -164,7 +164,7 @@ Status write_report(const StitchJob& job, const DecodedImage& raymap, const Verd
   HtmlReport page =
       stitch_report({raymap, *layout, part, verdict, job.rig.heads, job.rig.notes, job.rig.match->confidence});
   if (job.details) page.details("How the pictures were registered", *job.details);
-  return write_file(beside(job.args.out, ".report.html"), page.finish());
+  return page.finish();
 }
 
 /// The raymaps that are written, and what is to be said of the first one.
@@ -196,6 +196,7 @@ Result<Stitched> stitch_sets(Console& console, StitchJob& job, Progress& bar) {
     NODAL_TRY_ASSIGN(auto pictures, interruptible(console, [&] { return take_set(job.rig, i, rgb); }));
     if (i == 0 && args.bits == 16) tell_linear(console, job.rig, job.rig.sets[i]);
     NODAL_TRY_ASSIGN(const std::string name, numbered_name(args.out, i));
+    std::string report;
     NODAL_TRY_ASSIGN(auto file, interruptible(console, [&]() -> Result<std::vector<std::uint8_t>> {
                        std::vector<ImageView> views;
                        for (const DecodedImage& picture : pictures) views.push_back(picture.view());
@@ -203,10 +204,14 @@ Result<Stitched> stitch_sets(Console& console, StitchJob& job, Progress& bar) {
                        NODAL_TRY_ASSIGN(const DecodedImage raymap,
                                         stitcher.stitch(views, working, i == 0 ? &checks : nullptr));
                        if (i == 0) stitched.verdict = verdict_of(std::move(checks), job.rig.heads, left_out);
-                       if (i == 0 && job.rig.match) NODAL_TRY(write_report(job, raymap, stitched.verdict));
+                       if (i == 0 && job.rig.match) {
+                         NODAL_TRY_ASSIGN(report, make_report(job, raymap, stitched.verdict));
+                       }
                        return encode(job, raymap, pictures.front());
                      }));
     NODAL_TRY(write_file(name, file));
+    // Later than the sphere: a full disk must not leave a report of a sphere that is not there.
+    if (!report.empty()) NODAL_TRY(write_file(beside(args.out, ".report.html"), report));
     stitched.last = name;
     begun_with = static_cast<double>(i + 2);
     show(begun_with, name);

@@ -210,6 +210,7 @@ Result<RigPictures> own_pictures(const std::vector<std::string>& given, const Sp
     own.sets.resize(1);
     for (const std::string& file : files) own.sets.front().emplace_back(file, opened.take(file));
   }
+  if (sequences) own.notes.push_back(folder_per_head(arguments.size(), own.sets.size()));
   own.heads = head_names(sequences ? arguments : files);
   return own;
 }

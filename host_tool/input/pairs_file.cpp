@@ -9,13 +9,12 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <charconv>
-#include <cmath>
 #include <filesystem>
 #include <sstream>
 
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
+#include "host_tool/input/csv_cells.h"
 #include "protocol/base/file_ending.h"
 #include "protocol/base/try.h"
 #include "stitch/interchange/export.h"
@@ -29,29 +28,10 @@ using registration::PointPair;
 
 constexpr const char* kColumns = "head_a,x_a,y_a,head_b,x_b,y_b";
 
-std::vector<std::string> split(const std::string& line) {
-  std::vector<std::string> cells;
-  std::istringstream in(line);
-  for (std::string cell; std::getline(in, cell, ',');) {
-    const std::size_t first = cell.find_first_not_of(" \t\""), last = cell.find_last_not_of(" \t\"\r");
-    cells.push_back(first == std::string::npos ? "" : cell.substr(first, last - first + 1));
-  }
-  return cells;
-}
-
 Result<std::size_t> head_of(const std::string& name, const Calibration& rig) {
   const auto found = std::ranges::find(rig.heads, name, &HeadCalibration::name);
   if (found == rig.heads.end()) return fail(Errc::kBadValue, "the calibration has no head '" + name + "'");
   return static_cast<std::size_t>(found - rig.heads.begin());
-}
-
-Result<double> number_of(const std::string& text) {
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value)) {
-    return fail(Errc::kBadValue, "'" + text + "' is no number");
-  }
-  return value;
 }
 
 Result<PointPair> pair_of(const std::vector<std::string>& cells, const Calibration& rig) {
@@ -63,7 +43,7 @@ Result<PointPair> pair_of(const std::vector<std::string>& cells, const Calibrati
   std::array<double, 4> at{};
   const std::array<std::size_t, 4> places{1, 2, 4, 5};
   for (std::size_t k = 0; k < 4; ++k) {
-    NODAL_TRY_ASSIGN(const double value, number_of(cells[places[k]]));
+    NODAL_TRY_ASSIGN(const double value, csv_number(cells[places[k]]));
     at[k] = value;
   }
   return PointPair{*a, {at[0], at[1]}, *b, {at[2], at[3]}};
@@ -139,7 +119,7 @@ Result<std::vector<PointPair>> parse_pairs_csv(const std::string& text, const Ca
   int number = 0;
   for (std::string line; std::getline(in, line);) {
     ++number;
-    const std::vector<std::string> cells = split(line);
+    const std::vector<std::string> cells = csv_cells(line);
     if (cells.empty() || (cells.size() == 1 && cells[0].empty()) || cells[0].starts_with('#')) continue;
     if (cells[0] == "head_a") continue;
     const Result<PointPair> pair = pair_of(cells, rig);

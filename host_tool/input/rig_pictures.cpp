@@ -45,6 +45,19 @@ Result<std::string> picture_of(const fs::path& folder, const std::string& head) 
   return found.front();
 }
 
+/// Whether the arguments are a folder for each head, called after it.
+bool are_sequences(const std::vector<std::string>& arguments, const std::vector<std::string>& names) {
+  const auto is_folder = [](const std::string& name) {
+    std::error_code error;
+    return fs::is_directory(name, error);
+  };
+  const auto named = [&](const std::string& name) {
+    return std::ranges::find(arguments, name, folder_name) != arguments.end();
+  };
+  return arguments.size() == names.size() && std::ranges::all_of(arguments, is_folder) &&
+         std::ranges::all_of(names, named);
+}
+
 // Folders called after the heads hold a sequence each: the n-th pictures, sorted by name, are a set.
 Result<std::vector<std::vector<std::string>>> sequences_of(const std::vector<std::string>& folders,
                                                            const std::vector<std::string>& names) {
@@ -125,6 +138,11 @@ Result<std::vector<std::vector<HeadPicture>>> sets_of(const std::vector<std::str
   NODAL_TRY_ASSIGN(const PictureSplit split, split_of(arguments, choice));
   if (split.count() > 1) return split_pictures(arguments, split, heads.size());
   NODAL_TRY_ASSIGN(const auto files, picture_files(arguments, heads));
+  std::error_code error;
+  if (arguments.size() > 1 && fs::is_directory(arguments.front(), error)) {
+    notes.push_back(are_sequences(arguments, heads) ? folder_per_head(arguments.size(), files.size())
+                                                    : folder_per_set(arguments.size(), heads.size()));
+  }
   if (!files.empty()) tell_copies(files.front(), notes);
   return pictures_of(files);
 }
@@ -146,6 +164,27 @@ Result<RigPictures> read_nominal_pictures(const NominalWords& words, const std::
 }
 
 }  // namespace
+
+std::string folder_per_head(std::size_t folders, std::size_t sets) {
+  return fmt::format("{} folders: each has the pictures of one head, {} in each, sorted by name", folders, sets);
+}
+
+std::string folder_per_set(std::size_t folders, std::size_t heads) {
+  return fmt::format("{} folders: each has one picture of each of the {} heads", folders, heads);
+}
+
+Result<RigPictures> by_data_sheet(RigPictures rig, const NominalWords& words) {
+  NODAL_TRY_ASSIGN(const Nominal nominal, nominal_of(words));
+  if (static_cast<std::size_t>(nominal.heads) != rig.heads.size()) {
+    return fail(Errc::kBadValue, fmt::format("--nominal {}: it has {} heads, and the rig has {}", words.rig,
+                                             nominal.heads, rig.heads.size()));
+  }
+  NODAL_TRY(decode_all(rig.sets.front()));
+  NODAL_TRY_ASSIGN(rig.calibration, nominal_rig(nominal, rig.frames(0)));
+  for (std::size_t h = 0; h < rig.heads.size(); ++h) rig.calibration.heads[h].name = rig.heads[h];
+  rig.origin = RigPictures::Origin::kDataSheet;
+  return rig;
+}
 
 double FoundLens::may_be_wrong_percent() const { return std::ceil(100 * unsure); }
 
@@ -177,11 +216,7 @@ Result<std::vector<std::vector<std::string>>> picture_files(const std::vector<st
     std::error_code error;
     return fs::is_directory(name, error);
   };
-  const auto named = [&](const std::string& name) {
-    return std::ranges::find(arguments, name, folder_name) != arguments.end();
-  };
-  if (arguments.size() == names.size() && std::ranges::all_of(arguments, is_folder) &&
-      std::ranges::all_of(names, named)) {
+  if (are_sequences(arguments, names)) {
     return sequences_of(arguments, names);
   }
   if (std::ranges::any_of(arguments, is_folder)) {

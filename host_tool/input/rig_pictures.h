@@ -81,6 +81,10 @@ struct RigPictures {
 Result<std::vector<std::vector<std::string>>> picture_files(const std::vector<std::string>& arguments,
                                                             const std::vector<std::string>& names);
 
+/// What several folders are taken for, in words.
+std::string folder_per_head(std::size_t folders, std::size_t sets);
+std::string folder_per_set(std::size_t folders, std::size_t heads);
+
 /// What the user says of the files besides their names.
 struct FileOptions {
   PicturePlaces places = PicturePlaces::kBesideProject;
@@ -109,6 +113,10 @@ Result<RigPictures> read_rig_pictures(const NominalWords& nominal, const std::ve
 /// linear numbers if the calibration's response is known: that of a data sheet is not.
 Result<RigPictures> read_all_pictures(const NominalWords& nominal, const std::vector<std::string>& arguments,
                                       const FileOptions& options = {});
+
+/// The same pictures with the calibration that a data sheet describes; heads keep their names.
+/// Errors: kBadValue if it has another number of heads; those of nominal_rig().
+Result<RigPictures> by_data_sheet(RigPictures rig, const NominalWords& words);
 
 /// Decodes a set and moves its pictures out, all in one pixel format: I420 if every file is 4:2:0, GREY if every one is
 /// grey, else RGB24. With `rgb`: always RGB24. Linear numbers stay so for heads with a linear response.

@@ -117,6 +117,10 @@ Status check_names(const FrameOptions& options) {
                             "put %04d into it, or give - to send them on",
                             options.out, count));
   }
+  if (options.faces_out) return {};  // the six names are what is written
+  if (!has_number(options.out)) {
+    if (const Status free = check_free(options.out); !free) return fail(free.error().in("--out"));
+  }
   return check_output(options.out, {options.inputs}, count);
 }
 

@@ -82,6 +82,37 @@ TEST_F(BumpedRig, Drift_NamesTheHeadThatMovedAndNoOtherAndReregistrationOnTrialP
   EXPECT_TRUE(wait_until([&] { return in_force() == found; }));
 }
 
+TEST_F(BumpedRig, WithoutACalibration_ItsFramesAreRegisteredAloneAndByADataSheet) {
+  start_nodald();
+  ASSERT_EQ(nodal({"genlock", "start"}).code, 0);
+  const Calibration truth = bumped(six("truth"), kBumped, kBumpDeg);
+  const auto found = [&](Words words) {
+    words.insert(words.begin(), "register");
+    words.insert(words.end(), {"-o", path("found.json")});
+    const Finished run = nodal(words);
+    EXPECT_EQ(run.code, 0) << run.err;
+    EXPECT_NE(run.out.find("put it in force with: nodal calibration upload " + path("found.json")), std::string::npos)
+        << run.out;
+    const Calibration calibration = parse_calibration(read("found.json")).value();
+    EXPECT_EQ(calibration.heads.front().name, "cam0");
+    return test::rotation_error(truth, calibration).rms_deg;
+  };
+  constexpr double kPixel = 130.0 / kSide;
+  Words sheet{"--nominal", "6x130"};
+  for (const char* place : {"0,0", "90,0", "180,0", "-90,0", "0,-90,180", "0,90"}) {
+    sheet.insert(sheet.end(), {"--at", place});
+  }
+  EXPECT_LT(found(sheet), 0.3 * kPixel);
+  EXPECT_LT(found({}), 0.3 * kPixel);
+  const Finished other = nodal({"register", "--nominal", "3x190", "-o", path("no.json")});
+  EXPECT_NE(other.code, 0);
+  EXPECT_NE(other.err.find("it has 3 heads, and the rig has 6"), std::string::npos) << other.err;
+  ASSERT_EQ(nodal({"calibration", "upload", path("found.json")}).code, 0);
+  EXPECT_EQ(in_force(), id_of(parse_calibration(read("found.json")).value()));
+  // Also when one is in force, the data sheet is the start.
+  EXPECT_LT(found(sheet), 0.3 * kPixel);
+}
+
 TEST_F(BumpedRig, ATrialThatIsWorse_IsRolledBackAndNotStored) {
   film();
   const Calibration worse = bumped(six("worse"), 0, 1.0);

@@ -112,5 +112,19 @@ TEST_F(Faces, WhatIsNoCube_IsRefusedByItsName) {
   EXPECT_FALSE(fs::exists(path("o.png")));
 }
 
+TEST_F(Faces, AFileOfTheNameWithoutAFace_IsNotInTheWay) {
+  const Refusing refusing;
+  write_sphere();
+  write("town.png", "something else");
+  const Finished run =
+      nodal({"convert", path("sphere.png"), "--from", "equirectangular", "--layout", "faces", "-o", path("town.png")});
+  EXPECT_EQ(run.code, 0) << run.err;
+  EXPECT_EQ(read("town.png"), "something else");
+  EXPECT_TRUE(fs::exists(path("town_up.png")));
+  const Finished one = nodal({"convert", path("sphere.png"), "--from", "equirectangular", "-o", path("town.png")});
+  EXPECT_NE(one.code, 0);
+  EXPECT_NE(one.err.find("town.png: is there already"), std::string::npos) << one.err;
+}
+
 }  // namespace
 }  // namespace nodal::command_line

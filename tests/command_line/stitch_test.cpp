@@ -154,42 +154,6 @@ TEST_F(StitchCommand, AFolderForEachHead_IsItsSequence) {
   expect_refused(uneven, name_of(2));
 }
 
-TEST_F(StitchCommand, FoldersWithoutACalibration_AreCalibratedByTheMiddleSetAndStitchedFrameByFrame) {
-  write_pictures("set");
-  Words folders;
-  for (std::size_t h = 0; h < town().truth.heads.size(); ++h) {
-    std::filesystem::create_directories(path("film/" + name_of(h)));
-    for (const char* frame : {"0001.png", "0002.png", "0003.png"}) {
-      std::filesystem::copy_file(path("set/" + name_of(h) + ".png"), path("film/" + name_of(h) + "/" + frame));
-    }
-    folders.push_back(path("film/" + name_of(h)));
-  }
-  Words one_name = folders;
-  one_name.insert(one_name.end(), {"-o", path("f.jpg")});
-  expect_refused(one_name, "put %04d into it");
-  EXPECT_FALSE(std::filesystem::exists(path("f.rig.json"))) << "refused before it is calibrated";
-  Words words{"stitch"};
-  words.insert(words.end(), folders.begin(), folders.end());
-  words.insert(words.end(), {"--width", "256", "-o", path("f-%02d.png")});
-  const Json answer = nodal_json(words).at(0);
-  EXPECT_EQ(answer["raymaps"], 3);
-  EXPECT_EQ(answer["calibration_file"], path("f.rig.json"));
-  EXPECT_NE(answer["notes"].dump().find("set 2 of 3"), std::string::npos) << answer;
-  // The heads are called after their folders, so that the calibration serves for the folders again.
-  Words again{"stitch", path("f.rig.json")};
-  again.insert(again.end(), folders.begin(), folders.end());
-  again.insert(again.end(), {"--width", "256", "-o", path("g-%02d.png")});
-  const Finished run = nodal(again);
-  ASSERT_EQ(run.code, 0) << run.err;
-  for (const char* file : {"-00.png", "-01.png", "-02.png"}) {
-    EXPECT_EQ(read("f" + std::string(file)), read("g" + std::string(file))) << file;
-  }
-  std::filesystem::remove(path("film/" + name_of(1) + "/0003.png"));
-  Words uneven = folders;
-  uneven.insert(uneven.end(), {"-o", path("f-%d.png")});
-  expect_refused(uneven, name_of(1));
-}
-
 TEST_F(StitchCommand, ALayout_HasTheSizeThatSuitsIt) {
   write_pictures("pictures");
   const auto size_of = [&](const Words& more) {
@@ -318,6 +282,13 @@ TEST_F(StitchCommand, PicturesAlone_GiveTheSphereAndTheCalibration) {
   Words again{"stitch", path("town.rig.json"), path("own"), "--width", "512", "-o", path("again.png")};
   ASSERT_EQ(nodal(again).code, 0);
   EXPECT_EQ(read("again.png"), read("town.png"));
+
+  // A disk that is too small for the sphere has no report of it either.
+  under_ = {"prlimit", "--fsize=1000000"};
+  EXPECT_NE(nodal({"stitch", path("own"), "--width", "2048", "-o", path("large.png")}).code, 0);
+  under_.clear();
+  EXPECT_FALSE(std::filesystem::exists(path("large.png")));
+  EXPECT_FALSE(std::filesystem::exists(path("large.report.html")));
 
   const Finished run =
       nodal({"register", path("own"), "--free", "lens", "-o", path("rig.json"), "--rig-toml", path("rig.toml")});

@@ -45,12 +45,15 @@ GreyImage pattern_light(const PatternRaster& raster) {
   return image;
 }
 
+Status check_count(std::size_t photographs) {
+  if (photographs >= kMinViews) return {};
+  return fail(Errc::kNotDetermined, fmt::format("{} photograph{} too few; take three or more, with the pattern "
+                                                "turned by 20 to 40 degrees, to different sides",
+                                                photographs, photographs == 1 ? " is" : "s are"));
+}
+
 Status check_photographs(const std::vector<LensPhotograph>& photographs) {
-  if (photographs.size() < kMinViews) {
-    return fail(Errc::kNotDetermined, fmt::format("{} photograph{} too few; take three or more, with the pattern "
-                                                  "turned by 20 to 40 degrees, to different sides",
-                                                  photographs.size(), photographs.size() == 1 ? " is" : "s are"));
-  }
+  NODAL_TRY(check_count(photographs.size()));
   for (const LensPhotograph& photo : photographs) {
     const GreyImage& first = photographs[0].luma;
     if (photo.luma.width != first.width || photo.luma.height != first.height) {
@@ -66,8 +69,10 @@ Status check_photographs(const std::vector<LensPhotograph>& photographs) {
   return {};
 }
 
-/// Fits on points: first poses and focal length with centre and aspect held, then all unknowns.
-void refine_start(const std::vector<RadialPose>& radial, bool aspect_known, Arrangement& arrangement) {
+/// Fits on points: first poses and focal length with centre and aspect held, then all unknowns. Returns the pairs that
+/// fit.
+std::vector<std::vector<PointPair>> refine_start(const std::vector<RadialPose>& radial, bool aspect_known,
+                                                 Arrangement& arrangement) {
   std::vector<std::vector<PointPair>> pairs;
   pairs.reserve(radial.size());
   for (const RadialPose& pose : radial) pairs.push_back(pose.inliers);
@@ -78,6 +83,7 @@ void refine_start(const std::vector<RadialPose>& radial, bool aspect_known, Arra
   fixed[kAspect] = aspect_known;
   refine_on_points(pairs, fixed, 3, arrangement);
   refine_on_points(pairs, fixed, 1, arrangement);
+  return pairs;
 }
 
 double tilt_of(const Pose& pose) { return std::acos(std::clamp(pose.R(2, 2), -1.0, 1.0)); }
@@ -297,6 +303,89 @@ Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photog
   add_notes(options, out.report);
   NODAL_TRY(check_head(out.head));
   tell("done", 1);
+  return out;
+}
+
+namespace {
+
+constexpr double kAxisTolerance = 0.01;  // of the width: the lens's axis may be off the middle of the picture
+constexpr double kMaxCornerRms = 0.002;  // of the width
+constexpr int kSeenCells = 10;           // of the picture each way, to see where corners are
+
+/// Where corners are in the picture.
+void note_seen(const std::vector<std::vector<PointPair>>& pairs, const LensParameters& lens, int width, int height,
+               LensReport& report) {
+  std::vector<bool> cells(std::size_t{kSeenCells} * kSeenCells);
+  report.seen_from_px = 1e300;
+  for (const auto& view : pairs) {
+    for (const PointPair& pair : view) {
+      const int i = std::clamp(static_cast<int>(kSeenCells * pair.photo.x() / width), 0, kSeenCells - 1);
+      const int j = std::clamp(static_cast<int>(kSeenCells * pair.photo.y() / height), 0, kSeenCells - 1);
+      cells[static_cast<std::size_t>(j * kSeenCells + i)] = true;
+      const double r = std::hypot(pair.photo.x() - lens[kCenterX], (pair.photo.y() - lens[kCenterY]) / lens[kAspect]);
+      report.seen_from_px = std::min(report.seen_from_px, r);
+      report.seen_to_px = std::max(report.seen_to_px, r);
+    }
+  }
+  report.covered = static_cast<double>(std::ranges::count(cells, true)) / static_cast<double>(cells.size());
+}
+
+}  // namespace
+
+Result<LensCalibration> calibrate_on_corners(std::vector<CornerView> views, int width, int height,
+                                             const LensOptions& options) {
+  NODAL_TRY(check_count(views.size()));
+  for (const CornerView& view : views) {
+    if (view.corners.size() >= static_cast<std::size_t>(kMinPairs)) continue;
+    return fail(Errc::kBadValue, fmt::format("{}: has {} corners; a photograph needs {} or more", view.name,
+                                             view.corners.size(), kMinPairs));
+  }
+  const Eigen::Vector2d center(width / 2.0, height / 2.0);
+  NODAL_TRY_ASSIGN(const auto radial, poses_of_boards(views, center, options.aspect, kAxisTolerance * width));
+  NODAL_TRY_ASSIGN(Arrangement found, first_arrangement(radial, options.kind, center, options.aspect));
+  const auto pairs = refine_start(radial, options.aspect_known, found);
+  NODAL_TRY(check_views_differ(found.poses));
+  const LensParameters& lens = found.lens;
+  std::vector<bool> fixed(static_cast<std::size_t>(lens.count), false);
+  fixed[kAspect] = options.aspect_known;
+  const solve::Evaluation end = evaluated_on_points(found, pairs, 1);
+  fixed.resize(static_cast<std::size_t>(end.equations.size()), false);
+  const double freedom = std::max(1.0, static_cast<double>(end.equations.count() - end.equations.size()));
+  const Eigen::MatrixXd C = end.equations.covariance(fixed) * (end.equations.cost() / freedom);
+
+  LensCalibration out;
+  const auto measured = [&](int k) { return Measured{lens[k], std::sqrt(std::max(0.0, C(k, k)))}; };
+  out.report.center_x = measured(kCenterX);
+  out.report.center_y = measured(kCenterY);
+  out.report.aspect = measured(kAspect);
+  out.report.focal = measured(kFirstCoefficient);
+  const Region region{0, 0, static_cast<double>(width), static_cast<double>(height), {}};
+  out.report.mapping_deviation_px = mapping_deviation(lens, C, region);
+  note_seen(pairs, lens, width, height, out.report);
+  NODAL_TRY(check_determined(found, out.report));
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    Arrangement one{lens, {found.poses[v]}};
+    const solve::Evaluation own = evaluated_on_points(one, {pairs[v]}, 1e9);
+    ViewReport view;
+    view.name = views[v].name;
+    view.pairs = static_cast<int>(pairs[v].size());
+    view.tilt_deg = tilt_of(found.poses[v]) / kRadiansPerDegree;
+    view.distance = found.poses[v].t.dot(found.poses[v].R.col(2)) / found.poses[v].R(2, 2);
+    view.rms_px = std::sqrt(own.equations.cost() / std::max<double>(1, static_cast<double>(pairs[v].size())));
+    if (view.rms_px > kMaxCornerRms * width || 2 * pairs[v].size() < views[v].corners.size()) {
+      return fail(Errc::kNotDetermined, fmt::format("{}: {} of {} corners fit, to {:.2f} px; another --model may "
+                                                    "fit, or this board is not flat, or its corners are counted from "
+                                                    "another end",
+                                                    view.name, pairs[v].size(), views[v].corners.size(), view.rms_px));
+    }
+    out.report.views.push_back(view);
+  }
+  fill_head({found, {}}, region, options, width, height, out.head);
+  out.head.response.curve = Response::Curve::kSrgb;
+  out.head.vignetting = {out.head.center_x, out.head.center_y, std::hypot(width, height) / 2, {}};
+  NODAL_TRY(cut_at_turning_point(lens, out));
+  add_notes(options, out.report);
+  NODAL_TRY(check_head(out.head));
   return out;
 }
 

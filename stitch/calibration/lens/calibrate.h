@@ -7,6 +7,7 @@
 
 #include "protocol/base/result.h"
 #include "protocol/calibration.h"
+#include "stitch/calibration/lens/corner_views.h"
 #include "stitch/calibration/lens/dense.h"
 #include "stitch/calibration/lens/grey_image.h"
 #include "stitch/calibration/lens/lens_model.h"
@@ -47,6 +48,7 @@ struct ViewReport {
   double covered = 0;    ///< share of the region that shows the pattern
   double explained = 0;  ///< share of the photograph's variance that the fit explains
   double rms = 0;        ///< rms of the residuals, in 1/255 of the range
+  double rms_px = 0;     ///< of corners: rms of their distances from where the lens shows them
   double gain = 1;       ///< brightness of its light relative to the brightest photograph's
 };
 
@@ -72,5 +74,12 @@ struct LensCalibration {
 /// are inconsistent.
 Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photographs, const PatternRaster& pattern,
                                        const LensOptions& options);
+
+/// The same from corners of a flat board: lens and centre; nothing is measured of the light, so photographs are taken
+/// for sRGB.
+/// Errors, which name the photograph if there is one: kNotDetermined as above, and for corners that no lens of this
+/// kind shows there; kBadValue for fewer than kMinPairs corners.
+Result<LensCalibration> calibrate_on_corners(std::vector<CornerView> views, int width, int height,
+                                             const LensOptions& options);
 
 }  // namespace nodal::calibration

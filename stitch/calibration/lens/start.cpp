@@ -343,4 +343,9 @@ double refine_on_points(std::vector<std::vector<PointPair>>& pairs, const std::v
   return median;
 }
 
+solve::Evaluation evaluated_on_points(const Arrangement& arrangement, const std::vector<std::vector<PointPair>>& pairs,
+                                      double huber_px) {
+  return evaluate_points(arrangement, pairs, solve::Huber{huber_px}, nullptr);
+}
+
 }  // namespace nodal::calibration

@@ -10,6 +10,10 @@
 #include "protocol/base/result.h"
 #include "stitch/calibration/lens/lens_model.h"
 
+namespace nodal::solve {
+struct Evaluation;
+}
+
 namespace nodal::calibration {
 
 /// A hypothesis: a point of a photograph (px) shows a point of the pattern (pattern widths from its
@@ -53,5 +57,9 @@ Arrangement moved(const Arrangement& arrangement, const Eigen::VectorXd& step, i
 /// px.
 double refine_on_points(std::vector<std::vector<PointPair>>& pairs, const std::vector<bool>& fixed_lens,
                         double huber_px, Arrangement& arrangement);
+
+/// The residuals of the point pairs, px, with their derivatives by the arrangement's unknowns as moved() takes them.
+solve::Evaluation evaluated_on_points(const Arrangement& arrangement, const std::vector<std::vector<PointPair>>& pairs,
+                                      double huber_px);
 
 }  // namespace nodal::calibration

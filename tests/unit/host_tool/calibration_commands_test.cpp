@@ -178,5 +178,70 @@ TEST_F(CalibrationCommands, PatternPhotographedAndCalibrated_GivesTheLensAndAPag
   EXPECT_FALSE(fs::exists(path("no.json")));
 }
 
+TEST_F(CalibrationCommands, Join_HasTheHeadsOfAllFilesInTheirOrder) {
+  const Calibration truth = test::six_fisheyes(160);
+  const auto alone = [&](std::size_t head, const std::string& name) {
+    Calibration one = truth;
+    one.heads = {truth.heads[head]};
+    one.heads[0].name = name;
+    one.heads[0].R_head_rig = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    return one;
+  };
+  const std::string a = write_rig("a.json", alone(0, "a")), b = write_rig("b.json", alone(1, "b"));
+  const std::string same = write_rig("same.json", alone(2, "a"));
+  const Outcome joined({"calibration", "join", b, a, "-o", path("rig.json")});
+  ASSERT_EQ(joined.code, ExitCode::kOk) << joined.err;
+  EXPECT_NE(joined.out.find("nodal register " + path("rig.json")), std::string::npos) << joined.out;
+  const Calibration rig = read("rig.json");
+  ASSERT_EQ(rig.heads.size(), 2U);
+  EXPECT_EQ(rig.heads[0], alone(1, "b").heads[0]);
+  EXPECT_EQ(rig.heads[1], alone(0, "a").heads[0]);
+  const Outcome refused({"calibration", "join", a, same, "-o", path("no.json")});
+  EXPECT_NE(refused.code, ExitCode::kOk);
+  EXPECT_NE(refused.err.find("both have a head 'a'"), std::string::npos) << refused.err;
+  EXPECT_FALSE(fs::exists(path("no.json")));
+}
+
+TEST_F(CalibrationCommands, CornersOfABoard_GiveTheLensOfAPinhole) {
+  constexpr double kFocal = 800;
+  constexpr int kWidth = 1024, kHeight = 768;
+  std::string rows = "# found by another program\npicture,x,y,board_x,board_y\n";
+  for (int v = 0; v < 3; ++v) {
+    const std::string name = "board" + std::to_string(v) + ".png";
+    const std::vector<std::uint8_t> black(std::size_t{kWidth} * kHeight);
+    const auto png = media::png_file({kWidth, kHeight, 1, 8, black}, {});
+    EXPECT_TRUE(png && write_file(path(name), *png));
+    const double a = v == 0 ? 0.6 : v == 1 ? -0.5 : 0, b = v == 2 ? 0.6 : 0.1;
+    for (int k = 0; k < 63; ++k) {  // 9 x 7 corners, turned by a about x, then by b about y
+      const double X = k % 9 - 4, Y = k / 9 - 3;
+      const double y = Y * std::cos(a), z = Y * std::sin(a);
+      const double x = X * std::cos(b) + z * std::sin(b), depth = 11 - X * std::sin(b) + z * std::cos(b);
+      rows += name + "," + std::to_string(kWidth / 2.0 + kFocal * x / depth) + "," +
+              std::to_string(kHeight / 2.0 + kFocal * y / depth) + "," + std::to_string(k % 9) + "," +
+              std::to_string(k / 9) + "\n";
+    }
+  }
+  EXPECT_TRUE(write_file(path("corners.csv"), rows));
+  const Outcome found({"calibrate", "lens", path("corners.csv"), "-o", path("head.json")});
+  ASSERT_EQ(found.code, ExitCode::kOk) << found.err;
+  EXPECT_NE(found.out.find("board2.png"), std::string::npos) << found.out;
+  const HeadCalibration head = read("head.json").heads.at(0);
+  EXPECT_EQ(head.width, kWidth);
+  EXPECT_NEAR(std::get<TsaiLens>(head.lens).focal, kFocal, 1);
+  EXPECT_NEAR(head.center_x, kWidth / 2.0, 1);
+  const auto refused = [&](const std::string& text, const std::string& says) {
+    EXPECT_TRUE(write_file(path("bad.csv"), text));
+    const Outcome run({"calibrate", "lens", path("bad.csv"), "-o", path("no.json")});
+    EXPECT_NE(run.code, ExitCode::kOk) << says;
+    EXPECT_NE(run.err.find(says), std::string::npos) << run.err;
+  };
+  refused("board0.png,1,2,3\n", "line 1: 4 fields");
+  refused("board0.png,1,2,3,4\nboard0.png,1,x,3,4\n", "line 2: 'x' is no number");
+  refused("board0.png,1,2,3,4,0\nboard0.png,1,2,3,4,5\n", "line 2: board_z differs");
+  refused("board0.png,5000,2,3,4\n", "a corner at 5000.0");
+  refused("gone.png,1,2,3,4\n", "gone.png");
+  refused("picture,x,y,board_x,board_y\n", "it has no corners");
+}
+
 }  // namespace
 }  // namespace nodal::host
