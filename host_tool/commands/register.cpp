@@ -243,9 +243,9 @@ Status run_register(Context& context, const RegisterArgs& args) {
   }
   Progress bar(console, "registering", kRegistered);
   NODAL_TRY_ASSIGN(RigPictures input, read_input(context, args, bar));
-  if (!args.rig_toml.empty() && input.files().front().front().empty()) {
-    return fail(Errc::kUnsupported, "--rig-toml: heads replay picture files, and these pictures are of a take; " +
-                                        std::string("write port = \"take:FOLDER/HEAD\" in a rig.toml of your own"));
+  std::vector<std::string> replayed;
+  if (!args.rig_toml.empty()) {
+    NODAL_TRY_ASSIGN(replayed, replayed_files(input, args.rig_toml));
   }
   tell_notes(console, input);
   if (input.match) {
@@ -271,8 +271,8 @@ Status run_register(Context& context, const RegisterArgs& args) {
                    interruptible(console, [&] { return verdict_on(report->calibration, input.frames(0)); }));
   NODAL_TRY(write_file(args.out, to_json(report->calibration)));
   if (!args.rig_toml.empty()) {
-    NODAL_TRY_ASSIGN(const std::string toml,
-                     replay_rig_toml(report->calibration, input.files().front(), args.out, args.rig_toml));
+    NODAL_TRY(write_parts(input, replayed));
+    NODAL_TRY_ASSIGN(const std::string toml, replay_rig_toml(report->calibration, replayed, args.out, args.rig_toml));
     NODAL_TRY(write_file(args.rig_toml, toml));
   }
   if (!args.report.empty()) {

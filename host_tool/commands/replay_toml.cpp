@@ -6,7 +6,12 @@
 #include <filesystem>
 
 #include "firmware/config/written_toml.h"
+#include "host_tool/console/files.h"
+#include "host_tool/console/overwriting.h"
 #include "protocol/base/text.h"
+#include "protocol/base/try.h"
+#include "stitch/media/image_file.h"
+#include "stitch/media/png_writer.h"
 
 namespace nodal::host {
 namespace {
@@ -41,6 +46,35 @@ std::string rig_name(const std::string& calibration) {
 }
 
 }  // namespace
+
+Result<std::vector<std::string>> replayed_files(const RigPictures& rig, const std::string& toml) {
+  std::vector<std::string> files = rig.files().front();
+  if (files.front().empty()) {
+    return fail(Errc::kUnsupported,
+                "--rig-toml: heads replay picture files, and these pictures are of a take or of "
+                "films; for a take, write port = \"take:FOLDER/HEAD\" in a rig.toml of your own");
+  }
+  if (files.size() < 2 || files[0] != files[1]) return files;
+  const fs::path path(toml);
+  for (std::size_t h = 0; h < files.size(); ++h) {
+    files[h] = (path.parent_path() / (path.stem().string() + "." + rig.heads[h] + ".png")).string();
+    if (const Status free = check_free(files[h]); !free) return fail(free.error().in("--rig-toml"));
+  }
+  return files;
+}
+
+Status write_parts(const RigPictures& rig, const std::vector<std::string>& replayed) {
+  for (std::size_t h = 0; h < replayed.size(); ++h) {
+    const HeadPicture& picture = rig.sets.front()[h];
+    if (picture.file() == replayed[h]) continue;
+    const bool grey = picture.pixels().format == PixelFormat::kGrey8;
+    const DecodedImage part =
+        media::convert_image(picture.pixels().view(), grey ? PixelFormat::kGrey8 : PixelFormat::kRgb24);
+    NODAL_TRY_ASSIGN(const auto png, media::png_file({part.width, part.height, grey ? 1 : 3, 8, part.bytes}, {}));
+    NODAL_TRY(write_file(replayed[h], png));
+  }
+  return {};
+}
 
 Result<std::string> replay_rig_toml(const Calibration& calibration, const std::vector<std::string>& pictures,
                                     const std::string& source, const std::string& file) {

@@ -5,13 +5,16 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <thread>
 
+#include "host_tool/commands/expected_time.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/overwriting.h"
 #include "host_tool/input/own_pictures.h"
 #include "host_tool/output/layout_name.h"
 #include "host_tool/report/registration_report.h"
 #include "protocol/base/try.h"
+#include "stitch/media/picture_bytes.h"
 #include "stitch/offline/best_blend.h"
 #include "stitch/offline/offline_blend.h"
 
@@ -22,12 +25,35 @@ namespace {
 /// open no longer ones, and FFmpeg no sphere of twice this width.
 constexpr int kMaxUsualSide = 16000;
 
+constexpr int kTakeSets = 3;  // of a take or of films, when spheres are numbered
+
 Status check_names(const std::string& out, const std::vector<std::vector<std::string>>& sets) {
   NODAL_TRY(check_output(out, sets, sets.size()));
   if (sets.size() == 1 || has_number(out)) return {};
   return fail(Errc::kBadValue, fmt::format("--out {}: there are {} sets of pictures, and every sphere needs a name of "
                                            "its own; put %04d into it",
                                            out, sets.size()));
+}
+
+/// Size of the largest picture of a set, px; 0 if it cannot be read, which is an error later.
+double largest_px(const std::vector<HeadPicture>& set) {
+  double most = 0;
+  for (const HeadPicture& picture : set) {
+    if (picture.file().empty()) {
+      most = std::max(most, static_cast<double>(picture.pixels().width) * picture.pixels().height);
+      continue;
+    }
+    Result<media::PictureBytes> file = media::PictureBytes::open(picture.file());
+    if (!file) continue;
+    const Result<ImageHeader> header = read_picture_header(*file);
+    if (header) most = std::max(most, static_cast<double>(header->width) * header->height);
+  }
+  return most;
+}
+
+void say_time(Console& console, const ExpectedWork& work) {
+  const std::string time = expected_time(work, std::thread::hardware_concurrency());
+  if (!time.empty()) console.note(time);
 }
 
 /// Pictures without a calibration: finds one, and writes it beside the raymap.
@@ -37,6 +63,12 @@ Status calibrate(Console& console, StitchJob& job, Progress& bar) {
   const std::vector<std::vector<std::string>> files = rig.files();
   NODAL_TRY(check_names(job.args.out, files));
   for (const char* ending : {".rig.json", ".report.html"}) NODAL_TRY(check_free(beside(job.args.out, ending)));
+  constexpr double kSpherePerPicture = 0.65;  // pixels of spheres for each pixel of pictures that overlap
+  const double width = job.args.width;
+  const double sphere = width > 0
+                            ? width * width / 2
+                            : kSpherePerPicture * static_cast<double>(rig.heads.size()) * largest_px(rig.sets.front());
+  say_time(console, {.calibrated = rig.heads.size(), .blended_px = sphere * static_cast<double>(rig.sets.size())});
   // Matching takes about as long as the registration.
   const auto show = [&](double from, double done, const std::string& what) {
     bar.update(static_cast<std::uint64_t>(kCalibrated * (from + done / 2)), what);
@@ -163,8 +195,9 @@ Result<StitchJob> make_stitch_job(Console& console, const StitchArgs& args, Prog
   if (args.nominal.rig.empty() && is_picture(args.inputs.front())) {
     NODAL_TRY(calibrate(console, job, bar));
   } else {
-    NODAL_TRY_ASSIGN(job.rig,
-                     read_rig_pictures(args.nominal, args.inputs, {args.places, parse_split(args.split).value()}));
+    NODAL_TRY_ASSIGN(job.rig, read_rig_pictures(args.nominal, args.inputs,
+                                                {args.places, parse_split(args.split).value(),
+                                                 has_number(args.out) ? kTakeSets : 1}));
     NODAL_TRY(turn_up(job.rig, parse_up(args.up).value()));
     const bool imported = job.rig.origin != RigPictures::Origin::kCalibration;
     if (args.bits == 16 && imported) take_for_srgb(job.rig);
@@ -182,9 +215,14 @@ Result<StitchJob> make_stitch_job(Console& console, const StitchArgs& args, Prog
       return fail(Errc::kBadValue, "--crop: only equirectangular pictures can be cropped; leave out --layout");
     }
     job.size = layout->size_for_width(args.width > 0 ? args.width : std::min<double>(natural, kMaxUsualSide));
-    return job;
+  } else {
+    NODAL_TRY(plan_sphere(job, *layout, natural));
   }
-  NODAL_TRY(plan_sphere(job, *layout, natural));
+  if (!job.rig.match) {
+    const RaymapPart part = job.part.value_or(RaymapPart{0, 0, job.size.width, job.size.height});
+    const double pixels = static_cast<double>(part.width) * part.height * static_cast<double>(job.rig.sets.size());
+    if (best(args)) say_time(console, {.blended_px = pixels});
+  }
   return job;
 }
 

@@ -9,6 +9,8 @@
 #include <set>
 #include <utility>
 
+#include "host_tool/input/film_pictures.h"
+#include "host_tool/input/matroska_film.h"
 #include "host_tool/input/picture_folders.h"
 #include "host_tool/input/picture_masks.h"
 #include "host_tool/input/seen_part.h"
@@ -149,7 +151,7 @@ void keep_heads(RigPictures& rig, const std::vector<std::size_t>& places) {
 
 bool is_picture(const std::string& path) {
   // A folder is never a calibration, and a file that only claims to be a picture is refused as one.
-  if (is_folder(path) || media::named_like_a_picture(path)) return true;
+  if (is_folder(path) || media::named_like_a_picture(path) || is_matroska(path)) return true;
   if (const media::FileKind* other = media::kind_of_file(path)) return other->pictures;
   Result<media::PictureBytes> file = media::PictureBytes::open(path);
   return file && read_picture_header(*file);
@@ -159,6 +161,13 @@ Result<RigPictures> own_pictures(const std::vector<std::string>& given, const Sp
   NODAL_TRY_ASSIGN(const std::vector<std::string> arguments, without_masks(given));
   if (arguments.empty()) return fail(Errc::kMissingField, "no pictures; give two or more that overlap");
   if (arguments.size() == 1 && is_take(arguments.front())) return take_pictures(arguments.front(), 1);
+  if (are_films(arguments)) {
+    RigPictures own;
+    own.origin = RigPictures::Origin::kPictures;
+    own.heads = head_names(arguments);
+    NODAL_TRY_ASSIGN(own.sets, film_pictures(arguments, 1, own.notes));
+    return own;
+  }
   NODAL_TRY_ASSIGN(const PictureSplit split, split_of(arguments, choice));
   if (split.count() > 1) {
     RigPictures own;
@@ -220,6 +229,11 @@ Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const U
   PointMatch match;
   match.set = rig.sets.size() / 2;
   std::vector<HeadPicture>& pictures = rig.sets[match.set];
+  if (pictures.size() > kMaxCalibratedHeads) {
+    return fail(Errc::kTooLarge, fmt::format("{} pictures, and at most {} can be placed together; leave some out: "
+                                             "neighbours must still overlap by a third",
+                                             pictures.size(), kMaxCalibratedHeads));
+  }
   autocalibration::Options options;
   // Several pictures of one file are told apart by their heads.
   for (std::size_t n = 0; n < pictures.size(); ++n) {

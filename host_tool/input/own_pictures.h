@@ -12,11 +12,12 @@
 
 namespace nodal::host {
 
-/// Whether it is a folder, or a file that starts like a picture, also one of a format that is not read, or is called
+/// Whether it is a folder, a film, or a file that starts like a picture, also one of a format that is not read, or is called
 /// like one.
 bool is_picture(const std::string& path);
 
-/// The pictures among the arguments, of a rig without a calibration. The folder of a take: its middle set. Two or more
+/// The pictures among the arguments, of a rig without a calibration. The folder of a take: its middle set. Films:
+/// the middle set, a head for each film. Two or more
 /// folders are a folder for each head, with a sequence: the n-th pictures, sorted by name, are a set, and heads are
 /// called after the folders. Otherwise all pictures are one set (a folder stands for the pictures in it, sorted by
 /// name; copies are left out with a note), and heads are called after the files. Files with several pictures

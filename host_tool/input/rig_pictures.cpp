@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "host_tool/input/calibration_file.h"
+#include "host_tool/input/film_pictures.h"
 #include "host_tool/input/picture_folders.h"
 #include "host_tool/input/picture_masks.h"
 #include "host_tool/input/take_pictures.h"
@@ -111,12 +112,10 @@ std::vector<std::vector<HeadPicture>> pictures_of(const std::vector<std::vector<
   return sets;
 }
 
-constexpr int kTakeSets = 3;
-
 /// Pictures of a take, in the order of the calibration's heads.
 Result<std::vector<std::vector<HeadPicture>>> sets_of_take(const std::string& folder,
-                                                           const std::vector<std::string>& heads) {
-  NODAL_TRY_ASSIGN(RigPictures take, take_pictures(folder, kTakeSets));
+                                                           const std::vector<std::string>& heads, int count) {
+  NODAL_TRY_ASSIGN(RigPictures take, take_pictures(folder, count));
   std::vector<std::vector<HeadPicture>> sets;
   for (std::vector<HeadPicture>& set : take.sets) {
     sets.emplace_back();
@@ -133,9 +132,15 @@ Result<std::vector<std::vector<HeadPicture>>> sets_of_take(const std::string& fo
 
 /// The pictures that arguments name, for heads that are known.
 Result<std::vector<std::vector<HeadPicture>>> sets_of(const std::vector<std::string>& arguments,
-                                                      const SplitChoice& choice, const std::vector<std::string>& heads,
+                                                      const FileOptions& options, const std::vector<std::string>& heads,
                                                       std::vector<std::string>& notes) {
-  NODAL_TRY_ASSIGN(const PictureSplit split, split_of(arguments, choice));
+  if (are_films(arguments)) {
+    if (arguments.size() == heads.size()) return film_pictures(arguments, options.take_sets, notes);
+    return fail(Errc::kHeadMismatch, fmt::format("{} films for {} heads; give one for each head, in the calibration's "
+                                                 "order",
+                                                 arguments.size(), heads.size()));
+  }
+  NODAL_TRY_ASSIGN(const PictureSplit split, split_of(arguments, options.split));
   if (split.count() > 1) return split_pictures(arguments, split, heads.size());
   NODAL_TRY_ASSIGN(const auto files, picture_files(arguments, heads));
   std::error_code error;
@@ -149,14 +154,18 @@ Result<std::vector<std::vector<HeadPicture>>> sets_of(const std::vector<std::str
 
 /// `arguments`: pictures of a rig by its data sheet.
 Result<RigPictures> read_nominal_pictures(const NominalWords& words, const std::vector<std::string>& given,
-                                          const SplitChoice& choice) {
+                                          const FileOptions& options) {
   NODAL_TRY_ASSIGN(const std::vector<std::string> arguments, without_masks(given));
+  if (arguments.size() == 1 && is_take(arguments.front())) {
+    NODAL_TRY_ASSIGN(RigPictures take, take_pictures(arguments.front(), options.take_sets));
+    return by_data_sheet(std::move(take), words);
+  }
   NODAL_TRY_ASSIGN(const Nominal nominal, nominal_of(words));
   RigPictures rig;
   rig.origin = RigPictures::Origin::kDataSheet;
   for (int h = 0; h < nominal.heads; ++h) rig.heads.push_back(fmt::format("cam{}", h));
   if (arguments.empty()) return fail(Errc::kMissingField, "no pictures; give one a head");
-  NODAL_TRY_ASSIGN(rig.sets, sets_of(arguments, choice, rig.heads, rig.notes));
+  NODAL_TRY_ASSIGN(rig.sets, sets_of(arguments, options, rig.heads, rig.notes));
   NODAL_TRY(decode_all(rig.sets.front()));
   NODAL_TRY_ASSIGN(rig.calibration, nominal_rig(nominal, rig.frames(0)));
   NODAL_TRY(add_picture_masks(rig));
@@ -176,8 +185,9 @@ std::string folder_per_set(std::size_t folders, std::size_t heads) {
 Result<RigPictures> by_data_sheet(RigPictures rig, const NominalWords& words) {
   NODAL_TRY_ASSIGN(const Nominal nominal, nominal_of(words));
   if (static_cast<std::size_t>(nominal.heads) != rig.heads.size()) {
-    return fail(Errc::kBadValue, fmt::format("--nominal {}: it has {} heads, and the rig has {}", words.rig,
-                                             nominal.heads, rig.heads.size()));
+    return fail(Errc::kBadValue, fmt::format("--nominal {}: it has {} heads, and the rig has {}; give --nominal "
+                                             "{}x and the field of view",
+                                             words.rig, nominal.heads, rig.heads.size(), rig.heads.size()));
   }
   NODAL_TRY(decode_all(rig.sets.front()));
   NODAL_TRY_ASSIGN(rig.calibration, nominal_rig(nominal, rig.frames(0)));
@@ -275,7 +285,7 @@ Result<std::vector<std::vector<HeadPicture>>> split_pictures(const std::vector<s
 
 Result<RigPictures> read_rig_pictures(const NominalWords& nominal, const std::vector<std::string>& arguments,
                                       const FileOptions& options) {
-  if (!nominal.rig.empty()) return read_nominal_pictures(nominal, arguments, options.split);
+  if (!nominal.rig.empty()) return read_nominal_pictures(nominal, arguments, options);
   const std::string& file = arguments.front();
   NODAL_TRY_ASSIGN(CalibrationFile read, read_calibration_file(file));
   RigPictures rig;
@@ -296,11 +306,12 @@ Result<RigPictures> read_rig_pictures(const NominalWords& nominal, const std::ve
                 fmt::format("no pictures; give one for each of the {} heads of {}", rig.heads.size(), file));
   }
   if (pictures.size() == 1 && is_take(pictures.front())) {
-    NODAL_TRY_ASSIGN(rig.sets, sets_of_take(pictures.front(), rig.heads));
+    NODAL_TRY_ASSIGN(rig.sets, sets_of_take(pictures.front(), rig.heads, options.take_sets));
     return rig;
   }
-  NODAL_TRY_ASSIGN(
-      rig.sets, sets_of(pictures, rig.heads.size() > 1 ? options.split : SplitChoice{false, {}}, rig.heads, rig.notes));
+  FileOptions files = options;
+  if (rig.heads.size() < 2) files.split = {false, {}};
+  NODAL_TRY_ASSIGN(rig.sets, sets_of(pictures, files, rig.heads, rig.notes));
   NODAL_TRY(add_picture_masks(rig));
   return rig;
 }

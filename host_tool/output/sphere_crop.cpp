@@ -1,5 +1,7 @@
 #include "host_tool/output/sphere_crop.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
 
@@ -17,15 +19,20 @@ Result<CropChoice> parse_crop(const std::string& text) {
   if (text == "auto") return CropChoice{};
   if (text == "none") return CropChoice{CropChoice::Kind::kNone, {}};
   CropChoice choice{CropChoice::Kind::kPart, {}};
+  bool large = false;
   const char *at = text.data(), *const end = text.data() + text.size();
   bool good = true;
   for (int* const number : {&choice.part.left, &choice.part.top, &choice.part.width, &choice.part.height}) {
     const auto [after, error] = std::from_chars(at, end, *number);
     const bool last = number == &choice.part.height;
-    good = good && error == std::errc() && *number >= 0 && *number <= geometry::kMaxRaymapSide &&
-           (last ? after == end : after != end && *after == ',');
+    large = large || error == std::errc::result_out_of_range || *number > geometry::kMaxRaymapSide;
+    good = good && error == std::errc() && *number >= 0 && (last ? after == end : after != end && *after == ',');
     if (!good) break;
     at = after + 1;
+  }
+  if (large) {
+    return fail(Errc::kBadValue, fmt::format("'{}': spheres have at most {} pixels a side; give numbers up to that",
+                                             text, geometry::kMaxRaymapSide));
   }
   if (!good || choice.part.width < kMinSide || choice.part.height < kMinSide) {
     return fail(Errc::kBadValue, "'" + text +

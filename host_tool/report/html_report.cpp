@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "host_tool/report/sphere_script.h"
 #include "stitch/media/xml_text.h"
 
 namespace nodal::host {
@@ -24,6 +25,9 @@ constexpr const char* kStyle =
     "text-align:left}td.n{text-align:right;font-variant-numeric:tabular-nums}"
     "figure{display:inline-block;margin:0 1em 1em 0;vertical-align:top;max-width:340px}figure img{width:100%}"
     "figcaption{font-size:13px;color:#555}svg{background:#fafafa;border:1px solid #eee;max-width:100%;height:auto}"
+    "figure canvas{display:block;width:100%;height:min(60vh,60vw);touch-action:none;cursor:grab}"
+    "figure [hidden]{display:none}div.tools{margin:.4em 0}div.tools button{font:inherit;padding:.2em .8em;"
+    "margin-right:.5em;min-width:2.4em;min-height:2em}"
     "div.table{overflow-x:auto}figure.wide{display:block;max-width:100%;margin-right:0}figure.wide "
     "img{width:auto;max-width:100%}"
     "@media(prefers-color-scheme:dark){body{background:#1b1b1b;color:#ddd}svg{background:#eee}p.warning{color:#222}"
@@ -132,6 +136,13 @@ std::string grid(const Axis& x, const Axis& y, bool log_y) {
   return svg;
 }
 
+std::string figure(std::span<const std::uint8_t> file, std::string_view caption, std::string_view attributes) {
+  const bool jpeg = file.size() > 1 && file[0] == 0xFF && file[1] == 0xD8;
+  const std::string text = html_escaped(caption);
+  return fmt::format("<figure{}><img src=\"data:image/{};base64,{}\" alt=\"{}\"><figcaption>{}</figcaption></figure>\n",
+                     attributes, jpeg ? "jpeg" : "png", base64(file), text, text);
+}
+
 }  // namespace
 
 std::string html_escaped(std::string_view text) { return media::xml_escaped(text); }
@@ -161,13 +172,16 @@ void HtmlReport::table(const std::vector<std::string>& titles, const std::vector
 void HtmlReport::pictures(const std::vector<std::pair<std::vector<std::uint8_t>, std::string>>& files_and_captions) {
   body_ += "<div>\n";
   for (const auto& [file, caption] : files_and_captions) {
-    const bool jpeg = file.size() > 1 && file[0] == 0xFF && file[1] == 0xD8;
-    const std::string text = html_escaped(caption);
-    body_ += std::string("<figure") + (files_and_captions.size() == 1 ? " class=\"wide\"" : "") +
-             "><img src=\"data:image/" + (jpeg ? "jpeg" : "png") + ";base64," + base64(file) + "\" alt=\"" + text +
-             "\"><figcaption>" + text + "</figcaption></figure>\n";
+    body_ += figure(file, caption, files_and_captions.size() == 1 ? " class=\"wide\"" : "");
   }
   body_ += "</div>\n";
+}
+
+void HtmlReport::sphere(std::span<const std::uint8_t> file, std::string_view caption,
+                        const std::array<double, 4>& part) {
+  body_ += figure(file, caption,
+                  fmt::format(" class=\"wide sphere\" data-part=\"{},{},{},{}\"", part[0], part[1], part[2], part[3]));
+  has_sphere_ = true;
 }
 
 void HtmlReport::chart(std::string_view title, std::string_view x_label, std::string_view y_label,
@@ -224,13 +238,15 @@ void HtmlReport::details(std::string_view title, const HtmlReport& page) {
   for (const auto& [tag, lower] : {std::pair("<h1>", "<h2>"), std::pair("</h1>", "</h2>")}) {
     if (const std::size_t at = body.find(tag); at != std::string::npos) body.replace(at, std::strlen(tag), lower);
   }
+  has_sphere_ = has_sphere_ || page.has_sphere_;
   body_ += "<details><summary>" + html_escaped(title) + "</summary>\n" + body + "</details>\n";
 }
 
 std::string HtmlReport::finish() const {
   return "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
          "<meta name=\"viewport\" content=\"width=device-width\"><title>" +
-         title_ + "</title><style>" + kStyle + "</style></head>\n<body>\n" + body_ + "</body></html>\n";
+         title_ + "</title><style>" + kStyle + "</style></head>\n<body><main>\n" + body_ + "</main>\n" +
+         (has_sphere_ ? std::string("<script>") + kSphereScript + "</script>\n" : "") + "</body></html>\n";
 }
 
 }  // namespace nodal::host

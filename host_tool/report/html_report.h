@@ -1,6 +1,7 @@
 // A report as one HTML file: text, tables, pictures and curves, all embedded, without network access.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <string>
@@ -35,6 +36,9 @@ class HtmlReport {
   void table(const std::vector<std::string>& titles, const std::vector<std::vector<std::string>>& rows);
   /// Pictures side by side, as many as fit; each is a PNG or JPEG with its caption.
   void pictures(const std::vector<std::pair<std::vector<std::uint8_t>, std::string>>& files_and_captions);
+  /// An equirectangular picture of a sphere, or of a part of it, which people can turn. `part`: left edge, top, width
+  /// and height, as shares of the whole sphere. Without WebGL the page shows the flat picture.
+  void sphere(std::span<const std::uint8_t> file, std::string_view caption, const std::array<double, 4>& part);
   /// Curves over common axes, drawn as SVG. `log_y` needs positive values.
   void chart(std::string_view title, std::string_view x_label, std::string_view y_label,
              const std::vector<ChartSeries>& series, bool log_y = false);
@@ -49,6 +53,7 @@ class HtmlReport {
  private:
   std::string title_;
   std::string body_;
+  bool has_sphere_ = false;
 };
 
 }  // namespace nodal::host

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -23,7 +24,7 @@ using offline::SeamCheck;
 using offline::SeamPlace;
 using offline::SeamVerdict;
 
-constexpr int kSphereWidth = 1152;   // px
+constexpr int kSphereWidth = 2048;   // px
 constexpr int kCropSide = 320;       // px
 constexpr double kMaxCropDeg = 100;  // field of view of a crop of a small sphere
 constexpr std::size_t kMaxCrops = 6;
@@ -98,6 +99,13 @@ std::optional<view::Target> crop(const StitchedSphere& sphere, const geometry::A
   return view::Target{kCropSide, kCropSide, [camera = *camera](double x, double y) { return camera.ray(x, y); }};
 }
 
+/// Left, top, width and height of what is shown, as shares of the whole sphere.
+std::array<double, 4> part_of(const StitchedSphere& sphere) {
+  if (!sphere.part) return {0, 0, 1, 1};
+  const double width = sphere.layout.width(), height = sphere.layout.height();
+  return {sphere.part->x / width, sphere.part->y / height, sphere.part->width / width, sphere.part->height / height};
+}
+
 void add_crops(const StitchedSphere& sphere, const Pictures& pictures, HtmlReport& page) {
   std::vector<std::pair<std::vector<std::uint8_t>, std::string>> shown;
   for (const SeamCheck& seam : sphere.verdict.seams) {
@@ -157,7 +165,7 @@ HtmlReport stitch_report(const StitchedSphere& sphere) {
   for (const std::string& note : sphere.notes) page.warning(note);
   const Pictures pictures(sphere);
   if (std::vector<std::uint8_t> picture = pictures.of(whole(sphere)); !picture.empty()) {
-    page.pictures({{std::move(picture), "the sphere"}});
+    page.sphere(picture, "the sphere", part_of(sphere));
   }
   add_crops(sphere, pictures, page);
   add_advice(sphere, page);

@@ -98,6 +98,9 @@ TEST_F(CropCommand, AnyPart_IsThatOfTheWholeAlsoWithSixteenBits) {
     expect_refused(
         {path("one.json"), path("pictures/" + name_of(0) + ".png"), "--crop", nonsense, "-o", path("no.png")},
         "--crop");
+  expect_refused(
+      {path("one.json"), path("pictures/" + name_of(0) + ".png"), "--crop", "0,0,99999,10", "-o", path("no.png")},
+      "at most 32768 pixels a side");
   for (const Words& outside : {Words{"--width", "400", "--crop", "300,0,101,50"},
                                {"--width", "400", "--crop", "0,150,50,51"},
                                {"--layout", "cube", "--crop", "0,0,50,50"}}) {

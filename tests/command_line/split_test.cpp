@@ -92,6 +92,13 @@ TEST_F(OneFile, TwoCircles_AreFoundAndPlaced) {
       nodal({"stitch", path("sphere.rig.json"), path("both.png"), "--width", "512", "-o", path("again.png")});
   EXPECT_EQ(again.code, 0) << again.err;
   EXPECT_EQ(read("again.png"), read("sphere.png"));
+  // The halves become files that a rig replays.
+  const Finished rig_of_it =
+      nodal({"register", path("both.png"), "-o", path("r.json"), "--rig-toml", path("halves.toml")});
+  ASSERT_EQ(rig_of_it.code, 0) << rig_of_it.err;
+  EXPECT_NE(read("halves.toml").find("port = \"replay:halves.right.png\""), std::string::npos) << read("halves.toml");
+  EXPECT_EQ(media::read_image(path("halves.left.png"), PixelFormat::kRgb24)->bytes, pair.bytes[0]);
+  EXPECT_EQ(media::read_image(path("halves.right.png"), PixelFormat::kRgb24)->bytes, pair.bytes[1]);
   // One above the other, and by the data sheet.
   Picture stacked = pair.bytes[0];
   stacked.insert(stacked.end(), pair.bytes[1].begin(), pair.bytes[1].end());

@@ -32,8 +32,22 @@ TEST(HtmlReport, Pictures_AreInsideByBase64) {
   EXPECT_TRUE(holds(page, "data:image/jpeg;base64,/9gA\""));
 }
 
+TEST(HtmlReport, ASphere_IsAPictureThatTheScriptTurns) {
+  HtmlReport report("r", "s"), folded("", "");
+  EXPECT_FALSE(holds(report.finish(), "<script>")) << "a page without a sphere needs none";
+  folded.sphere(std::vector<std::uint8_t>{0xFF, 0xD8, 0x00}, "it <", {0, 0.25, 1, 0.5});
+  report.details("more", folded);
+  const std::string page = report.finish();
+  EXPECT_TRUE(
+      holds(page, "<figure class=\"wide sphere\" data-part=\"0,0.25,1,0.5\"><img src=\"data:image/jpeg;base64,"));
+  EXPECT_TRUE(holds(page, "alt=\"it &lt;\""));
+  EXPECT_EQ(page.find("<script>"), page.rfind("<script>")) << "once";
+  EXPECT_LT(page.find("</figure>"), page.find("<script>"));
+}
+
 TEST(HtmlReport, WholePage_AsksNoNetworkForAnything) {
   HtmlReport report("r", "s");
+  report.sphere(std::vector<std::uint8_t>{1, 2}, "sphere", {0, 0, 1, 1});
   report.heading("h");
   report.chart("c", "x", "y", {{"one", {{0, 1}, {1, 2}}}});
   const std::string page = report.finish();

@@ -1,3 +1,5 @@
+#include "host_tool/input/matroska_film.h"
+
 #include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -8,28 +10,29 @@
 #include <cstring>
 #include <optional>
 #include <span>
+#include <string_view>
 
 #include "hal/linux/link/descriptor_link.h"
-#include "host_tool/input/take_pictures.h"
-#include "host_tool/look/film.h"
 #include "protocol/base/try.h"
 #include "protocol/files/open_file.h"
 
-namespace nodal::host::look {
+namespace nodal::host {
 namespace {
 
 // Elements' ids (RFC 9559).
 constexpr std::uint32_t kEbml = 0x1A45DFA3, kSegment = 0x18538067, kInfo = 0x1549A966, kTimestampScale = 0x2AD7B1,
-                        kTracks = 0x1654AE6B, kTrackEntry = 0xAE, kTrackNumber = 0xD7, kTrackType = 0x83,
-                        kCodecId = 0x86, kEncodings = 0x6D80, kVideo = 0xE0, kProjection = 0x7670,
-                        kProjectionType = 0x7671, kCluster = 0x1F43B675, kTimestamp = 0xE7, kSimpleBlock = 0xA3,
-                        kBlockGroup = 0xA0, kBlock = 0xA1;
+                        kDateUtc = 0x4461, kWritingApp = 0x5741, kTracks = 0x1654AE6B, kTrackEntry = 0xAE,
+                        kTrackNumber = 0xD7, kTrackType = 0x83, kCodecId = 0x86, kEncodings = 0x6D80, kVideo = 0xE0,
+                        kProjection = 0x7670, kProjectionType = 0x7671, kCluster = 0x1F43B675, kTimestamp = 0xE7,
+                        kSimpleBlock = 0xA3, kBlockGroup = 0xA0, kBlock = 0xA1;
 constexpr std::uint64_t kVideoType = 1, kEquirectangular = 1;
 constexpr std::uint64_t kLargestHeader = 1 << 20;                 // bytes of Info and Tracks
 constexpr std::uint64_t kLargestFrame = std::uint64_t{64} << 20;  // bytes
 constexpr std::size_t kLongest = 2'000'000;                       // pictures: 18 hours at 30 a second
 constexpr std::uint64_t kLongestUnit = 1'000'000'000;             // ns; of times in the file
 constexpr std::uint64_t kLongestTime = std::uint64_t{1} << 52;    // ns; beyond it, times are nonsense
+
+constexpr std::int64_t kLatestDate = std::int64_t{1} << 61;  // ns since 2001: 73 years
 
 struct Element {
   std::uint32_t id = 0;
@@ -139,7 +142,7 @@ class MatroskaFilm final : public Film {
       const ssize_t more = ::pread(descriptor_.get(), bytes.data() + got, size - got, static_cast<off_t>(at + got));
       if (more < 0 && errno == EINTR) continue;
       if (more < 0) return fail(Errc::kIo, fmt::format("{}: {}", file_, std::strerror(errno)));
-      if (more == 0) return fail(Errc::kTruncated, file_ + ": became shorter while it was shown");
+      if (more == 0) return fail(Errc::kTruncated, file_ + ": became shorter while it was read");
       got += static_cast<std::size_t>(more);
     }
     return bytes;
@@ -170,9 +173,16 @@ class MatroskaFilm final : public Film {
     }
   }
   Status take_info(std::span<const std::uint8_t> content) {
+    std::int64_t date_ns = 0;  // since 2001
+    bool ours = false;
     for_each_element(content, [&](std::uint32_t id, std::span<const std::uint8_t> value) {
       if (id == kTimestampScale) scale_ns_ = number_in(value);
+      if (id == kDateUtc) date_ns = static_cast<std::int64_t>(number_in(value));
+      if (id == kWritingApp)
+        ours = std::string_view(reinterpret_cast<const char*>(value.data()), value.size()).starts_with("nodal");
     });
+    // Other programs write the whole second at which a file was made, or the date of a file that they converted.
+    if (ours && date_ns > -kLatestDate && date_ns < kLatestDate) date_ns_ = date_ns;
     if (scale_ns_ > kLongestUnit) return broken("has times in units of more than a second");
     return {};
   }
@@ -184,7 +194,7 @@ class MatroskaFilm final : public Film {
     if (!track_) return broken("has no video track");
     if (track_->codec != "V_MJPEG" || track_->encoded) {
       return fail(Errc::kUnsupported,
-                  fmt::format("{}: its pictures are coded as {}, and only JPEGs are shown; convert it: ffmpeg -i {} "
+                  fmt::format("{}: its pictures are coded as {}, and only JPEGs are read; convert it: ffmpeg -i {} "
                               "-c:v mjpeg -q:v 2 -pix_fmt yuvj420p jpegs.mkv",
                               file_, track_->codec, file_));
     }
@@ -206,8 +216,8 @@ class MatroskaFilm final : public Film {
     const std::uint64_t most = kLongestTime / std::max<std::uint64_t>(1, scale_ns_);
     if (cluster_ > most) return broken("has a time beyond all films");
     const std::int64_t now = (static_cast<std::int64_t>(cluster_) + after) * static_cast<std::int64_t>(scale_ns_);
-    if (frames_.empty()) first_ns_ = now;
-    times_.push_back(std::max(times_.empty() ? 0 : times_.back(), now - first_ns_));
+    if (frames_.empty()) begin_ns_ = date_ns_ + now;
+    times_.push_back(std::max(times_.empty() ? 0 : times_.back(), date_ns_ + now - begin_ns_));
     frames_.push_back({element.content + bytes, element.size - bytes});
     return {};
   }
@@ -217,28 +227,12 @@ class MatroskaFilm final : public Film {
   std::uint64_t bytes_;
   std::uint64_t scale_ns_ = 1'000'000;  // RFC 9559: when the file does not say
   std::uint64_t cluster_ = 0;           // time of the cluster that is read, in units of the scale
-  std::int64_t first_ns_ = 0;
+  std::int64_t date_ns_ = 0;            // of time 0, if this program wrote the film
   std::optional<Track> track_;
   std::vector<Frame> frames_;
 };
 
-class OnePicture final : public Film {
- public:
-  OnePicture(std::vector<std::uint8_t> jpeg, const std::string& layout) : jpeg_(std::move(jpeg)) {
-    times_ = {0};
-    layout_ = layout;
-  }
-  Result<std::vector<std::uint8_t>> frame(std::size_t) override { return jpeg_; }
-
- private:
-  std::vector<std::uint8_t> jpeg_;
-};
-
 }  // namespace
-
-std::unique_ptr<Film> film_of(std::vector<std::uint8_t> jpeg, const std::string& layout) {
-  return std::make_unique<OnePicture>(std::move(jpeg), layout);
-}
 
 Result<std::unique_ptr<Film>> open_matroska(const std::string& file) {
   const Result<int> opened = open_descriptor_to_read(file);
@@ -251,8 +245,7 @@ Result<std::unique_ptr<Film>> open_matroska(const std::string& file) {
   return film;
 }
 
-bool is_film(const std::string& path) {
-  if (is_take(path)) return true;
+bool is_matroska(const std::string& path) {
   const Result<int> opened = open_descriptor_to_read(path);
   if (!opened) return false;
   const hal::Descriptor descriptor(*opened);
@@ -260,8 +253,4 @@ bool is_film(const std::string& path) {
   return ::read(descriptor.get(), first.data(), first.size()) == ssize_t{4} && number_in(first) == kEbml;
 }
 
-Result<std::unique_ptr<Film>> open_film(const std::string& path) {
-  return is_take(path) ? open_take_raymaps(path) : open_matroska(path);
-}
-
-}  // namespace nodal::host::look
+}  // namespace nodal::host
