@@ -1,6 +1,7 @@
 #include "stitch/media/heif_webp/heif_references.h"
 
 #include <algorithm>
+#include <array>
 #include <map>
 #include <optional>
 #include <string_view>
@@ -53,24 +54,37 @@ std::optional<Box> next_box(Bytes& bytes) {
   return box;
 }
 
-/// Adds the references of an `iref` box (8.11.12).
-void add_references(Bytes content, References& references) {
+/// Adds a reference of an `iref` box; returns what follows it. libheif 1.15 reads a reference to its end whatever length
+/// its box has, and zeros behind the end.
+Bytes add_reference(const Box& box, Bytes rest, std::size_t width, References& references) {
+  Cursor cursor(rest);
+  const auto from = cursor.number(width);
+  const auto count = cursor.number(2);
+  for (std::uint64_t k = 0; from && count && k < *count; ++k) {
+    const auto there = cursor.number(width);
+    const std::uint64_t to = there.value_or(0);
+    if (box.type == "dimg") references[*from].push_back(to);
+    if (box.type == "auxl") references[to].push_back(*from);
+    if (!there) break;
+  }
+  return cursor.rest();
+}
+
+/// The references of an `iref` box (8.11.12). `by_length`: the next one is where the box of the one before ends, as the
+/// standard says; else where its last number ends, as libheif 1.15 reads.
+void add_references(Bytes content, bool by_length, References& references) {
   Cursor full(content);
   const auto version = full.number(4);
   if (!version) return;
   const std::size_t width = *version >> 24 == 0 ? 2 : 4;
   Bytes boxes = full.rest();
-  while (const auto box = next_box(boxes)) {
-    Cursor cursor(box->content);
-    const auto from = cursor.number(width);
-    const auto count = cursor.number(2);
-    for (std::uint64_t k = 0; from && count && k < *count; ++k) {
-      const auto there = cursor.number(width);
-      const std::uint64_t to = there.value_or(0);  // libheif reads zeros behind the end
-      if (box->type == "dimg") references[*from].push_back(to);
-      if (box->type == "auxl") references[to].push_back(*from);
-      if (!there) break;
-    }
+  while (true) {
+    Bytes after = boxes;
+    const auto box = next_box(after);
+    if (!box) return;
+    const Bytes rest = boxes.subspan(static_cast<std::size_t>(box->content.data() - boxes.data()));
+    const Bytes read = add_reference(*box, rest, width, references);
+    boxes = by_length ? after : read;
   }
 }
 
@@ -88,19 +102,23 @@ bool count_items(const References& references, std::uint64_t item, int depth, in
 }  // namespace
 
 bool are_references_bounded(std::span<const std::uint8_t> file) {
-  References references;
+  std::array<References, 2> ways;
   while (const auto box = next_box(file)) {
     if (box->type != "meta") continue;
     Cursor full(box->content);
     if (!full.number(4)) continue;  // version and flags
     Bytes boxes = full.rest();
     while (const auto inner = next_box(boxes)) {
-      if (inner->type == "iref") add_references(inner->content, references);
+      if (inner->type != "iref") continue;
+      add_references(inner->content, true, ways[0]);
+      add_references(inner->content, false, ways[1]);
     }
   }
-  int items = 0;
-  for (const auto& [item, parts] : references) {
-    if (!count_items(references, item, 1, items)) return false;
+  for (const References& references : ways) {
+    int items = 0;
+    for (const auto& [item, parts] : references) {
+      if (!count_items(references, item, 1, items)) return false;
+    }
   }
   return true;
 }

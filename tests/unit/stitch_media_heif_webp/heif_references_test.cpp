@@ -89,6 +89,18 @@ TEST(HeifReferences, ABoxThatIsLongerThanItsParent_CountsAsFarAsItGoes) {
   EXPECT_FALSE(are_references_bounded(bytes)) << "libheif 1.15 accepts that";
 }
 
+TEST(HeifReferences, ABoxThatIsShorterThanItsReference_IsReadToTheReferencesEnd) {
+  for (const int length : {8, 10, 12}) {
+    Bytes bytes = file_of({{"dimg", 2, {2}}});
+    *(std::ranges::search(bytes, std::string_view("dimg")).begin() - 1) = static_cast<std::uint8_t>(length);
+    EXPECT_FALSE(are_references_bounded(bytes)) << "libheif 1.15 does so, too; box of " << length;
+  }
+  // The box between two references of a file is right for one reader only.
+  Bytes two = file_of({{"thmb", 1, {3}}, {"dimg", 2, {2}}});
+  *(std::ranges::search(two, std::string_view("thmb")).begin() - 1) = 28;
+  EXPECT_FALSE(are_references_bounded(two));
+}
+
 TEST(HeifReferences, FilesThatEndAnywhere_AreReadToTheirEnd) {
   const Bytes whole = file_of({{"dimg", 2, {2}}, {"auxl", 3, {2}}}, 4, true);
   for (std::size_t size = 0; size <= whole.size(); ++size) {
