@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "hal/file_name.h"
@@ -15,31 +16,6 @@ namespace nodal::hal::sim {
 SimDisk::SimDisk(std::uint64_t seed, std::uint64_t capacity_bytes)
     : random_(seed, "disk"), identity_(Random(seed, "identity").next()), capacity_(capacity_bytes) {}
 SimDisk::~SimDisk() = default;
-
-/// Counts an operation that changes the disk, and applies the fault that a test has planned for it.
-Status SimDisk::begin(const char* what, const std::string& name) {
-  if (dead_) return fail(no_power(name));
-  if (gone_) return fail(disk_gone(name));
-  const std::uint64_t operation = operations_++;
-  if (slow_clock_ != nullptr) slow_clock_->advance(slow_by_ + std::exchange(stall_, Duration()));
-  dying_ = operation == die_at_;
-  if (dying_) dead_ = true;
-  if (read_only_) return fail(Errc::kIo, "file '" + name + "': " + what + " failed: the disk is read-only");
-  if (fail_at_.count(operation) != 0) {
-    return fail(Errc::kIo, "file '" + name + "': " + what + " failed: the disk reports an error");
-  }
-  return {};
-}
-
-/// `end`: of the bytes that are read.
-Status SimDisk::begin_read(const std::string& name, std::uint64_t end) {
-  if (dead_) return fail(no_power(name));
-  if (gone_) return fail(disk_gone(name));
-  const bool spoiled = name == spoiled_.first && end > spoiled_.second;
-  if (failing_reads_ == 0 && !spoiled) return {};
-  failing_reads_ -= failing_reads_ == 0 ? 0 : 1;
-  return fail(Errc::kIo, "file '" + name + "': reading it failed: the disk reports an error");
-}
 
 /// No part of the name may be a symbolic link.
 Status SimDisk::check_no_link(const std::string& name) const {
@@ -67,7 +43,7 @@ Status SimDisk::check_parent(const std::string& name) const {
 
 /// Applies a change, which the program sees at once. While the power fails, it is applied or not.
 void SimDisk::commit(Change change) {
-  if (dying_ && random_.below(2) == 0) return;
+  if (dying() && random_.below(2) == 0) return;
   for (const auto& [name, inode] : change.entries) {
     const auto parent = tree_.find(parent_of(name));
     if (parent != tree_.end()) parent->second->version = ++changes_;
@@ -120,7 +96,7 @@ Result<FileHandle> SimDisk::create(const std::string& name) {
   if (tree_.contains(name)) return fail(name_taken(name));
   auto inode = std::make_shared<Inode>();
   commit({{{name, inode}}});
-  if (dying_) return fail(no_power(name));
+  if (dying()) return fail(no_power(name));
   return hand_out(std::move(inode), name);
 }
 
@@ -135,7 +111,7 @@ Result<FileHandle> SimDisk::open_append(const std::string& name) {
   if (std::count_if(tree_.begin(), tree_.end(), same) > 1) {
     return fail(Errc::kBadValue, "file '" + name + "': has other names, too (hard links), whose bytes would change");
   }
-  if (dying_) return fail(no_power(name));
+  if (dying()) return fail(no_power(name));
   return hand_out(found->second, name);
 }
 
@@ -167,17 +143,16 @@ Status SimDisk::write_pieces(FileHandle file, std::span<const std::span<const st
   for (const auto& piece : pieces) bytes += piece.size();
   const std::uint64_t in_use = used();
   const std::uint64_t room = capacity_ > in_use ? capacity_ - in_use : 0;
-  std::size_t fits = dying_ ? static_cast<std::size_t>(random_.below(bytes + 1))
-                            : static_cast<std::size_t>(std::min<std::uint64_t>(room, bytes));
-  if (speed_ != 0)
-    slow_clock_->advance(Duration::nanoseconds(static_cast<std::int64_t>(bytes * 1'000'000'000 / speed_)));
+  std::size_t fits = dying() ? static_cast<std::size_t>(random_.below(bytes + 1))
+                             : static_cast<std::size_t>(std::min<std::uint64_t>(room, bytes));
+  write_for(bytes);
   const bool all = fits == bytes;
   for (const auto& piece : pieces) {
     const std::size_t part = std::min(fits, piece.size());
     data.insert(data.end(), piece.begin(), piece.begin() + static_cast<std::ptrdiff_t>(part));
     fits -= part;
   }
-  if (dying_) return fail(no_power(name));
+  if (dying()) return fail(no_power(name));
   if (!all) return fail(Errc::kDiskFull, "file '" + name + "': the disk is full; make room and try again");
   return {};
 }
@@ -191,11 +166,11 @@ Status SimDisk::overwrite(FileHandle file, std::uint64_t offset, std::span<const
       offset / kSector != (offset + bytes.size() - 1) / kSector) {
     return fail(Errc::kBadValue, "file '" + handle->name + "': only bytes of one sector are replaced");
   }
-  if (dying_ && random_.below(2) == 0) return fail(no_power(handle->name));
+  if (dying() && random_.below(2) == 0) return fail(no_power(handle->name));
   const auto at = inode.bytes.begin() + static_cast<std::ptrdiff_t>(offset);
   inode.replaced.emplace_back(offset, std::vector(at, at + static_cast<std::ptrdiff_t>(bytes.size())));
   std::ranges::copy(bytes, at);
-  if (dying_) return fail(no_power(handle->name));
+  if (dying()) return fail(no_power(handle->name));
   return {};
 }
 
@@ -206,7 +181,7 @@ Status SimDisk::truncate(FileHandle file, std::uint64_t size) {
   if (size > inode.bytes.size()) {
     return fail(Errc::kBadValue, fmt::format("file '{}': is shorter than {}", handle->name, size));
   }
-  if (dying_ && random_.below(2) == 0) return fail(no_power(handle->name));
+  if (dying() && random_.below(2) == 0) return fail(no_power(handle->name));
   if (size < inode.synced) {
     if (!inode.before_cut)
       inode.before_cut.emplace(inode.bytes.begin(), inode.bytes.begin() + static_cast<std::ptrdiff_t>(inode.synced));
@@ -214,7 +189,7 @@ Status SimDisk::truncate(FileHandle file, std::uint64_t size) {
   }
   inode.bytes.resize(size);
   std::erase_if(inode.replaced, [&](const auto& each) { return each.first + each.second.size() > size; });
-  if (dying_) return fail(no_power(handle->name));
+  if (dying()) return fail(no_power(handle->name));
   return {};
 }
 
@@ -234,30 +209,28 @@ Status SimDisk::sync(FileHandle file) {
   const std::string& name = found->second.name;
   NODAL_TRY(begin("syncing it", name));
   Inode& inode = *found->second.inode;
-  if (failing_syncs_ > 0) {
-    --failing_syncs_;
+  if (sync_fails()) {
     inode.lost = true;
     return fail(Errc::kIo, "file '" + name + "': syncing it failed: the disk reports an error");
   }
-  if (!lies_ && (!dying_ || random_.below(2) == 1)) make_durable(inode);
-  if (dying_) return fail(no_power(name));
+  if (!dying() || random_.below(2) == 1) make_durable(inode);
+  if (dying()) return fail(no_power(name));
   return {};
 }
 
 Status SimDisk::sync_all() {
   NODAL_TRY(begin("syncing all", ""));
-  const bool failing = failing_syncs_ > 0;
-  if (failing) --failing_syncs_;
+  const bool failing = sync_fails();
   for (const auto& [name, inode] : tree_) {
     if (failing) inode->lost = inode->lost || inode->synced != inode->bytes.size();
-    else if (!lies_ && (!dying_ || random_.below(2) == 1)) make_durable(*inode);
+    else if (!dying() || random_.below(2) == 1) make_durable(*inode);
   }
   if (failing) return fail(Errc::kIo, "file '': syncing all failed: the disk reports an error");
-  for (std::size_t k = 0; k < unsynced_.size() && !lies_;) {
-    if (!dying_ || random_.below(2) == 1) make_last(k);
+  for (std::size_t k = 0; k < unsynced_.size();) {
+    if (!dying() || random_.below(2) == 1) make_last(k);
     else ++k;
   }
-  if (dying_) return fail(no_power(""));
+  if (dying()) return fail(no_power(""));
   return {};
 }
 
@@ -274,8 +247,7 @@ Result<std::vector<std::uint8_t>> SimDisk::read(const std::string& name, std::ui
 }
 
 Result<std::uint64_t> SimDisk::size(const std::string& name) {
-  if (dead_) return fail(no_power(name));
-  if (gone_) return fail(disk_gone(name));
+  NODAL_TRY(answers(name));
   if (!is_file_name(name)) return fail(bad_name(name));
   NODAL_TRY(check_no_link(name));
   const auto found = tree_.find(name);

@@ -10,8 +10,7 @@
 namespace nodal::hal::sim {
 
 Status SimDisk::claim_for(const void* port) {
-  if (dead_) return fail(no_power(""));
-  if (gone_) return fail(disk_gone(""));
+  NODAL_TRY(answers(""));
   if (claimed_by_ && claimed_by_ != port) return fail(Errc::kBusy, "folder '': another nodald uses it");
   claimed_by_ = port;
   return {};
@@ -22,8 +21,7 @@ void SimDisk::release_for(const void* port) {
 }
 
 Result<std::uint64_t> SimDisk::identity() {
-  if (dead_) return fail(no_power(""));
-  if (gone_) return fail(disk_gone(""));
+  NODAL_TRY(answers(""));
   return identity_;
 }
 
@@ -56,7 +54,7 @@ Status SimDisk::rename_as(const std::string& from, const std::string& to, bool r
     return fail(Errc::kUnsupported, "file '" + from + "': folders are not renamed or replaced");
   }
   if (from != to) commit({{{to, found->second}, {from, nullptr}}});
-  if (dying_) return fail(no_power(from));
+  if (dying()) return fail(no_power(from));
   return {};
 }
 
@@ -77,7 +75,7 @@ Status SimDisk::remove(const std::string& name) {
     if (full) return fail(Errc::kExists, "file '" + name + "': is a folder with files in it");
   }
   commit({{{name, nullptr}}});
-  if (dying_) return fail(no_power(name));
+  if (dying()) return fail(no_power(name));
   return {};
 }
 
@@ -88,7 +86,7 @@ Status SimDisk::make_folder(const std::string& name) {
   auto inode = std::make_shared<Inode>();
   inode->folder = true;
   commit({{{name, std::move(inode)}}});
-  if (dying_) return fail(no_power(name));
+  if (dying()) return fail(no_power(name));
   return {};
 }
 
@@ -104,13 +102,13 @@ Status SimDisk::sync_folder(const std::string& name) {
     const auto& entries = unsynced_[k].entries;
     const bool here =
         std::any_of(entries.begin(), entries.end(), [&](const auto& entry) { return parent_of(entry.first) == name; });
-    if (here && (!dying_ || random_.below(2) == 1)) {
+    if (here && (!dying() || random_.below(2) == 1)) {
       make_last(k);
     } else {
       ++k;
     }
   }
-  if (dying_) return fail(no_power(name));
+  if (dying()) return fail(no_power(name));
   return {};
 }
 
@@ -120,8 +118,7 @@ Result<std::vector<std::string>> SimDisk::list(const std::string& folder) {
 }
 
 Result<std::vector<FolderEntry>> SimDisk::entries(const std::string& folder) {
-  if (dead_) return fail(no_power(folder));
-  if (gone_) return fail(disk_gone(folder));
+  NODAL_TRY(answers(folder));
   if (!folder.empty()) {
     if (!is_file_name(folder)) return fail(bad_name(folder));
     NODAL_TRY(check_no_link(folder));
@@ -140,15 +137,13 @@ Result<std::vector<FolderEntry>> SimDisk::entries(const std::string& folder) {
 }
 
 Result<std::uint64_t> SimDisk::free_bytes() {
-  if (dead_) return fail(no_power(""));
-  if (gone_) return fail(disk_gone(""));
+  NODAL_TRY(answers(""));
   const std::uint64_t in_use = used();
   return capacity_ > in_use ? capacity_ - in_use : 0;
 }
 
 Result<std::uint64_t> SimDisk::total_bytes() {
-  if (dead_) return fail(no_power(""));
-  if (gone_) return fail(disk_gone(""));
+  NODAL_TRY(answers(""));
   return capacity_;
 }
 

@@ -66,7 +66,7 @@ std::unique_ptr<SimDisk> SimDisk::after_power_loss(std::uint64_t seed) const {
 }
 
 std::unique_ptr<SimDisk> SimDisk::after_kill() const {
-  auto found = std::make_unique<SimDisk>(Random(operations_, "kill").next(), capacity_);
+  auto found = std::make_unique<SimDisk>(Random(operations(), "kill").next(), capacity_);
   std::map<const Inode*, InodePtr> copies;
   const auto copy = [&](const InodePtr& inode) {
     if (!inode) return InodePtr{};

@@ -12,7 +12,7 @@ Status SimHead::Port::set_exposure(Exposure exposure) {
     return fail(Errc::kBadValue, fmt::format("head '{}': exposure {} us is not between {} and {} us", identity_.path,
                                              exposure.us(), limits_.exposure_min.us(), limits_.exposure_max.us()));
   }
-  HeadSettings wanted = head_->settings_;
+  HeadSettings wanted = head_->settings_.wanted();
   wanted.exposure = exposure;
   head_->change(wanted);
   return {};
@@ -24,7 +24,7 @@ Status SimHead::Port::set_gain(Gain gain) {
     return fail(Errc::kBadValue, fmt::format("head '{}': gain {} mdB is not between {} and {} mdB", identity_.path,
                                              gain.mdb(), limits_.gain_min.mdb(), limits_.gain_max.mdb()));
   }
-  HeadSettings wanted = head_->settings_;
+  HeadSettings wanted = head_->settings_.wanted();
   wanted.gain = gain;
   head_->change(wanted);
   return {};
@@ -39,7 +39,7 @@ Status SimHead::Port::set_white_balance(WhiteBalance balance) {
     return fail(Errc::kBadValue, fmt::format("head '{}': white balance {}, {} is not between {} and 65535",
                                              identity_.path, balance.red_q12, balance.blue_q12, kWhiteBalanceMin));
   }
-  HeadSettings wanted = head_->settings_;
+  HeadSettings wanted = head_->settings_.wanted();
   wanted.white_balance = balance;
   head_->change(wanted);
   return {};
@@ -55,7 +55,7 @@ Status SimHead::Port::set_gamma(Gamma gamma) {
                 fmt::format("head '{}': gamma {}/1000 is not between {} and {}", identity_.path, gamma.thousandths(),
                             limits_.gamma_min.thousandths(), limits_.gamma_max.thousandths()));
   }
-  HeadSettings wanted = head_->settings_;
+  HeadSettings wanted = head_->settings_.wanted();
   wanted.gamma = gamma;
   head_->change(wanted);
   return {};
@@ -63,7 +63,7 @@ Status SimHead::Port::set_gamma(Gamma gamma) {
 
 Result<std::optional<FrameView>> SimHead::Port::take_frame() {
   if (head_ == nullptr) return fail(gone());
-  if (!head_->streaming_) {
+  if (!head_->streaming()) {
     return fail(Errc::kWrongState, "head '" + identity_.path + "': take_frame() before start()");
   }
   head_->step(head_->clock_.now());
@@ -74,7 +74,7 @@ Result<std::optional<FrameView>> SimHead::Port::take_frame() {
   buffer.state = Buffer::State::kLent;
   --head_->counts_.waiting;
   ++head_->counts_.taken;
-  FrameView view = head_->picture(buffer.frame, buffer.content);
+  FrameView view = head_->picture_.render(buffer.frame, buffer.content);
   view.slot = slot;
   return std::optional<FrameView>{view};
 }

@@ -16,7 +16,8 @@ class SimHead::Port final : public HeadPort {
   explicit Port(SimHead& head)
       : head_(&head),
         identity_(head.identity_),
-        format_(head.format_),
+        format_{head.options_.pixels, head.truth().width, head.truth().height, head.options_.fields,
+                head.options_.rate},
         limits_(head.options_.limits),
         buffers_(static_cast<std::size_t>(head.options_.buffers)) {
     const PixelFormat sensed = sensor_options(head.options_).pixels;
@@ -57,7 +58,7 @@ class SimHead::Port final : public HeadPort {
   }
 
   /// The driver's part. Returns false if no buffer is free.
-  bool fill(const Exposed& frame) {
+  bool fill(const ExposedFrame& frame) {
     for (std::size_t slot = 0; slot < buffers_.size(); ++slot) {
       if (buffers_[slot].state != Buffer::State::kFree) continue;
       buffers_[slot].state = Buffer::State::kFilled;
@@ -85,8 +86,8 @@ class SimHead::Port final : public HeadPort {
  private:
   struct Buffer {
     enum class State : std::uint8_t { kFree, kFilled, kLent } state = State::kFree;
-    Rendering content;
-    Exposed frame;
+    BufferContent content;
+    ExposedFrame frame;
   };
 
   Error gone() const { return {Errc::kDeviceGone, "head '" + identity_.path + "': unplugged; plug it in again"}; }

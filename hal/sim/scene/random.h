@@ -25,6 +25,10 @@ class Random {
   }
   /// 0 .. n-1; n > 0.
   std::uint64_t below(std::uint64_t n) { return next() % n; }
+  /// 0 .. length, without length; length > 0.
+  Duration below(Duration length) {
+    return Duration::nanoseconds(static_cast<std::int64_t>(below(static_cast<std::uint64_t>(length.ns()))));
+  }
   /// True with a probability of `per_million` in a million.
   bool chance(std::uint32_t per_million) { return per_million != 0 && below(1'000'000) < per_million; }
   /// Between -reach and +reach.

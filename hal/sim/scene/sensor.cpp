@@ -58,29 +58,20 @@ double angle_between(const Direction& a, const Direction& b) {
 }  // namespace
 
 Sensor::Sensor(const HeadCalibration& truth, const SensorOptions& options, ScenePtr scene, std::uint64_t seed)
-    : truth_(truth),
-      noise_(options.noise),
-      format_(options.pixels),
-      supersampling_(options.supersampling),
-      interlaced_(options.interlaced),
-      half_period_(options.half_period),
-      reference_(options.reference),
-      scene_(std::move(scene)),
-      seed_(seed),
-      lens_(truth) {
-  NODAL_ASSERT(supersampling_ >= 1);
-  NODAL_ASSERT(format_ != PixelFormat::kMjpeg);
-  NODAL_ASSERT(!interlaced_ || truth.height % 4 == 0);
+    : truth_(truth), options_(options), scene_(std::move(scene)), seed_(seed), lens_(truth) {
+  NODAL_ASSERT(options_.supersampling >= 1);
+  NODAL_ASSERT(options_.pixels != PixelFormat::kMjpeg);
+  NODAL_ASSERT(!options_.interlaced || truth.height % 4 == 0);
 }
 
 void Sensor::prepare() {
   if (prepared_) return;
   prepared_ = true;
-  plate_ = expose_plate(truth_, lens_, *scene_, supersampling_);
+  plate_ = expose_plate(truth_, lens_, *scene_, options_.supersampling);
   make_curve({});
   const auto width = static_cast<std::size_t>(truth_.width);
-  if (noisy(noise_)) normal_ = normal_deviates(seed_, kDeviates + width);
-  versions_.resize(noisy(noise_) ? kVersions : 1);
+  if (noisy(options_.noise)) normal_ = normal_deviates(seed_, kDeviates + width);
+  versions_.resize(noisy(options_.noise) ? kVersions : 1);
   light_row_.resize(3 * width);
   rows_.resize(6 * width);
   for (int y = 0; y < truth_.height && !scene_->movers().empty(); y += kBlock) {
@@ -134,24 +125,24 @@ void Sensor::use(const HeadSettings& settings) {
   still_id_ += kVersions;
   if (still_id_ == kVersions) still_id_ = 1;
   const double exposure =
-      static_cast<double>(settings.exposure.duration().ns()) / static_cast<double>(reference_.duration().ns());
+      static_cast<double>(settings.exposure.duration().ns()) / static_cast<double>(options_.reference.duration().ns());
   const double gain = std::pow(10.0, settings.gain.mdb() / 20'000.0);
   const std::array<double, 3> balance{settings.white_balance.red_q12 / 4096.0, 1.0,
                                       settings.white_balance.blue_q12 / 4096.0};
   // Light that corresponds to one electron.
-  const double electron = noise_.full_well_electrons > 0 ? gain / noise_.full_well_electrons : 0;
+  const double electron = options_.noise.full_well_electrons > 0 ? gain / options_.noise.full_well_electrons : 0;
   for (std::size_t c = 0; c < 3; ++c) {
     curve_.scale[c] = static_cast<float>(light_ * exposure * gain * balance[c]);
     curve_.shot[c] = static_cast<float>(electron * balance[c]);
-    const double read = noise_.read_electrons * electron * balance[c];
+    const double read = options_.noise.read_electrons * electron * balance[c];
     curve_.read[c] = static_cast<float>(read * read);
   }
-  curve_.levels = static_cast<float>(noise_.levels * (1 << kLevelBits));
+  curve_.levels = static_cast<float>(options_.noise.levels * (1 << kLevelBits));
 }
 
 std::uint64_t Sensor::render(const HeadSettings& settings, Instant mid_exposure, std::uint32_t number,
                              std::span<std::uint8_t> into, std::uint64_t holds, Fields fields) {
-  NODAL_ASSERT(into.size() == packed_size(format_, truth_.width, truth_.height));
+  NODAL_ASSERT(into.size() == packed_size(options_.pixels, truth_.width, truth_.height));
   prepare();
   use(settings);
   const bool build = versions_ready_ == 0 || (versions_ready_ < versions_.size() && last_number_ != number &&
@@ -161,18 +152,19 @@ std::uint64_t Sensor::render(const HeadSettings& settings, Instant mid_exposure,
     std::vector<std::uint8_t>& bytes = versions_[versions_ready_];
     bytes.resize(into.size());
     develop({0, 0, truth_.width, truth_.height}, static_cast<std::uint32_t>(versions_ready_), {}, {},
-            packed_image(format_, truth_.width, truth_.height, bytes.data()));
+            packed_image(options_.pixels, truth_.width, truth_.height, bytes.data()));
     ++versions_ready_;
   }
   const std::size_t version = mixed(seed_, number) % versions_ready_;
   std::vector<PlacedMover> top = placed(scene_->movers(), mid_exposure);
-  std::vector<PlacedMover> bottom = interlaced_ ? placed(scene_->movers(), mid_exposure + half_period_) : top;
+  std::vector<PlacedMover> bottom =
+      options_.interlaced ? placed(scene_->movers(), mid_exposure + options_.half_period) : top;
   if (fields == Fields::kBottomFirst) std::swap(top, bottom);
   const bool moved = any_touches(top, bottom);
   const std::uint64_t id = moved ? 0 : still_id_ + version;
   if (!moved && id == holds) return id;
   std::copy(versions_[version].begin(), versions_[version].end(), into.begin());
-  if (moved) draw_touched(top, bottom, number, packed_image(format_, truth_.width, truth_.height, into.data()));
+  if (moved) draw_touched(top, bottom, number, packed_image(options_.pixels, truth_.width, truth_.height, into.data()));
   return id;
 }
 
@@ -213,7 +205,7 @@ void Sensor::develop(const Rect& rect, std::uint32_t version, std::span<const Pl
   RowPair pair;
   pair.x0 = std::max(0, rect.x0 - 1);
   pair.x1 = std::min(truth_.width, rect.x1 + 1);
-  if (!interlaced_) {
+  if (!options_.interlaced) {
     for (int y = rect.y0; y < rect.y1; y += 2) {
       develop_pair(y, 1, pair.x0, pair.x1, version, top, pair);
       pack_rows(pair, y, rect.x0, rect.x1, into);
@@ -274,7 +266,7 @@ void Sensor::develop_row(int y, int x0, int x1, std::uint32_t version, std::span
     std::copy_n(plate_.light[c].data() + start, count, light_row_.data() + c * width);
   }
   if (!movers.empty()) paint_movers(y, x0, count, movers);
-  const bool shot = noise_.full_well_electrons > 0;
+  const bool shot = options_.noise.full_well_electrons > 0;
   for (std::size_t c = 0; c < 3; ++c) {
     const std::uint64_t draw = mixed(mixed(seed_, version), static_cast<std::uint64_t>(y) * 3 + c);
     // Deviates are chosen by column, so that a row drawn in parts has the same noise as a row drawn at once.
@@ -296,7 +288,7 @@ void Sensor::develop_row(int y, int x0, int x1, std::uint32_t version, std::span
     for (std::size_t i = 0; i < count; ++i) {
       to[i] = static_cast<std::int16_t>(encoded_[static_cast<std::size_t>(to[i])]);
     }
-    if (noise_.levels > 0) {
+    if (options_.noise.levels > 0) {
       for (std::size_t i = 0; i < count; ++i) {
         const float value = static_cast<float>(to[i]) + curve_.levels * normal_[second + i];
         to[i] = static_cast<std::int16_t>(std::clamp(value, 0.0F, static_cast<float>(kMaxLevel)));

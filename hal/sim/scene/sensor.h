@@ -84,12 +84,7 @@ class Sensor {
   };
 
   const HeadCalibration truth_;
-  const NoiseModel noise_;
-  const PixelFormat format_;
-  const int supersampling_;
-  const bool interlaced_;
-  const Duration half_period_;
-  const Exposure reference_;
+  const SensorOptions options_;
   const ScenePtr scene_;
   const std::uint64_t seed_;
   LensTruth lens_;

@@ -72,6 +72,9 @@ TEST_F(ChangeAuditTest, TheDiskFails_TheAnswerSaysThatItIsNotRecordedAndTheLogOn
 
 TEST_F(ChangeAuditTest, QueriesAndMergedEntries_WaitForNothing) {
   disk_.be_read_only(true);
+  deletes_take();
+  step();
+  ASSERT_NE(audit_.problem(), "");
   audit_.answer_when_recorded({6, CommandDone()}, 0);
   EXPECT_EQ(step(), std::vector<Ticket>{6});
   EXPECT_EQ(not_recorded_, "") << "nothing of it had to be recorded";

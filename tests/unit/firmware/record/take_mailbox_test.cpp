@@ -73,5 +73,15 @@ TEST_F(TakeMailboxTest, MoreThanMayWait_TheOldestIsRefused) {
   EXPECT_EQ(answers(), (Answers{{1, Errc::kOverload}}));
 }
 
+TEST_F(TakeMailboxTest, AHostThatHasGone_MakesRoomBeforeTheOldestIsRefused) {
+  const Presence host = Presence::of_host();
+  WaitingTickets waiting;
+  for (std::uint64_t ticket = 1; ticket <= kMaxWaitingTickets; ++ticket)
+    mail_.let_wait(waiting, {ticket, TakeRequest::Eject(), ticket == 5 ? host : Presence()});
+  host.end();
+  mail_.let_wait(waiting, {kMaxWaitingTickets + 1, TakeRequest::Eject()});
+  EXPECT_EQ(answers(), (Answers{{5, Errc::kCancelled}}));
+}
+
 }  // namespace
 }  // namespace nodal::firmware
