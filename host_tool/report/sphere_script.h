@@ -40,7 +40,7 @@ for (const figure of document.querySelectorAll("figure.sphere")) {
       d = vec3(d.x, d.y * c + d.z * s, d.z * c - d.y * s);
       float u = fract((atan(d.x, d.z) + camera.x) / 6.28318531 + 0.5);
       float v = 0.5 - asin(clamp(d.y, -1.0, 1.0)) / 3.14159265;
-      vec2 t = (vec2(u, v) - part.xy) / part.zw;
+      vec2 t = vec2(fract(u - part.x), v - part.y) / part.zw; // a part may go on at the left edge
       bool seen = all(greaterThanEqual(t, vec2(0.0))) && all(lessThanEqual(t, vec2(1.0)));
       gl_FragColor = seen ? vec4(texture2D(sphere, t).rgb, 1.0) : vec4(0.2, 0.2, 0.2, 1.0);
     }`));
