@@ -39,7 +39,7 @@ Result<Calibration> joined(Console& console, const std::vector<std::string>& fil
   }
   rig.name = fmt::format("{} heads", rig.heads.size());
   rig.comment = "Lenses of single heads, joined.";
-  if (const Status good = check_calibration(rig); !good) return fail(good.error());
+  NODAL_TRY(check_calibration(rig));
   return rig;
 }
 

@@ -10,7 +10,7 @@
 
 namespace nodal::host {
 
-/// The picture of each head in the first set as a file that nodald replays whole. Of a file that was split, names for the
+/// The picture of each head in the first set as a file that nodald replays whole. If a file was split, names for the
 /// parts, beside `toml`: rig.left.png; they are written by write_parts().
 /// Errors: kUnsupported for pictures that are no files; kExists for a part's name.
 Result<std::vector<std::string>> replayed_files(const RigPictures& rig, const std::string& toml);

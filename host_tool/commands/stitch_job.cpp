@@ -25,7 +25,7 @@ namespace {
 /// open no longer ones, and FFmpeg no sphere of twice this width.
 constexpr int kMaxUsualSide = 16000;
 
-constexpr int kTakeSets = 3;  // of a take or of films, when spheres are numbered
+constexpr int kTakeSets = 3;  // used of a take or of films, when spheres are numbered
 
 Status check_names(const std::string& out, const std::vector<std::vector<std::string>>& sets) {
   NODAL_TRY(check_output(out, sets, sets.size()));

@@ -10,7 +10,6 @@
 
 #include "host_tool/input/matroska_film.h"
 #include "protocol/base/try.h"
-#include "stitch/media/image_file.h"
 
 namespace nodal::host {
 namespace {
@@ -100,7 +99,7 @@ Result<std::vector<std::vector<HeadPicture>>> film_pictures(const std::vector<st
     std::vector<HeadPicture>& set = all.emplace_back();
     for (std::size_t f = 0; f < films.size(); ++f) {
       NODAL_TRY_ASSIGN(const std::vector<std::uint8_t> jpeg, films[f].film->frame(places[f]));
-      NODAL_TRY_ASSIGN(DecodedImage picture, media::decode_image(jpeg, films[f].file));
+      NODAL_TRY_ASSIGN(DecodedImage picture, picture_of(jpeg, films[f].file));
       set.emplace_back(std::move(picture));
     }
   }

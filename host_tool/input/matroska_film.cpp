@@ -227,7 +227,7 @@ class MatroskaFilm final : public Film {
   std::uint64_t bytes_;
   std::uint64_t scale_ns_ = 1'000'000;  // RFC 9559: when the file does not say
   std::uint64_t cluster_ = 0;           // time of the cluster that is read, in units of the scale
-  std::int64_t date_ns_ = 0;            // of time 0, if this program wrote the film
+  std::int64_t date_ns_ = 0;            // when time 0 was, if this program wrote the film
   std::optional<Track> track_;
   std::vector<Frame> frames_;
 };

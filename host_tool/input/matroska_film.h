@@ -23,8 +23,8 @@ class Film {
 
   /// ns since the first picture, never falling; as many as there are pictures, at least one.
   const std::vector<std::int64_t>& times() const { return times_; }
-  /// Time of the first picture, ns: by the same clock for all films that `nodal take export` makes of one take; of other
-  /// programs' films, since the film began.
+  /// Time of the first picture, ns: by the same clock for all films that `nodal take export` makes of one take; of
+  /// other programs' films, since the film began.
   std::int64_t begin_ns() const { return begin_ns_; }
   /// The layout that the film says it has; empty: it says none.
   const std::string& layout() const { return layout_; }

@@ -12,8 +12,8 @@
 
 namespace nodal::host {
 
-/// Whether it is a folder, a film, or a file that starts like a picture, also one of a format that is not read, or is called
-/// like one.
+/// Whether it is a folder, a film, or a file that starts like a picture, also one of a format that is not read, or is
+/// called like one.
 bool is_picture(const std::string& path);
 
 /// The pictures among the arguments, of a rig without a calibration. The folder of a take: its middle set. Films:

@@ -70,6 +70,11 @@ Result<DecodedImage> read_picture(const std::string& file, std::optional<PixelFo
   return picture;
 }
 
+Result<DecodedImage> picture_of(std::span<const std::uint8_t> bytes, const std::string& name) {
+  NODAL_TRY_ASSIGN(DecodedImage stored, media::decode_image(bytes, name));
+  return shown(std::move(stored), false, name);
+}
+
 Result<std::optional<DecodedImage>> read_opacity(const std::string& file) {
   NODAL_TRY_ASSIGN(media::PictureBytes bytes, media::PictureBytes::open(file));
   const bool tiff = media::is_tiff(bytes);

@@ -21,6 +21,8 @@ namespace nodal::host {
 /// A picture in sRGB's numbers (media::in_srgb): GREY, I420 or RGB24 as its file suits; `as`: GREY or RGB24 instead.
 /// Errors: those of the readers and of in_srgb(); each names the file.
 Result<DecodedImage> read_picture(const std::string& file, std::optional<PixelFormat> as = std::nullopt);
+/// The same for the bytes of a JPEG or PNG, such as a picture of the film `name`.
+Result<DecodedImage> picture_of(std::span<const std::uint8_t> bytes, const std::string& name);
 
 /// The same with all 16 bits, as GREY16 or RGB48, if the file has them, and otherwise as GREY or RGB24. Numbers of 16
 /// bits that are proportional to light stay so; meaning.is_linear() says it.

@@ -103,8 +103,8 @@ Result<std::vector<std::vector<HeadPicture>>> split_pictures(const std::vector<s
 
 /// `arguments`: with `nominal`, pictures of that rig, of which the first set is decoded (folders hold cam0.png,
 /// cam1.png and so on); else a calibration in any format, then pictures as for picture_files(), or the folder of a
-/// take, of which `options.take_sets` sets are used. A project that names its pictures needs no further ones: their paths are
-/// relative to the project's folder, and `options` say where they may be.
+/// take, of which `options.take_sets` sets are used. A project that names its pictures needs no further ones: their
+/// paths are relative to the project's folder, and `options` say where they may be.
 /// Errors: those of read_calibration_file(), of nominal_rig(), of project_pictures() and of picture_files(), with the
 ///   file or the option; those of reading pictures; kMissingField without pictures.
 Result<RigPictures> read_rig_pictures(const NominalWords& nominal, const std::vector<std::string>& arguments,

@@ -82,7 +82,7 @@ for (const figure of document.querySelectorAll("figure.sphere")) {
   canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
   canvas.addEventListener("pointermove", (event) => {
     if (!canvas.hasPointerCapture(event.pointerId)) return;
-    const angle = 2 * Math.tan(view.fov / 2) / canvas.clientWidth; // of a pixel in the middle
+    const angle = 2 * Math.tan(view.fov / 2) / canvas.clientWidth; // seen by a pixel in the middle
     turn(-event.movementX * angle, event.movementY * angle);
   });
   canvas.addEventListener("wheel", (event) => {

@@ -23,7 +23,7 @@ constexpr std::size_t kFirstFeatures = 500;
 constexpr std::size_t kLikely = 6;      // pictures that are most alike, for each one
 constexpr std::size_t kFirstSure = 12;  // matches of those features that are hardly by chance
 
-constexpr double kFeaturesShare = 0.5;  // of the time
+constexpr double kFeaturesShare = 0.5;  // share of the time
 
 struct Effort {
   int side = kFeatureSide;

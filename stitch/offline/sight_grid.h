@@ -49,7 +49,7 @@ class SightGrid {
   HeadPicture::Moved moved_;
   bands::Grid grid_;
   bands::Window window_;
-  int size_;                              ///< of a cell, px
+  int size_;                              ///< side of a cell, px
   int around_;                            ///< cells of the whole circle
   int first_column_ = 0, first_row_ = 0;  ///< the first cell of the window
   int columns_ = 0, rows_ = 0;            ///< its cells

@@ -64,7 +64,10 @@ TEST(HostRules, PicturesAreReadAndWritten_WhereTheirColoursAreKept) {
   expect_rule({"host_tool/"}, {"media::decode_heif_or_webp(", readers, read});
   const std::string written = "media::encode() writes what numbers stand for, and the metadata that is kept";
   expect_rule({"host_tool/"}, {"media::tiff_file(", none, written});
-  expect_rule({"host_tool/"}, {"media::png_file(", {"host_tool/commands/pattern.cpp", "host_tool/report/"}, written});
+  expect_rule({"host_tool/"},
+              {"media::png_file(",
+               {"host_tool/commands/pattern.cpp", "host_tool/commands/replay_toml.cpp", "host_tool/report/"},
+               written});
   // Only hosts link Little CMS and pugixml's reader of XMP.
   expect_rule({"host_tool/", "stitch/", "firmware/", "hal/"},
               {"in_srgb(", {"stitch/media/colour/", "host_tool/input/pictures.cpp"}, read});

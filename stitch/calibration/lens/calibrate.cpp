@@ -308,9 +308,9 @@ Result<LensCalibration> calibrate_lens(const std::vector<LensPhotograph>& photog
 
 namespace {
 
-constexpr double kAxisTolerance = 0.01;  // of the width: the lens's axis may be off the middle of the picture
-constexpr double kMaxCornerRms = 0.002;  // of the width
-constexpr int kSeenCells = 10;           // of the picture each way, to see where corners are
+constexpr double kAxisTolerance = 0.01;  // share of the width: the lens's axis may be off the middle of the picture
+constexpr double kMaxCornerRms = 0.002;  // share of the width
+constexpr int kSeenCells = 10;           // each way, to see where corners are
 
 /// Where corners are in the picture.
 void note_seen(const std::vector<std::vector<PointPair>>& pairs, const LensParameters& lens, int width, int height,

@@ -48,7 +48,7 @@ struct ViewReport {
   double covered = 0;    ///< share of the region that shows the pattern
   double explained = 0;  ///< share of the photograph's variance that the fit explains
   double rms = 0;        ///< rms of the residuals, in 1/255 of the range
-  double rms_px = 0;     ///< of corners: rms of their distances from where the lens shows them
+  double rms_px = 0;     ///< rms of the corners' distances from where the lens shows them
   double gain = 1;       ///< brightness of its light relative to the brightest photograph's
 };
 

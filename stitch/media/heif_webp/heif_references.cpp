@@ -37,7 +37,7 @@ struct Box {
   Bytes content;
 };
 
-/// Takes a box from the front; nothing at the end. Like libheif's, a box that is longer than what contains it ends there.
+/// Takes a box from the front; nothing at the end. As for libheif, a box that is too long ends with what contains it.
 std::optional<Box> next_box(Bytes& bytes) {
   Cursor cursor(bytes);
   auto size = cursor.number(4);
@@ -54,8 +54,8 @@ std::optional<Box> next_box(Bytes& bytes) {
   return box;
 }
 
-/// Adds a reference of an `iref` box; returns what follows it. libheif 1.15 reads a reference to its end whatever length
-/// its box has, and zeros behind the end.
+/// Adds a reference of an `iref` box; returns what follows it. libheif 1.15 reads a reference to its end whatever
+/// length its box has, and zeros behind the end.
 Bytes add_reference(const Box& box, Bytes rest, std::size_t width, References& references) {
   Cursor cursor(rest);
   const auto from = cursor.number(width);

@@ -12,8 +12,8 @@ inline constexpr int kMaxHeifPictures = 1 << 16;
 inline constexpr int kMaxHeifDepth = 8;
 
 /// Whether decoding ends: libheif 1.15 starts a thread for each tile and follows references without a limit, so a grid
-/// that is its own tile takes all threads of the computer. False for a file that needs more pictures or a deeper nesting
-/// than the limits above.
+/// that is its own tile takes all threads of the computer. False for a file that needs more pictures or a deeper
+/// nesting than the limits above.
 bool are_references_bounded(std::span<const std::uint8_t> file);
 
 }  // namespace nodal::media

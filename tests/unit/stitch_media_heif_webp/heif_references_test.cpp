@@ -85,7 +85,7 @@ TEST(HeifReferences, PicturesThatMultiplyAtEachStep_AreNot) {
 TEST(HeifReferences, ABoxThatIsLongerThanItsParent_CountsAsFarAsItGoes) {
   Bytes bytes = file_of({{"dimg", 2, {2}}});
   const auto dimg = std::ranges::search(bytes, std::string_view("dimg")).begin();
-  *(dimg - 3) = 32;  // of four bytes of its length
+  *(dimg - 3) = 32;  // the last of four bytes of its length
   EXPECT_FALSE(are_references_bounded(bytes)) << "libheif 1.15 accepts that";
 }
 
