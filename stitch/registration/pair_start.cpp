@@ -18,7 +18,7 @@ using Eigen::Vector3d;
 
 // Two points closer to each other do not determine the rotation about them.
 constexpr double kMinBase = 2 * kRadiansPerDegree;
-constexpr std::size_t kMinTried = 64, kMaxTried = 1500;
+constexpr std::size_t kMaxTried = 1500;
 constexpr int kMaxAttempts = 4;
 
 struct Joint {
@@ -67,14 +67,6 @@ std::pair<std::size_t, std::size_t> combination(std::size_t number, std::size_t 
   return {i, i + 1 + (number - begin(i))};
 }
 
-/// How many combinations of two pairs must be tried so that one of them is sure to be of pairs that agree, if the share
-/// of those is at least `share`.
-std::size_t enough_tried(double share) {
-  constexpr double kLogDoubt = -21;  // one in 10^9
-  const double both = std::min(share * share, 0.99);
-  return both > 0 ? kMinTried + static_cast<std::size_t>(std::ceil(kLogDoubt / std::log1p(-both))) : kMaxTried;
-}
-
 Joint joint_of(const std::vector<RayPair>& pairs, double tolerance) {
   Joint best;
   const std::size_t n = pairs.size(), all = n * (n - 1) / 2;
@@ -84,7 +76,6 @@ Joint joint_of(const std::vector<RayPair>& pairs, double tolerance) {
   while (std::gcd(step, all) > 1) ++step;
   std::size_t number = 0;
   for (std::size_t tried = 0; tried < std::min(all, kMaxTried); ++tried, number = (number + step) % all) {
-    if (tried >= enough_tried(static_cast<double>(best.agreeing) / static_cast<double>(n))) break;
     const auto [i, j] = combination(number, n);
     const double apart_a = between(pairs[i].ray_a, pairs[j].ray_a), apart_b = between(pairs[i].ray_b, pairs[j].ray_b);
     const bool holds = std::min(apart_a, apart_b) > kMinBase && std::max(apart_a, apart_b) < std::numbers::pi - 0.1;
