@@ -72,11 +72,6 @@ double radius_at(const KannalaBrandtLens& lens, double angle) {
   return polynomial_value(kannala_brandt_polynomial(lens), angle);
 }
 
-const char* name_of(const TsaiLens&) { return "tsai"; }
-const char* name_of(const RectilinearLens&) { return "rectilinear"; }
-const char* name_of(const EquidistantLens&) { return "equidistant"; }
-const char* name_of(const KannalaBrandtLens&) { return "kannala_brandt"; }
-
 struct Point {
   double x, y;
 };
@@ -133,10 +128,6 @@ double farthest_radius(const Region& region, double x, double y, double aspect) 
   double farthest = 0;
   for (const Point p : boundary_points(region)) farthest = std::max(farthest, std::hypot(p.x - x, (p.y - y) / aspect));
   return farthest;
-}
-
-const char* lens_model_name(const LensModel& lens) {
-  return std::visit([](const auto& model) { return name_of(model); }, lens);
 }
 
 }  // namespace nodal

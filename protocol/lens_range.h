@@ -29,7 +29,4 @@ double lens_radius(const LensModel& lens, double angle);
 /// The largest radius, measured from (x, y) with the aspect divided out, of a point of the region.
 double farthest_radius(const Region& region, double x, double y, double aspect);
 
-/// The model's name in documents: "tsai", "rectilinear", "equidistant", "kannala_brandt".
-const char* lens_model_name(const LensModel& lens);
-
 }  // namespace nodal

@@ -30,7 +30,7 @@ struct ExposedFrame {
 /// A buffer's content.
 struct BufferContent {
   std::vector<std::uint8_t> bytes;
-  std::uint64_t holds = 0;         ///< what Sensor::render returned for `bytes`; 0: unknown
+  std::uint64_t holds = 0;         ///< by which Sensor::render knows the picture again; 0: unknown
   std::vector<std::uint8_t> jpeg;  ///< the encoded picture of a head that delivers MJPEG
 };
 

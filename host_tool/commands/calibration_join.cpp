@@ -35,7 +35,12 @@ Result<Calibration> joined(Console& console, const std::vector<std::string>& fil
       rig.heads.push_back(std::move(head));
       from.push_back(file);
     }
-    if (rig.distance == 0) rig.distance = one.distance;
+    if (&file != &files.front() && one.distance != rig.distance) {
+      return fail(Errc::kBadValue, fmt::format("{} is for things at {} m, and {} at {} m (`distance`; 0 m stands for "
+                                               "far away); give them one distance",
+                                               files.front(), rig.distance, file, one.distance));
+    }
+    rig.distance = one.distance;
   }
   rig.name = fmt::format("{} heads", rig.heads.size());
   rig.comment = "Lenses of single heads, joined.";
@@ -53,14 +58,14 @@ Status run_calibration_join(Context& context, const CalibrationJoinArgs& args) {
     names.push_back(head.name);
     list += (list.empty() ? "" : ", ") + head.name;
   }
-  const auto first = rig.heads.front().R_head_rig;
-  const bool one_way = std::ranges::all_of(rig.heads, [&](const HeadCalibration& h) { return h.R_head_rig == first; });
-  console.document({{"out", args.out}, {"heads", names}, {"directions", !one_way || rig.heads.size() == 1}});
+  // What one file says of directions has nothing to do with the other files.
+  const bool directions = args.files.size() == 1;
+  console.document({{"out", args.out}, {"heads", names}, {"directions", directions}});
   console.line(fmt::format("wrote {}: {} heads ({}), in the order of the files", args.out, rig.heads.size(), list));
-  if (one_way && rig.heads.size() > 1) {
+  if (!directions) {
     console.line(
-        fmt::format("all heads look the same way in it; their directions are found in pictures: nodal register "
-                    "{} PICTURES... -o registered.json",
+        fmt::format("how the heads of different files look to each other is not known; it is found in pictures: nodal "
+                    "register {} PICTURES... -o registered.json",
                     args.out));
   }
   return {};

@@ -17,6 +17,7 @@
 #include "host_tool/console/overwriting.h"
 #include "host_tool/input/picture_masks.h"
 #include "host_tool/input/project_pictures.h"
+#include "protocol/base/file_ending.h"
 #include "protocol/base/try.h"
 
 namespace nodal::host {
@@ -85,7 +86,7 @@ void add_output(const std::string& word, CommandRights& rights) {
 
 bool names_pictures(const std::string& file) {
   return std::ranges::any_of(std::array{".pto", ".pts", ".ptv", ".json", ".csv"},
-                             [&](const char* end) { return file.ends_with(end); });
+                             [&](const char* end) { return has_ending(file, end); });
 }
 
 void add_input(std::string word, CommandRights& rights) {

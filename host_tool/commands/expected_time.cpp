@@ -8,16 +8,19 @@
 namespace nodal::host {
 namespace {
 
-constexpr double kPerCalibrated = 6, kPerRegistered = 1.2;  // s
-constexpr double kPerMegapixel = 2.2;                       // s, of the sphere
-constexpr double kSerial = 0.4;                             // share of the work that one core does alone
-constexpr double kWorthSaying = 10;                         // s
+// Processor time, s:
+constexpr double kPerPicture = 0.5;           // each that is placed,
+constexpr double kPerPictureMegapixel = 0.7;  // the same, up to kLargestPicture
+constexpr double kPerMegapixel = 2.2;         // the sphere
+constexpr double kLargestPicture = 1.7;       // megapixels in which features are found
+constexpr double kSerial = 0.3;               // share of the work that one core does alone
+constexpr double kWorthSaying = 10;           // s
 
 }  // namespace
 
 std::string expected_time(const ExpectedWork& work, unsigned cores) {
-  const double processor = kPerCalibrated * static_cast<double>(work.calibrated) +
-                           kPerRegistered * static_cast<double>(work.registered) +
+  const double megapixels = std::min(work.picture_px / 1e6, kLargestPicture);
+  const double processor = static_cast<double>(work.placed) * (kPerPicture + kPerPictureMegapixel * megapixels) +
                            kPerMegapixel * work.blended_px / 1e6;
   const double seconds = processor * (kSerial + (1 - kSerial) / std::max(1U, cores));
   if (!(seconds > kWorthSaying)) return "";

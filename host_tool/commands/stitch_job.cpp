@@ -35,20 +35,13 @@ Status check_names(const std::string& out, const std::vector<std::vector<std::st
                                            out, sets.size()));
 }
 
-/// Size of the largest picture of a set, px; 0 if it cannot be read, which is an error later.
-double largest_px(const std::vector<HeadPicture>& set) {
-  double most = 0;
-  for (const HeadPicture& picture : set) {
-    if (picture.file().empty()) {
-      most = std::max(most, static_cast<double>(picture.pixels().width) * picture.pixels().height);
-      continue;
-    }
-    Result<media::PictureBytes> file = media::PictureBytes::open(picture.file());
-    if (!file) continue;
-    const Result<ImageHeader> header = read_picture_header(*file);
-    if (header) most = std::max(most, static_cast<double>(header->width) * header->height);
-  }
-  return most;
+/// Pixels of a picture; 0 if it cannot be read, which is an error later.
+double pixels_of(const HeadPicture& picture) {
+  if (picture.file().empty()) return static_cast<double>(picture.pixels().width) * picture.pixels().height;
+  Result<media::PictureBytes> file = media::PictureBytes::open(picture.file());
+  if (!file) return 0;
+  const Result<ImageHeader> header = read_picture_header(*file);
+  return header ? static_cast<double>(header->width) * header->height : 0;
 }
 
 void say_time(Console& console, const ExpectedWork& work) {
@@ -63,12 +56,13 @@ Status calibrate(Console& console, StitchJob& job, Progress& bar) {
   const std::vector<std::vector<std::string>> files = rig.files();
   NODAL_TRY(check_names(job.args.out, files));
   for (const char* ending : {".rig.json", ".report.html"}) NODAL_TRY(check_free(beside(job.args.out, ending)));
-  constexpr double kSpherePerPicture = 0.65;  // pixels of spheres for each pixel of pictures that overlap
-  const double width = job.args.width;
-  const double sphere = width > 0
-                            ? width * width / 2
-                            : kSpherePerPicture * static_cast<double>(rig.heads.size()) * largest_px(rig.sets.front());
-  say_time(console, {.calibrated = rig.heads.size(), .blended_px = sphere * static_cast<double>(rig.sets.size())});
+  constexpr double kSpherePerPicture = 0.5;  // pixels of spheres for each pixel of pictures that overlap
+  const double width = job.args.width, picture_px = pixels_of(rig.sets.front().front());
+  const double sphere =
+      width > 0 ? width * width / 2 : kSpherePerPicture * static_cast<double>(rig.heads.size()) * picture_px;
+  say_time(console, {.placed = rig.heads.size(),
+                     .picture_px = picture_px,
+                     .blended_px = sphere * static_cast<double>(rig.sets.size())});
   // Matching takes about as long as the registration.
   const auto show = [&](double from, double done, const std::string& what) {
     bar.update(static_cast<std::uint64_t>(kCalibrated * (from + done / 2)), what);

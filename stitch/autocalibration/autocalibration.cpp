@@ -18,6 +18,7 @@
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/geometry/turned_rig.h"
+#include "stitch/parallel/part_of.h"
 #include "stitch/parallel/workers.h"
 
 namespace nodal::autocalibration {
@@ -214,12 +215,12 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
   for (std::size_t n = 0; n < std::min(count, options.focal_px.size()); ++n) shapes[n].focal_px = options.focal_px[n];
   for (std::size_t n = 0; n < std::min(count, options.masks.size()); ++n) shapes[n].masks = options.masks[n];
   tell(0.05);
-  Sight sight = see(pictures, shapes, workers, [&](double done) { tell(0.05 + 0.65 * done); });
+  Sight sight = see(pictures, shapes, workers, parallel::part_of(options.progress, 0.05, 0.65));
   tell(0.7);
   const Overlaps overlaps(shapes, small);
   const Repetition repetition = sight.repetition;
-  const auto arranging = [&](double done) { tell(0.7 + 0.2 * done); };
-  Result<Arrangement> arrangement = arranged(shapes, sight, overlaps, options.threads, Overlap::kWide, arranging);
+  Result<Arrangement> arrangement =
+      arranged(shapes, sight, overlaps, options.threads, Overlap::kWide, parallel::part_of(options.progress, 0.7, 0.2));
   const bool fisheyes = shapes.front().circle.has_value();  // if one has a circle, all have
   if (!arrangement && fisheyes && !repetition.prevails()) {
     // Overlaps may be so thin that hardly any of these features are in them.

@@ -225,7 +225,7 @@ BundleFit Bundle::run(BundleState start) {
   for (int round = 0; round < kRounds; ++round) {  // each one holds its weights
     const double noise = noise_, limit = limit_;
     reweigh(fit.state);
-    // Matches that are left out once stay out, so equal weights give equal steps.
+    // With the same weights, another round would hardly move.
     if (limit - limit_ < kSettledNoise * limit && std::abs(noise_ - noise) < kSettledNoise * noise) break;
     auto end = solve::descend(
         fit.state, [this](const BundleState& state) { return evaluate(state); },

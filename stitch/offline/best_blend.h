@@ -28,8 +28,8 @@ class SightGrid;
 /// place is clearly better.
 ///
 /// Threading: thread-bound; starts its own threads and waits for them.
-/// Memory: about 60 bytes a pixel of the sphere, or of its part that heads see, and the pictures, 1.3 times; before
-/// that, up to 25 MB a thread for flows.
+/// Memory: about 60 bytes a pixel of the sphere, or of its part that heads see, up to 15 MB a head for where it is
+/// sampled, and the pictures, 1.3 times; before that, up to 25 MB a thread for flows.
 /// Ownership: does not refer to the calibration after make().
 class BestBlend {
  public:

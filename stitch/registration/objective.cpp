@@ -81,10 +81,6 @@ Eigen::MatrixXd Normal::hessian(int a, int b, Curvature curvature) const {
   return stored.transpose();
 }
 
-Eigen::Map<const Eigen::VectorXd> Normal::gradient_of(int head) const {
-  return {gradient.data() + head * slots, slots};
-}
-
 void Normal::add(const Normal& other) {
   cost += other.cost;
   measure += other.measure;

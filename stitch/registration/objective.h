@@ -46,7 +46,6 @@ struct Normal {
   double* common_block(int head);
   /// The second derivative by a slot of head a and a slot of head b, in either order.
   Eigen::MatrixXd hessian(int a, int b, Curvature curvature) const;
-  Eigen::Map<const Eigen::VectorXd> gradient_of(int head) const;
   void add(const Normal& other);
 };
 

@@ -196,6 +196,16 @@ TEST_F(CalibrationCommands, Join_HasTheHeadsOfAllFilesInTheirOrder) {
   ASSERT_EQ(rig.heads.size(), 2U);
   EXPECT_EQ(rig.heads[0], alone(1, "b").heads[0]);
   EXPECT_EQ(rig.heads[1], alone(0, "a").heads[0]);
+  // Directions of two rigs have nothing to do with each other, also if each file has some.
+  Calibration turned = alone(0, "a"), far = alone(2, "c");
+  turned.heads[0].R_head_rig = {0, 0, 1, 0, 1, 0, -1, 0, 0};
+  const Outcome mixed({"calibration", "join", write_rig("turned.json", turned), b, "-o", path("mixed.json"), "--json"});
+  EXPECT_NE(mixed.out.find("\"directions\":false"), std::string::npos) << mixed.out;
+  far.distance = 3;
+  far.heads[0].position = {0.1, 0, 0};
+  const Outcome apart({"calibration", "join", a, write_rig("far.json", far), "-o", path("apart.json")});
+  EXPECT_NE(apart.code, ExitCode::kOk);
+  EXPECT_NE(apart.err.find("give them one distance"), std::string::npos) << apart.err;
   const Outcome refused({"calibration", "join", a, same, "-o", path("no.json")});
   EXPECT_NE(refused.code, ExitCode::kOk);
   EXPECT_NE(refused.err.find("both have a head 'a'"), std::string::npos) << refused.err;
