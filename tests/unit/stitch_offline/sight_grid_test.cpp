@@ -64,12 +64,28 @@ TEST(SightGrid, AFisheyeAtTheHorizonAndAtThePole_IsSeenWhereItIsAndIsMostlyInter
   }
 }
 
-TEST(SightGrid, AMaskSmallerThanACell_HidesItsPixels) {
+TEST(SightGrid, MasksSmallerThanCells_HideTheirPixels) {
+  // At 16 places, so that some are between the points at which cells are looked at.
   HeadCalibration head = fisheye(false);
-  head.region.masks = {{{320, 320}, {323, 320}, {323, 323}, {320, 323}}};
+  for (int k = 0; k < 16; ++k) {
+    const double x = 200 + 67.3 * (k % 4), y = 200 + 61.7 * (k / 4), side = 1.5;
+    head.region.masks.push_back({{x, y}, {x + side, y}, {x + side, y + side}, {x, y + side}});
+  }
   const HeadView view = view_of(head);
   const SightGrid sights(view, as_it_is, kGrid, view.window(kGrid), parallel::Workers(1));
   EXPECT_EQ(compare(view, as_it_is, sights).differ, 0);
+}
+
+/// Waves as short as a few cells.
+Eigen::Vector3d rippled(const Eigen::Vector3d& ray) {
+  return (ray + Eigen::Vector3d(0, 0.0175 * std::sin(150 * ray.x()), 0)).normalized();
+}
+
+TEST(SightGrid, RaysThatMoveMoreThanCellsShow_AreNotInterpolated) {
+  const HeadView head = view_of(fisheye(false));
+  const SightGrid sights(head, rippled, kGrid, head.window(kGrid), parallel::Workers(2));
+  // Interpolated, they would be off by half of what they move, which is 3 px.
+  EXPECT_LT(compare(head, rippled, sights).farthest_px, 0.3);
 }
 
 TEST(SightGrid, AWindowAcrossTheGridsEdge_ShowsWhatTheWholeGridShows) {
