@@ -1,0 +1,42 @@
+// Recordings of one event by heads whose clocks differ, computed from functions of true time.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <random>
+#include <vector>
+
+namespace nodal::timing::recordings {
+
+/// A head's clock: true time = offset + (1 + ppm / 1e6) * head time.
+struct Clock {
+  double offset = 0;  ///< s
+  double ppm = 0;
+  double true_time(double head) const { return offset + (1 + ppm * 1e-6) * head; }
+  double head_time(double truth) const { return (truth - offset) / (1 + ppm * 1e-6); }
+};
+
+/// The lag from a to b at a's time `at`, and its rate.
+double true_lag(const Clock& a, const Clock& b, double at);
+double true_rate(const Clock& a, const Clock& b);
+
+/// Sound in true time, -1 .. 1: values at 40 kHz from `start` on, read between them by a long windowed sinc of its own.
+struct Sound {
+  double start = 0;
+  std::vector<double> samples{};
+  double value(double time) const;
+};
+inline constexpr double kSoundRate = 40000;
+
+/// Speech-like sound: noise below 4.5 kHz, louder and quieter several times a second.
+Sound speech(double start, double seconds, std::uint32_t seed);
+/// The same second over and over.
+Sound loop_of(double start, double seconds, double period, std::uint32_t seed);
+/// 50 Hz and its harmonics.
+Sound hum(double start, double seconds);
+
+/// What a head records of `sound` by its own clock in seconds 0 .. `seconds`, with white noise of its own.
+std::vector<double> recorded(const Sound& sound, const Clock& clock, double rate, double seconds, double noise,
+                             std::uint32_t seed);
+
+}  // namespace nodal::timing::recordings
