@@ -19,9 +19,9 @@ constexpr double kFirstChunk = 3;  // s; at 300 ppm its lag changes by 0.9 ms
 constexpr int kFirstChunks = 16, kMaxChunks = 60;
 constexpr double kMinChunk = 3, kMaxChunk = 20;  // s
 constexpr double kSigmas = 7;                    // a peak that chance does not make in 10^5 lags
-constexpr double kSecondPeak = 0.8;              // of the first: ambiguous
+constexpr double kSecondPeak = 0.8;              // share of the first: ambiguous
 constexpr double kPeakWidth = 3e-3;              // s; closer peaks are echoes and side lobes of one
-constexpr double kFirstTolerance = 2e-3, kTolerance = 0.3e-3, kLeastScatter = 0.3e-6;  // s
+constexpr double kFirstTolerance = 2e-3, kTolerance = 0.3e-3, kMinScatter = 0.3e-6;  // s
 constexpr int kMargin = 40;  // samples to each side of the line that are searched: 4 ms
 constexpr double kMinShareOnLine = 0.7;
 
@@ -181,7 +181,7 @@ Result<Lag> sound_lag(const SoundTrack& a, const SoundTrack& b, const Search& se
       const double at = begin + (end - begin - seconds) * i / (chunks - 1);
       if (const auto point = chunk_lag(a, b, line, at, seconds, sinc)) points.push_back(*point);
     }
-    const auto fine = robust_line(points, {.tolerance = kTolerance, .least_scatter = kLeastScatter});
+    const auto fine = robust_line(points, {.tolerance = kTolerance, .least_scatter = kMinScatter});
     if (!fine) return undetermined("the two sounds have too little in common");
     if (fine->used < kMinShareOnLine * static_cast<double>(points.size())) {
       return undetermined("the lags of the sound are not on one line: a film was paused, or its sound was cut");

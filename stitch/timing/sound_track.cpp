@@ -1,5 +1,7 @@
 #include "stitch/timing/sound_track.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -25,8 +27,9 @@ constexpr double kSilent = 1e-4;  // root mean square in the band: -80 dB
 
 Result<SoundReducer> SoundReducer::make(int rate) {
   if (rate < kMinRate || rate > kMaxRate) {
-    return fail(Errc::kBadValue, "sound with " + std::to_string(rate) +
-                                     " samples a second cannot be used for times; decode it with 11025 to 384000");
+    return fail(
+        Errc::kBadValue,
+        fmt::format("sound with {} samples a second cannot be used for times; decode it with 11025 to 384000", rate));
   }
   return SoundReducer(rate);
 }
@@ -57,7 +60,7 @@ void SoundReducer::add(std::span<const double> samples) {
 
 void SoundReducer::resample() {
   for (;;) {
-    const std::int64_t place = static_cast<std::int64_t>(band_.size()) * rate_;  // in samples / kBandRate
+    const std::int64_t place = static_cast<std::int64_t>(band_.size()) * rate_;  // samples / kBandRate
     const std::int64_t whole = place / kBandRate;
     const std::int64_t phase = place % kBandRate * phases_ / kBandRate;
     const std::int64_t first = whole - (half_ - 1) - old_start_;

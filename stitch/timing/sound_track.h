@@ -1,4 +1,5 @@
-// The sound of one head, reduced to what lags are measured with: 300 to 4000 Hz, all frequencies and moments equally loud.
+// The sound of one head, reduced to what lags are measured with: 300 to 4000 Hz, all frequencies and moments equally
+// loud.
 #pragma once
 
 #include <cstdint>
@@ -48,8 +49,9 @@ class SoundReducer {
   std::vector<float> band_;
 };
 
-/// Makes all frequencies from 300 to 4000 Hz equally loud, and all moments, by dividing the spectra of overlapping frames
-/// of 0.4 s by their magnitude: the phase transform (PHAT) of both sides of a correlation. Frames below -80 dB are 0.
+/// Makes all frequencies from 300 to 4000 Hz equally loud, and all moments, by dividing the spectra of overlapping
+/// frames, 0.4 s each, by their magnitude: the phase transform (PHAT) of both sides of a correlation. Frames below
+/// -80 dB are 0.
 void whiten(std::vector<float>& band);
 
 }  // namespace nodal::timing
