@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <unsupported/Eigen/FFT>
 #include <utility>
 
@@ -51,7 +52,10 @@ std::vector<double> Fourier::inverse(const std::vector<std::complex<double>>& sp
 std::vector<double> correlate(std::span<const double> a, std::span<const double> b) {
   if (a.empty() || a.size() > b.size()) return {};
   // A circular correlation of b's length is right wherever `a` does not reach over the end.
-  Fourier fourier(quick_length(b.size()));
+  const std::size_t length = quick_length(b.size());
+  thread_local std::optional<Fourier> kept;  // its tables take longer than a transform
+  if (!kept || kept->length() != length) kept.emplace(length);
+  Fourier& fourier = *kept;
   const auto spectrum_a = fourier.forward(a);
   auto product = fourier.forward(b);
   for (std::size_t i = 0; i < product.size(); ++i) product[i] *= std::conj(spectrum_a[i]);

@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "stitch/timing/fourier.h"
+#include "stitch/timing/peak.h"
 #include "stitch/timing/robust_line.h"
 #include "stitch/timing/sinc.h"
 
@@ -39,46 +42,14 @@ bool is_silent(const std::vector<double>& samples) {
   return 2 * static_cast<std::size_t>(zeros) > samples.size();
 }
 
-/// The place of the largest magnitude near `k`, in samples, by a parabola through values an eighth of a sample apart.
-double refined_peak(const std::vector<double>& values, std::size_t k, const SincTable& sinc) {
-  const double step = 1.0 / 8;
-  const double sign = values[k] < 0 ? -1 : 1;
-  const auto value = [&](double place) { return sign * sinc.value(values, place); };
-  double best = static_cast<double>(k);
-  for (int i = -8; i <= 8; ++i) {
-    const double place = static_cast<double>(k) + i * step;
-    if (value(place) > value(best)) best = place;
-  }
-  const double left = value(best - step), here = value(best), right = value(best + step);
-  const double curve = left - 2 * here + right;
-  return curve < 0 ? best + step * std::clamp(0.5 * (left - right) / curve, -1.0, 1.0) : best;
+/// A microphone may be wired the other way round: the values, so that the largest magnitude is positive.
+std::vector<double> upright(std::vector<double> values) {
+  const auto [low, high] = std::ranges::minmax(values);
+  if (-low > high) std::ranges::transform(values, values.begin(), std::negate<>());
+  return values;
 }
 
-struct Peak {
-  std::size_t at = 0;
-  double size = 0;
-  double second = 0;  ///< the largest outside kPeakWidth
-};
-
-Peak highest(const std::vector<double>& values) {
-  Peak peak;
-  for (std::size_t k = 0; k < values.size(); ++k) {
-    if (std::abs(values[k]) > peak.size) peak = {k, std::abs(values[k])};
-  }
-  const auto width = static_cast<std::size_t>(kPeakWidth * kBandRate);
-  for (std::size_t k = 0; k < values.size(); ++k) {
-    if (k + width < peak.at || k > peak.at + width) peak.second = std::max(peak.second, std::abs(values[k]));
-  }
-  return peak;
-}
-
-/// Standard deviation that chance gives the values, from their median.
-double chance_of(std::vector<double> values) {
-  for (double& x : values) x = std::abs(x);
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return 1.4826 * *middle;
-}
+constexpr auto kPeakPlaces = static_cast<std::size_t>(kPeakWidth * kBandRate);
 
 /// What the first chunks gave.
 struct FirstLags {
@@ -99,8 +70,8 @@ FirstLags first_lags(const SoundTrack& a, const SoundTrack& b, double from, doub
       ++found.silent;
       continue;
     }
-    const auto likeness = correlation_coefficients(chunk, other);
-    const Peak peak = highest(likeness);
+    const auto likeness = upright(correlation_coefficients(chunk, other));
+    const Peak peak = highest_peak(likeness, kPeakPlaces);
     const double chance = std::max(chance_of(likeness), 1 / std::sqrt(2 * kBandwidthHz * kFirstChunk));
     if (peak.size < kSigmas * chance) ++found.unlike;
     else if (peak.second > kSecondPeak * peak.size) ++found.ambiguous;
@@ -136,7 +107,8 @@ std::optional<LagPoint> chunk_lag(const SoundTrack& a, const SoundTrack& b, cons
     for (std::size_t i = 0; i < chunk.size(); ++i) sum += chunk[i] * other[i + k];
     likeness[k] = sum / std::sqrt(norm_a * norm_b);
   }
-  const Peak peak = highest(likeness);
+  likeness = upright(std::move(likeness));
+  const Peak peak = highest_peak(likeness, kPeakPlaces);
   const double chance = 1 / std::sqrt(2 * kBandwidthHz * seconds);
   if (peak.size < kSigmas * chance || peak.at < 2 || peak.at + 3 > likeness.size()) return std::nullopt;
   const double middle = begin + seconds / 2;
@@ -145,13 +117,12 @@ std::optional<LagPoint> chunk_lag(const SoundTrack& a, const SoundTrack& b, cons
   return LagPoint{middle, line.value(middle) + beside * (1 + line.rate)};
 }
 
-tl::unexpected<Error> undetermined(std::string why) { return fail(Errc::kNotDetermined, std::move(why)); }
-
 tl::unexpected<Error> why_not(const FirstLags& first) {
   const int heard = first.ambiguous + first.unlike + static_cast<int>(first.points.size());
-  if (heard < 3) return undetermined("the sound is silent");
-  if (first.ambiguous > first.unlike) return undetermined("the sound repeats (music, hum), so several lags fit it");
-  return undetermined("the two sounds have too little in common");
+  if (heard < 3) return fail(Errc::kNotDetermined, "the sound is silent");
+  if (first.ambiguous > first.unlike)
+    return fail(Errc::kNotDetermined, "the sound repeats (music, hum), so several lags fit it");
+  return fail(Errc::kNotDetermined, "the two sounds have too little in common");
 }
 
 }  // namespace
@@ -160,12 +131,13 @@ Result<Lag> sound_lag(const SoundTrack& a, const SoundTrack& b, const Search& se
   const double from = std::max(a.start, b.start - search.expected - search.reach);
   const double to = std::min(a.end(), b.end() - search.expected + search.reach);
   const std::string shortness = "the films overlap by less than 9 s, too little for their sound";
-  if (to - from < kMinOverlap) return undetermined(shortness);
+  if (to - from < kMinOverlap) return fail(Errc::kNotDetermined, shortness);
   const FirstLags first = first_lags(a, b, from, to, search);
   const auto coarse = robust_line(first.points, {.tolerance = kFirstTolerance, .least_scatter = 0.3e-3});
   if (!coarse || first.ambiguous > static_cast<int>(first.points.size())) return why_not(first);
   if (coarse->used < kMinShareOnLine * static_cast<double>(first.points.size())) {
-    return undetermined("the lags of the sound are not on one line: a film was paused, or its sound was cut");
+    return fail(Errc::kNotDetermined,
+                "the lags of the sound are not on one line: a film was paused, or its sound was cut");
   }
 
   const SincTable sinc;
@@ -173,7 +145,7 @@ Result<Lag> sound_lag(const SoundTrack& a, const SoundTrack& b, const Search& se
   for (int pass = 0; pass < 2; ++pass) {
     const double begin = std::max(a.start, b.start - line.lag) + 0.05,
                  end = std::min(a.end(), b.end() - line.lag) - 0.05;
-    if (end - begin < kMinOverlap) return undetermined(shortness);
+    if (end - begin < kMinOverlap) return fail(Errc::kNotDetermined, shortness);
     const double seconds = std::clamp((end - begin) / 10, kMinChunk, kMaxChunk);
     const int chunks = std::clamp(static_cast<int>((end - begin) / seconds), 2, kMaxChunks);
     std::vector<LagPoint> points;
@@ -182,9 +154,10 @@ Result<Lag> sound_lag(const SoundTrack& a, const SoundTrack& b, const Search& se
       if (const auto point = chunk_lag(a, b, line, at, seconds, sinc)) points.push_back(*point);
     }
     const auto fine = robust_line(points, {.tolerance = kTolerance, .least_scatter = kMinScatter});
-    if (!fine) return undetermined("the two sounds have too little in common");
+    if (!fine) return fail(Errc::kNotDetermined, "the two sounds have too little in common");
     if (fine->used < kMinShareOnLine * static_cast<double>(points.size())) {
-      return undetermined("the lags of the sound are not on one line: a film was paused, or its sound was cut");
+      return fail(Errc::kNotDetermined,
+                  "the lags of the sound are not on one line: a film was paused, or its sound was cut");
     }
     // Within a chunk, an error of the line's rate smears the peak.
     const bool smeared = std::abs(fine->rate - line.rate) * seconds > 0.05e-3;

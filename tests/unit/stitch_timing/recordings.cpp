@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <random>
 
 namespace nodal::timing::recordings {
 namespace {
@@ -87,6 +88,40 @@ std::vector<double> recorded(const Sound& sound, const Clock& clock, double rate
     samples[i] = sound.value(clock.true_time(static_cast<double>(i) / rate)) + normal(random);
   }
   return samples;
+}
+
+Shake::Shake(std::uint32_t seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> phase(0, 2 * kPi), share(0, 1);
+  for (int axis = 0; axis < 3; ++axis) {
+    for (int k = 0; k < 10; ++k) {
+      const double hertz = 0.3 * std::pow(20.0, share(random));
+      waves_.push_back({axis, hertz, 0.4 * share(random) / std::sqrt(hertz), phase(random)});
+    }
+  }
+}
+
+Shake Shake::swing(double hertz) {
+  Shake shake;
+  shake.waves_ = {{0, hertz, 0.5, 0}, {1, hertz, 0.2, 1}};
+  return shake;
+}
+
+double Shake::speed(double time) const {
+  double rate[3] = {0, 0, 0};
+  for (const Wave& wave : waves_) rate[wave.axis] += wave.size * std::sin(2 * kPi * wave.hertz * time + wave.phase);
+  return std::sqrt(rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2]);
+}
+
+Rotation turned(const Shake& shake, const Clock& clock, double rate, double seconds, double noise, std::uint32_t seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal(0, noise);
+  Rotation rotation;
+  for (int i = 0; i < static_cast<int>(rate * seconds); ++i) {
+    rotation.times.push_back(i / rate);
+    rotation.speeds.push_back(std::abs(shake.speed(clock.true_time(i / rate)) + normal(random)));
+  }
+  return rotation;
 }
 
 }  // namespace nodal::timing::recordings

@@ -2,9 +2,9 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
-#include <random>
 #include <vector>
+
+#include "stitch/timing/rotation_lag.h"
 
 namespace nodal::timing::recordings {
 
@@ -38,5 +38,27 @@ Sound hum(double start, double seconds);
 /// What a head records of `sound` by its own clock in seconds 0 .. `seconds`, with white noise of its own.
 std::vector<double> recorded(const Sound& sound, const Clock& clock, double rate, double seconds, double noise,
                              std::uint32_t seed);
+
+/// A rig's rotation about three axes, a sum of waves from 0.3 to 6 Hz with amplitudes of a hand's shake.
+class Shake {
+ public:
+  explicit Shake(std::uint32_t seed);
+  static Shake still() { return Shake(); }
+  /// Two axes swing with this frequency.
+  static Shake swing(double hertz);
+  /// rad/s at a true time.
+  double speed(double time) const;
+
+ private:
+  struct Wave {
+    int axis;
+    double hertz, size, phase;
+  };
+  Shake() = default;
+  std::vector<Wave> waves_{};
+};
+
+/// The speed that a head measures `rate` times a second by its own clock, with noise, rad/s.
+Rotation turned(const Shake& shake, const Clock& clock, double rate, double seconds, double noise, std::uint32_t seed);
 
 }  // namespace nodal::timing::recordings

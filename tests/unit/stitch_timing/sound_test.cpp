@@ -116,6 +116,15 @@ TEST(SoundLag, SpeechUnderHumThatIsLouder_LagIsTrue) {
   EXPECT_NEAR(lag->value(20), true_lag(pair.a, pair.b, 20), 0.1e-3);
 }
 
+TEST(SoundLag, MicrophoneWiredTheOtherWayRound_LagIsTrue) {
+  const auto sound = recordings::speech(-5, 40, 14);
+  auto b = recordings::recorded(sound, {0.5, 0}, 16000, 20, 0.02, 2);
+  for (double& x : b) x = -x;
+  const auto lag = sound_lag(track(recordings::recorded(sound, {}, 16000, 20, 0.02, 1), 16000), track(b, 16000), {});
+  ASSERT_TRUE(lag) << lag.error().text();
+  EXPECT_NEAR(lag->value(10), -0.5, 0.05e-3);
+}
+
 TEST(SoundLag, FilmPausedInTheMiddle_IsRefused) {
   const auto sound = recordings::speech(-5, 60, 12);
   const auto a = recordings::recorded(sound, {}, 16000, 40, 0.02, 1);
