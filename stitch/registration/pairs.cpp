@@ -5,9 +5,11 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
+#include <optional>
 #include <span>
 #include <tuple>
 
@@ -16,6 +18,7 @@
 #include "stitch/geometry/head.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/registration/descent.h"
+#include "stitch/registration/pair_errors.h"
 #include "stitch/registration/pair_start.h"
 #include "stitch/solve/levenberg_marquardt.h"
 #include "stitch/solve/robust.h"
@@ -32,7 +35,6 @@ constexpr double kDamping = 1e-9;                         // the start is close,
 constexpr double kMinOutlier = 0.05 / kDegreesPerRadian;  // pairs set by hand are not more accurate than this
 // Relative error of a prior's focal length; determines focal lengths that the pairs do not.
 constexpr double kFocalSigma = 0.05;
-constexpr double kFocalStep = 1e-5;
 constexpr double kMaxRms = 2 / kDegreesPerRadian;
 
 /// The estimated parameters of the heads.
@@ -52,14 +54,12 @@ class Bundle {
  private:
   Status start();
   Status adjust();
-  Result<Vector3d> ray(std::size_t head, geometry::Pixel pixel, double log_focal) const;
-  Result<Vector3d> ray(const Stand& stand, std::size_t head, geometry::Pixel pixel) const {
-    return ray(head, pixel, stand.log_focal[head]);
-  }
+  Result<Lenses> lenses_of(const Stand& stand) const { return make_lenses(prior_, stand.log_focal, focals_); }
   bool joined(const PointPair& pair) const { return placed_[pair.head_a] && placed_[pair.head_b]; }
   Result<std::vector<double>> errors(const Stand& stand) const;
   double scale_of(std::vector<double> errors) const;
-  Status add_pair(const Stand& stand, const PointPair& pair, double weight, solve::NormalEquations& sum) const;
+  bool add_end(const Stand& stand, const Lenses& lenses, const PairEnd& from, const PairEnd& to, double weight,
+               solve::NormalEquations& sum) const;
   Status reweigh(const Stand& stand);
   solve::Evaluation evaluate(const Stand& stand) const;
   Stand moved(const Stand& from, const Eigen::VectorXd& step) const;
@@ -71,6 +71,7 @@ class Bundle {
   const std::vector<PointPair>& pairs_;
   bool focals_;
   Stand stand_;
+  std::vector<std::array<PairEnd, 2>> ends_;  // those of the pairs
   std::vector<bool> placed_, used_;
   std::vector<double> weights_;  // one per pair
   std::vector<int> columns_;     // column of each head's turn; its focal length follows; -1: fixed
@@ -80,41 +81,34 @@ class Bundle {
   double noise_ = 0;  // rad, a pair
 };
 
-Result<Vector3d> Bundle::ray(std::size_t head, geometry::Pixel pixel, double log_focal) const {
-  HeadCalibration own = prior_.heads[head];
-  own.R_head_rig = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-  if (log_focal != 0) own.lens = changed_lens(own.lens, log_focal, {}, 1, 1);
-  const Result<geometry::Lens> lens = geometry::Lens::make(own.lens, log_focal == 0 ? own.max_angle : 0);
-  if (!lens) return fail(lens.error().in("head '" + own.name + "'"));
-  const double x = pixel.x - own.center_x, y = (pixel.y - own.center_y) / own.aspect, r = std::hypot(x, y);
-  const std::optional<double> angle = lens->angle(r);
-  if (!angle) {
-    return fail(
-        Errc::kBadValue,
-        fmt::format("head '{}': its lens does not reach the point ({:f}, {:f}); take the point out, or check the lens",
-                    own.name, pixel.x, pixel.y));
-  }
-  const double s = r > 0 ? std::sin(*angle) / r : 0;
-  return Vector3d(s * x, s * y, std::cos(*angle));
-}
-
 Status Bundle::start() {
+  std::vector<Matrix3d>& R = stand_.R_head_rig;
+  for (const HeadCalibration& head : prior_.heads) R.push_back(geometry::matrix_of(head.R_head_rig));
+  stand_.log_focal.assign(R.size(), 0.0);
+  NODAL_TRY_ASSIGN(const Lenses lenses, lenses_of(stand_));
   std::vector<RayPair> rays;
   first_ = -1;
   for (const PointPair& pair : pairs_) {
     if (std::max(pair.head_a, pair.head_b) >= prior_.heads.size() || pair.head_a == pair.head_b) {
       return fail(Errc::kBadValue, "a point pair must join two different heads of the calibration");
     }
-    const PointPair way =
-        pair.head_a < pair.head_b ? pair : PointPair{pair.head_b, pair.pixel_b, pair.head_a, pair.pixel_a};
-    const Result<Vector3d> a = ray(way.head_a, way.pixel_a, 0), b = ray(way.head_b, way.pixel_b, 0);
-    if (!a) return fail(a.error());
-    if (!b) return fail(b.error());
-    rays.push_back({way.head_a, way.head_b, *a, *b});
+    ends_.push_back({PairEnd{pair.head_a, pair.pixel_a, 0}, PairEnd{pair.head_b, pair.pixel_b, 0}});
+    std::array<Vector3d, 2> of_ends;
+    for (std::size_t k = 0; k < 2; ++k) {
+      PairEnd& end = ends_.back()[k];
+      const std::optional<geometry::Ray> ray = lenses[end.head].at.unproject(end.pixel);
+      if (!ray) {
+        return fail(Errc::kBadValue,
+                    fmt::format("head '{}': its lens does not reach the point ({:f}, {:f}); take the point out, or "
+                                "check the lens",
+                                prior_.heads[end.head].name, end.pixel.x, end.pixel.y));
+      }
+      of_ends[k] = ray->direction();
+      end.pixels_per_radian = std::sqrt(lenses[end.head].at.density(end.pixel));
+    }
+    const std::size_t low = pair.head_a < pair.head_b ? 0 : 1;
+    rays.push_back({ends_.back()[low].head, ends_.back()[1 - low].head, of_ends[low], of_ends[1 - low]});
   }
-  std::vector<Matrix3d>& R = stand_.R_head_rig;
-  for (const HeadCalibration& head : prior_.heads) R.push_back(geometry::matrix_of(head.R_head_rig));
-  stand_.log_focal.assign(R.size(), 0.0);
   // The largest group of connected heads is placed; its first head keeps its rotation.
   std::vector<std::optional<Matrix3d>> found;
   std::ptrdiff_t most = 1;
@@ -141,14 +135,15 @@ Status Bundle::start() {
   return {};
 }
 
+// Infinite for a point that the other head's lens does not reach.
 Result<std::vector<double>> Bundle::errors(const Stand& stand) const {
+  NODAL_TRY_ASSIGN(const Lenses lenses, lenses_of(stand));
   std::vector<double> all;
-  for (const PointPair& pair : pairs_) {
-    const Result<Vector3d> a = ray(stand, pair.head_a, pair.pixel_a), b = ray(stand, pair.head_b, pair.pixel_b);
-    if (!a) return fail(a.error());
-    if (!b) return fail(b.error());
-    const auto& R = stand.R_head_rig;
-    all.push_back((R[pair.head_a].transpose() * *a - R[pair.head_b].transpose() * *b).norm());
+  for (const auto& [a, b] : ends_) {
+    const std::optional<SeenEnd> in_a = seen_in(stand.R_head_rig, lenses, b, a),
+                                 in_b = seen_in(stand.R_head_rig, lenses, a, b);
+    all.push_back(in_a && in_b ? std::sqrt((in_a->error.squaredNorm() + in_b->error.squaredNorm()) / 2)
+                               : std::numeric_limits<double>::infinity());
   }
   return all;
 }
@@ -163,32 +158,25 @@ double Bundle::scale_of(std::vector<double> errors) const {
   return std::max(kSigmaPerMedianOfTwo * solve::median(joined_ones), 1e-9);
 }
 
-Status Bundle::add_pair(const Stand& stand, const PointPair& pair, double weight, solve::NormalEquations& sum) const {
-  using Rows = Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>;
-  Rows J = Rows::Zero(3, count_);
-  Vector3d error = Vector3d::Zero();
-  const auto add = [&](std::size_t head, geometry::Pixel pixel, double sign) -> Status {
-    NODAL_TRY_ASSIGN(const Vector3d r, ray(stand, head, pixel));
-    const Matrix3d back = stand.R_head_rig[head].transpose();
-    error += sign * (back * r);
+// Adds the error of a pair in the picture of its head `to`.
+bool Bundle::add_end(const Stand& stand, const Lenses& lenses, const PairEnd& from, const PairEnd& to, double weight,
+                     solve::NormalEquations& sum) const {
+  const std::optional<SeenEnd> seen = seen_in(stand.R_head_rig, lenses, from, to);
+  if (!seen) return false;
+  Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor> J =
+      Eigen::Matrix<double, 2, Eigen::Dynamic, Eigen::RowMajor>::Zero(2, count_);
+  const auto put = [&](std::size_t head, const Eigen::Matrix<double, 2, 3>& by_turn, const Eigen::Vector2d& by_focal) {
     int column = column_of(head);
     if (static_cast<int>(head) != first_) {
-      // If the head turns by w, its ray r is at R^T (r - w x r) = R^T r + R^T (r x w) in the rig.
-      Matrix3d cross;
-      cross << 0, -r.z(), r.y(), r.z(), 0, -r.x(), -r.y(), r.x(), 0;
-      J.block<3, 3>(0, column) += sign * (back * cross);
+      J.block<2, 3>(0, column) = by_turn;
       column += 3;
     }
-    if (!focals_) return {};
-    const Result<Vector3d> above = ray(head, pixel, stand.log_focal[head] + kFocalStep);
-    const Result<Vector3d> below = ray(head, pixel, stand.log_focal[head] - kFocalStep);
-    if (above && below) J.col(column) += sign * (back * (*above - *below)) / (2 * kFocalStep);
-    return {};
+    if (focals_) J.col(column) = by_focal;
   };
-  NODAL_TRY(add(pair.head_a, pair.pixel_a, 1));
-  NODAL_TRY(add(pair.head_b, pair.pixel_b, -1));
-  for (Eigen::Index k = 0; k < 3; ++k) sum.add(J.row(k).data(), error[k], weight);
-  return {};
+  put(from.head, seen->by_turn_from, seen->by_focal_from);
+  put(to.head, seen->by_turn_to, seen->by_focal_to);
+  for (Eigen::Index k = 0; k < 2; ++k) sum.add(J.row(k).data(), seen->error[k], weight);
+  return true;
 }
 
 // Finds the outliers for the current rotations, and the weights of the other pairs.
@@ -206,8 +194,14 @@ Status Bundle::reweigh(const Stand& stand) {
 
 solve::Evaluation Bundle::evaluate(const Stand& stand) const {
   solve::Evaluation sum{solve::NormalEquations(count_)};
+  const Result<Lenses> lenses = lenses_of(stand);
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
-    if (used_[p] && !add_pair(stand, pairs_[p], weights_[p], sum.equations)) {
+    if (!used_[p]) continue;
+    const auto& [a, b] = ends_[p];
+    // The two errors of a pair are of the same noise, so each has half of its weight.
+    const double half = weights_[p] / 2;
+    if (!lenses || !add_end(stand, *lenses, a, b, half, sum.equations) ||
+        !add_end(stand, *lenses, b, a, half, sum.equations)) {
       sum.cost = solve::kImpossible;
       return sum;
     }

@@ -121,7 +121,7 @@ TEST(FlightRecord, WhenTheDiskStallsForLong_EndsAndNoLaterTakeHasOne) {
   const Played played = play(*stand.takes->read("000001/flight", 1 << 26));
   ASSERT_TRUE(played.result) << played.result.error().text();
   EXPECT_FALSE(*played.result) << (*played.result)->text();
-  EXPECT_EQ(played.ended, "events were lost, because the disk was too slow");
+  EXPECT_EQ(played.ended, "events were lost: they came faster than the disk stored them");
   start_take(host);
   stand.run(Duration::seconds(1));
   EXPECT_NE(host.status().recording().problem().find("no flight record"), std::string::npos)

@@ -143,12 +143,12 @@ double log_light(const LightModel& model, const Observation& o) {
          std::log(std::max(fall_off(model.vignetting[h], o.s), kMinFall)) - std::log(2.0) * o.stops;
 }
 
-/// The curve with unknowns x: gamma alone, or c2, c3, c4 of a polynomial (the coefficients sum to one).
+/// The curve with unknowns x: 1 / gamma alone, or c2, c3, c4 of a polynomial (the coefficients sum to one).
 Response curve_of(const Eigen::VectorXd& x) {
   Response response;
   if (x.size() == 1) {
     response.curve = Response::Curve::kGamma;
-    response.gamma = x[0];
+    response.gamma = 1 / x[0];
   } else {
     response.curve = Response::Curve::kPolynomial;
     response.coefficients = {1 - x.sum(), x[0], x[1], x[2]};
@@ -161,12 +161,14 @@ bool rises(const Eigen::VectorXd& x) {
   return x.allFinite() && geometry::RisingPolynomial(curve_of(x).coefficients, 1.0).max_x() >= 1.0;
 }
 
+/// A gamma curve is fitted to logarithms of values, whose noise does not depend on gamma. Fitted to those of light, noise
+/// would be multiplied by gamma, and the fit would prefer small ones.
 Linear curve_line(const Eigen::VectorXd& x, const Observation& o) {
   Linear line;
   const double e = o.value;
   if (x.size() == 1) {
-    line.log_light = x[0] * std::log(e) - std::log(2.0) * o.stops;
-    line.add(0, std::log(e));
+    line.log_light = std::log(e) - x[0] * std::log(2.0) * o.stops;
+    line.add(0, -std::log(2.0) * o.stops);
     return line;
   }
   double light = e;
@@ -232,12 +234,13 @@ Disagreement disagreement(const LightGroups& groups, const LightModel& model) {
 }
 
 ResponseFit fit_response(const LightGroups& same_places) {
-  const CurveFit gamma = descend_curve(same_places, Eigen::VectorXd::Constant(1, 2.0));
+  const CurveFit power = descend_curve(same_places, Eigen::VectorXd::Constant(1, 0.5));
   const CurveFit polynomial = descend_curve(same_places, Eigen::Vector3d(0.8, 0.05, 0.05));
-  const bool bend = polynomial.rms < kClearly * gamma.rms;
+  const double gamma = 1 / power.x[0];
+  const bool bend = polynomial.rms < kClearly * gamma * power.rms;
   ResponseFit fit;
-  fit.response = curve_of(bend ? polynomial.x : gamma.x);
-  fit.sigma_gamma = bend ? 0 : gamma.sigma;
+  fit.response = curve_of(bend ? polynomial.x : power.x);
+  fit.sigma_gamma = bend ? 0 : power.sigma * gamma * gamma;
   LightModel model;
   model.response.assign(kMaxCalibratedHeads, fit.response);
   model.log_gain.resize(kMaxCalibratedHeads);

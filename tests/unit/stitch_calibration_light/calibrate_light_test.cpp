@@ -37,12 +37,12 @@ Calibration geometry_of(Calibration rig) {
   return rig;
 }
 
-test::RenderedRig film(Calibration rig, double stops) {
+test::RenderedRig film(Calibration rig, double stops, double noise_levels = 1.5, std::uint64_t seed = 9) {
   for (HeadCalibration& head : rig.heads) {
     for (double& gain : head.gain) gain *= std::exp2(stops - 1);  // the town square by day is bright
   }
   return test::render_rig(rig, hal::sim::town_square_scene(4),
-                          {.format = PixelFormat::kRgb24, .noise_levels = 1.5, .seed = 9});
+                          {.format = PixelFormat::kRgb24, .noise_levels = noise_levels, .seed = seed});
 }
 
 double fall_off(const HeadCalibration& head, double px) {
@@ -83,6 +83,16 @@ TEST(CalibrateLight, ThreeKnownExposures_GainsFallOffAndResponseComeBack) {
   EXPECT_LT(found->after_stops, 0.1);
   EXPECT_GT(found->before_stops, 2 * found->after_stops);
   EXPECT_TRUE(found->notes.empty()) << found->notes[0];
+}
+
+// A fit of light instead of values multiplies noise by gamma, prefers small ones, and was 0.023 off here.
+TEST(CalibrateLight, NoisyPicturesOfNearlyTheSameExposure_GammaIsNotDrawnDown) {
+  const Calibration truth = lit_rig();
+  const auto dark = film(truth, -0.3, 8, 1000), bright = film(truth, 0.3, 8, 1017);
+  const auto found =
+      calibrate_light(geometry_of(truth), {{"dark", dark.frames(), -0.3}, {"bright", bright.frames(), 0.3}}, {});
+  ASSERT_TRUE(found) << found.error().text();
+  for (const HeadCalibration& head : found->calibration.heads) EXPECT_NEAR(head.response.gamma, 2.2, 0.005);
 }
 
 TEST(CalibrateLight, ResponseKnown_OneSetGivesGainsAndFallOff) {

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "stitch/geometry/head.h"
+#include "stitch/geometry/rotation.h"
 #include "stitch/registration/pair_start.h"
 #include "tests/support/rendered_rig.h"
 
@@ -138,6 +139,32 @@ TEST(Pairs, FocalsTwoPercentOff_AreFoundWhenAskedFor) {
     EXPECT_NEAR(found / std::get<EquidistantLens>(truth.heads[h].lens).coefficients[0], 1, 2e-4);
   }
   EXPECT_LT(test::rotation_error(truth, fit->calibration).rms_deg, 0.01);
+}
+
+// An estimate from noisy points is drawn towards longer focal lengths if the errors are angles: a longer lens makes all
+// angles smaller. Three heads side by side, whose pairs alone determine the focal lengths.
+TEST(Pairs, FocalsOfNoisyPairsInThinOverlaps_AreOnAverageTheTrueOnes) {
+  Calibration truth = test::six_fisheyes(400);
+  truth.heads.resize(3);
+  for (std::size_t h = 0; h < 3; ++h) {
+    truth.heads[h].lens = RectilinearLens{{300}};
+    truth.heads[h].max_angle = 1.2;
+    truth.heads[h].region.circle.reset();
+    const Eigen::Matrix3d R = geometry::rotation_about(Eigen::Vector3d(0, -0.95 * (static_cast<double>(h) - 1), 0));
+    truth.heads[h].R_head_rig = geometry::rows_of(R);
+  }
+  double sum = 0, squares = 0;
+  constexpr int kTrials = 60;
+  for (std::uint64_t seed = 1; seed <= kTrials; ++seed) {
+    const Result<PairFit> fit = fit_to_pairs(truth, pairs_of(truth, 1200, 2, seed), Free::kFocals);
+    ASSERT_TRUE(fit) << fit.error().text();
+    double mean = 0;
+    for (std::size_t h = 0; h < 3; ++h) mean += fit->heads[h].focal_change_percent / 3;
+    sum += mean / kTrials;
+    squares += mean * mean / kTrials;
+  }
+  const double sigma = std::sqrt((squares - sum * sum) / kTrials);
+  EXPECT_LT(std::abs(sum), 3 * sigma);
 }
 
 TEST(Pairs, AHeadThatNoPairJoins_IsNamedAndKept) {
