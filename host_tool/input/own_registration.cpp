@@ -1,6 +1,7 @@
 // Registration of pictures whose first calibration is from their points.
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "host_tool/input/own_pictures.h"
@@ -17,6 +18,8 @@ using registration::Report;
 // Of the raymap that differences are summed on, px:
 constexpr int kTriedWidth = 768;     // used for light, and to find out what the pictures determine
 constexpr int kRefinedWidth = 2048;  // used for the result
+// A start that is right may have a slightly smaller objective, at the width of trials, than what follows from it.
+constexpr double kTriedSlack = 1.1;
 
 /// Every head's pixel aspect plus `by`.
 Calibration with_aspect(Calibration rig, double by) {
@@ -56,8 +59,8 @@ class Attempts {
                      registration::LitFrames::of(from, {rig_.frames(rig_.match->set)}, registration::Colour::kRgb, 0));
     return run(from, lit, free, true, kRefinedWidth, 1 - begun_, "registering the colours");
   }
-  bool better(const Result<Report>& other, const Report& than) const {
-    return good(other) && other->objective_after < than.objective_after;
+  bool better(const Result<Report>& other, const Report& than, double slack = 1) const {
+    return good(other) && other->objective_after < slack * than.objective_after;
   }
   Report with_best_model(Report best);
   Report with_best_aspect(Report best, Free free);
@@ -76,7 +79,10 @@ class Attempts {
     options.search = false;
     options.diagnose = false;  // the points agree, so the pictures are the right way round
     options.width = width;
-    options.progress = [&](const registration::Step&, double done) { progress_(begun_ + share * done, what); };
+    options.progress = [&](const registration::Step&, double done) {
+      furthest_ = std::max(furthest_, begun_ + share * done);
+      progress_(furthest_, what);
+    };
     Result<Report> report = registration::register_heads(from, lit, options);
     begun_ += share;
     return report;
@@ -86,7 +92,7 @@ class Attempts {
   const registration::LitFrames& lit_;
   std::vector<double> points_;  ///< errors with the first calibration
   const OwnProgress& progress_;
-  double begun_ = 0;
+  double begun_ = 0, furthest_ = 0;
 };
 
 // Registration does not change the lenses' model. Which one fits them is seen in the finest detail only.
@@ -122,20 +128,30 @@ Result<Report> refined(const RigPictures& rig, const OwnProgress& progress) {
   Attempts attempts(rig, lit, std::move(points), progress);
   NODAL_TRY_ASSIGN(Report light, attempts.light());
   const bool anamorphic = rig.calibration.heads.front().aspect != 1;
+  std::optional<Report> best;
+  Free chosen = Free::kLens;
   for (const Free free : {Free::kLens, Free::kFocals, Free::kRotations}) {
     if (!rig.match->lens.mostly && free != Free::kRotations) continue;
-    const Result<Report> tried = attempts.tried(free);
-    if (!attempts.better(tried, light)) continue;
+    Result<Report> tried = attempts.tried(free);
+    if (!attempts.better(tried, light, kTriedSlack)) continue;
+    const bool sure = attempts.better(tried, light);
     Result<Report> fine = attempts.fine(tried->calibration, free);
-    if (!attempts.good(fine)) return tried;
-    Report best = std::move(*fine);
-    if (free == Free::kLens) best = attempts.with_best_model(std::move(best));
-    if (anamorphic) best = attempts.with_best_aspect(std::move(best), free);
-    Result<Report> colour = attempts.in_colour(best.calibration, free);
-    if (attempts.good(colour)) best = std::move(*colour);
-    return best;
+    if (attempts.good(fine)) {
+      if (!best || fine->objective_after < best->objective_after) {
+        best = std::move(*fine);
+        chosen = free;
+      }
+    } else if (sure && !best) {
+      return tried;
+    }
+    if (sure) break;
   }
-  return light;
+  if (!best) return light;
+  if (chosen == Free::kLens) best = attempts.with_best_model(std::move(*best));
+  if (anamorphic) best = attempts.with_best_aspect(std::move(*best), chosen);
+  Result<Report> colour = attempts.in_colour(best->calibration, chosen);
+  if (attempts.good(colour)) best = std::move(*colour);
+  return std::move(*best);
 }
 
 }  // namespace nodal::host

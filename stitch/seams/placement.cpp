@@ -12,11 +12,14 @@ namespace nodal::seams {
 namespace {
 
 using bands::Layer;
+using bands::Window;
 
 constexpr int kMaxRounds = 4;       ///< all heads, in turn; the cost rarely falls after the second round
 constexpr double kUnit = 1.0 / 64;  ///< levels per unit of the integer costs
 /// Between two pixels that no two heads see both, levels.
 constexpr double kUnknown = 40;
+constexpr int kCoarsest = 256;  ///< columns of the map on which seams are placed anywhere
+constexpr int kBand = 8;        ///< pixels by which a finer map moves the seams of a coarser one
 
 /// Costs of labels on the map.
 class Costs {
@@ -116,18 +119,42 @@ void for_neighbours(bands::Grid grid, const Visit& visit) {
   }
 }
 
-/// Lets pixels go over to `alpha` where that lowers the cost. Returns how many did.
+/// Marks the pixels that are at most kBand columns and rows from a change of the label.
+std::vector<bool> around_seams(bands::Grid grid, const Labels& labels) {
+  std::vector<bool> marked(labels.size());
+  const auto mark = [&](int x, int y) {
+    for (int j = std::max(0, y - kBand); j <= std::min(grid.height - 1, y + kBand); ++j) {
+      for (int i = -kBand; i <= kBand; ++i) {
+        const int column = (x + i + grid.width) % grid.width;
+        marked[static_cast<std::size_t>(j) * static_cast<std::size_t>(grid.width) + static_cast<std::size_t>(column)] =
+            true;
+      }
+    }
+  };
+  for_neighbours(grid, [&](int x, int y, int x2, int y2) {
+    const auto at = [&](int column, int row) {
+      return labels[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.width) +
+                    static_cast<std::size_t>(column)];
+    };
+    if (at(x, y) != at(x2, y2)) mark(x, y);
+  });
+  return marked;
+}
+
+/// Lets pixels that are marked (all if `movable` is empty) go over to `alpha` where that lowers the cost. Returns how
+/// many did.
 ///
 /// The source's side keeps its head. For two neighbours that may both go over, with costs A (both keep), B (only the
 /// second goes) and C (only the first goes), the graph has C - A and -C on the terminals and B + C - A on the edge
 /// (Kolmogorov and Zabih, PAMI 2004).
-std::size_t expand(const Costs& costs, std::uint8_t alpha, Labels& labels) {
+std::size_t expand(const Costs& costs, std::uint8_t alpha, const std::vector<bool>& movable, Labels& labels) {
   const bands::Grid grid = costs.grid();
   std::vector<std::int32_t> nodes(labels.size(), -1);
   std::int32_t count = 0;
   for (int y = 0; y < grid.height; ++y) {
     for (int x = 0; x < grid.width; ++x) {
       const std::size_t p = costs.index(x, y);
+      if (!movable.empty() && !movable[p]) continue;
       if (labels[p] != kNobody && labels[p] != alpha && costs.seen(alpha, x, y)) nodes[p] = count++;
     }
   }
@@ -181,17 +208,73 @@ double cost_of(const Costs& costs, const Labels& labels) {
   return sum;
 }
 
+/// The view on half as many columns and rows: means of the pixels that the head sees.
+Layer halved(const Layer& view) {
+  const Window from = view.window();
+  const bands::Grid grid{view.grid().width / 2, view.grid().height / 2};
+  Window window{from.x / 2, from.y / 2, 0, 0};
+  if (from.width > 0 && from.height > 0) {
+    window.width = std::min(grid.width, (from.x + from.width - 1) / 2 - window.x + 1);
+    window.height = (from.y + from.height - 1) / 2 - window.y + 1;
+  }
+  Layer half(grid, window, view.channels());
+  const int score = view.channels() - 1;
+  for (int j = 0; j < window.height; ++j) {
+    for (int i = 0; i < window.width; ++i) {
+      float* pixel = half.at(i, j);
+      float count = 0;
+      for (int k = 0; k < 4; ++k) {
+        const int x = (2 * (window.x + i) + k % 2) % view.grid().width, y = 2 * (window.y + j) + k / 2;
+        const float* fine = view.find(x, y);
+        if (fine == nullptr || !(fine[score] > 0)) continue;
+        for (int c = 0; c <= score; ++c) pixel[c] += fine[c];
+        ++count;
+      }
+      for (int c = 0; c <= score && count > 0; ++c) pixel[c] /= count;
+    }
+  }
+  return half;
+}
+
+/// Labels of a map of half the size, on the map of `costs`; where their head does not see a pixel, the best head's.
+Labels doubled(const Costs& costs, std::size_t heads, const Labels& half) {
+  const bands::Grid grid = costs.grid();
+  Labels labels = first_labels(costs, heads, {});
+  for (int y = 0; y < grid.height; ++y) {
+    for (int x = 0; x < grid.width; ++x) {
+      const std::size_t at = static_cast<std::size_t>(y / 2) * static_cast<std::size_t>(grid.width / 2);
+      const std::uint8_t label = half[at + static_cast<std::size_t>(x / 2)];
+      if (label != kNobody && costs.seen(label, x, y)) labels[costs.index(x, y)] = label;
+    }
+  }
+  return labels;
+}
+
+/// Labels without a set before: on a coarse map anywhere, then on finer ones near the coarser map's seams.
+Labels start_coarse(std::span<const Layer> views, const PlacementOptions& options) {
+  std::vector<Layer> half;
+  for (const Layer& view : views) half.push_back(halved(view));
+  // A pixel has four times the area there, but a seam's pixel only twice the length.
+  PlacementOptions coarse = options;
+  coarse.score *= 2;
+  return place_seams(half, {}, coarse);
+}
+
 }  // namespace
 
 Labels place_seams(std::span<const Layer> views, const Labels& previous, const PlacementOptions& options) {
   const Costs costs(views, previous, options);
-  Labels labels = first_labels(costs, views.size(), previous);
+  const bands::Grid grid = costs.grid();
+  const bool fine = previous.empty() && grid.width >= 2 * kCoarsest && grid.width % 2 == 0 && grid.height % 2 == 0;
+  Labels labels =
+      fine ? doubled(costs, views.size(), start_coarse(views, options)) : first_labels(costs, views.size(), previous);
+  const std::vector<bool> movable = fine ? around_seams(grid, labels) : std::vector<bool>();
   double least = cost_of(costs, labels);
   for (int round = 0; round < kMaxRounds; ++round) {
     std::size_t changed = 0;
     for (std::size_t alpha = 0; alpha < views.size(); ++alpha) {
       Labels tried = labels;
-      if (expand(costs, static_cast<std::uint8_t>(alpha), tried) == 0) continue;
+      if (expand(costs, static_cast<std::uint8_t>(alpha), movable, tried) == 0) continue;
       const double cost = cost_of(costs, tried);
       if (cost >= least) continue;
       changed = 1;

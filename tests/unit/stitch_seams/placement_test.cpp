@@ -106,6 +106,44 @@ TEST(Placement, NoLabelOfAnyPixelCouldBeBetter) {
   }
 }
 
+// On a map that is large enough for a coarse start. Starting from the best head everywhere as the set before, without a
+// cost of changes, places the seams anywhere on the whole map.
+TEST(Placement, LargeMap_SeamsFromACoarseStartCostAsLittleAsThoseOfTheWholeMap) {
+  constexpr Grid kLarge{512, 256};
+  const auto wide = [&](int head, int x) {
+    Layer made(kLarge, {x, 0, 320, kLarge.height}, 2);
+    for (int j = 0; j < kLarge.height; ++j) {
+      for (int i = 0; i < 320; ++i) {
+        // What every head sees, and something else for each, in waves of some pixels.
+        const double own = std::sin(0.11 * (i + x) * (head + 1)) * std::sin(0.07 * j * (head + 2));
+        made.at(i, j)[kGrey] = static_cast<float>(120 + 60 * std::max(0.0, own));
+        made.at(i, j)[kScore] = 1 - std::abs(2 * (static_cast<float>(i) + 0.5F) / 320 - 1);
+      }
+    }
+    return made;
+  };
+  const std::vector<Layer> views{wide(0, 0), wide(1, 170), wide(2, 340)};
+  PlacementOptions free;
+  free.change = 0;
+  Labels best(static_cast<std::size_t>(kLarge.width * kLarge.height), kNobody);
+  for (int y = 0; y < kLarge.height; ++y) {
+    for (int x = 0; x < kLarge.width; ++x) {
+      float most = 0;
+      for (std::size_t h = 0; h < views.size(); ++h) {
+        const float* pixel = views[h].find(x, y);
+        if (pixel == nullptr || pixel[kScore] <= most) continue;
+        most = pixel[kScore];
+        best[static_cast<std::size_t>(y * kLarge.width + x)] = static_cast<std::uint8_t>(h);
+      }
+    }
+  }
+  const double whole = cost_of(views, place_seams(views, best, free));
+  const double start = cost_of(views, best);
+  const double coarse = cost_of(views, place_seams(views, {}));
+  EXPECT_LT(whole, 0.2 * start) << "or the test says nothing";
+  EXPECT_LT(coarse, 1.06 * whole);
+}
+
 TEST(Placement, NoiseThatChanges_SeamsStay) {
   std::mt19937 random(5);
   std::normal_distribution<float> noise(0, 2);
