@@ -94,7 +94,7 @@ std::vector<std::uint8_t> FlightLog::end() {
   if (!std::exchange(in_take_, false)) return {};
   take::flight::Record last;
   const bool behind = next_ < dropped_;
-  last.mutable_end()->set_reason(overrun_ || behind            ? "events were lost: they came faster than the disk stored them"
+  last.mutable_end()->set_reason(overrun_ || behind ? "events were lost: they came faster than the disk stored them"
                                  : in_take_bytes_ > kMaxInTake ? "it has the largest size that it may have"
                                                                : "the take ended");
   if (dropped_ > 0) {

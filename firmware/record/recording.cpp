@@ -26,7 +26,8 @@ Recording::Recording(const Parts& parts, const Order& order, std::unique_ptr<Tak
     report.problem = fmt::format(
         "take {} has no flight record, which must begin with nodald's start: {}; start nodald again before a take",
         number(),
-        parts_.flight->overrun() ? "events were lost: they came faster than the disk stored them" : "nodald runs for too long");
+        parts_.flight->overrun() ? "events were lost: they came faster than the disk stored them"
+                                 : "nodald runs for too long");
   }
   const bool pushed =
       parts_.recorder.orders().push({RecordOrder::Kind::kBegin, number(), order_.raymaps, order_.still});
