@@ -53,7 +53,8 @@ std::optional<SeenEnd> seen_in(const std::vector<Matrix3d>& R_head_rig, const Le
   const Eigen::Matrix<double, 2, 3> by_direction = at->J / to.pixels_per_radian;
   SeenEnd seen;
   seen.error = Eigen::Vector2d(at->pixel.x - to.pixel.x, at->pixel.y - to.pixel.y) / to.pixels_per_radian;
-  // If the head `from` turns by w, its ray r is that of r - w x r = r + r x w before; a turn of `to` adds w x direction.
+  // If the head `from` turns by w, its ray r is that of r - w x r = r + r x w before; a turn of `to` adds w x
+  // direction.
   seen.by_turn_from = by_direction * R_to_from * cross(from_ray->direction());
   seen.by_turn_to = -by_direction * cross(direction);
   if (!source.above || !target.above) return seen;

@@ -33,10 +33,9 @@ struct PlacementOptions {
 /// between the two heads' pictures (Kwatra et al., "Graphcut Textures", 2003), per length on the sphere.
 ///
 /// views: one for each head, on one grid; the last channel is the head's score, > 0 where it sees a pixel, the others
-///   are colours (levels). At most 255.
-/// previous: the labels of the set before, or empty.
-/// Without a set before, seams are first placed on a map of about 256 columns, and then moved by a few pixels on maps of
-/// twice the size: a minimum cut of wide overlaps of large maps takes many seconds.
+/// are colours (levels). At most 255. previous: the labels of the set before, or empty. Without a set before, seams are
+/// first placed on a map of about 256 columns, and then moved by a few pixels on maps of twice the size: a minimum cut
+/// of wide overlaps of large maps takes many seconds.
 /// Memory: 200 bytes a pixel of the map.
 Labels place_seams(std::span<const bands::Layer> views, const Labels& previous, const PlacementOptions& options = {});
 

@@ -161,8 +161,8 @@ bool rises(const Eigen::VectorXd& x) {
   return x.allFinite() && geometry::RisingPolynomial(curve_of(x).coefficients, 1.0).max_x() >= 1.0;
 }
 
-/// A gamma curve is fitted to logarithms of values, whose noise does not depend on gamma. Fitted to those of light, noise
-/// would be multiplied by gamma, and the fit would prefer small ones.
+/// A gamma curve is fitted to logarithms of values, whose noise does not depend on gamma. Fitted to those of light,
+/// noise would be multiplied by gamma, and the fit would prefer small ones.
 Linear curve_line(const Eigen::VectorXd& x, const Observation& o) {
   Linear line;
   const double e = o.value;
