@@ -124,4 +124,27 @@ Rotation turned(const Shake& shake, const Clock& clock, double rate, double seco
   return rotation;
 }
 
+Brightness filmed(const std::vector<double>& flashes, const Clock& clock, const Camera& camera, double seconds,
+                  std::uint32_t seed) {
+  constexpr int kSteps = 20;  // rows of the sensor in a band
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal(0, 0.3);
+  Brightness film{{}, camera.rows, camera.readout, {}};
+  for (int n = 0; n < static_cast<int>(seconds * camera.rate); ++n) {
+    film.times.push_back(n / camera.rate);
+    for (int r = 0; r < camera.rows; ++r) {
+      double lit = 0;
+      for (int k = 0; k < kSteps; ++k) {
+        const double begin = film.times.back() + camera.readout * (r + (k + 0.5) / kSteps) / camera.rows;
+        for (const double flash : flashes) {
+          const double at = clock.head_time(flash);
+          lit += (at >= begin && at < begin + camera.exposure ? 1.0 : 0.0) / kSteps;
+        }
+      }
+      film.luma.push_back(80 + 20 * std::sin(0.1 * r) + 40 * lit + normal(random));
+    }
+  }
+  return film;
+}
+
 }  // namespace nodal::timing::recordings

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "stitch/timing/flash_lag.h"
 #include "stitch/timing/rotation_lag.h"
 
 namespace nodal::timing::recordings {
@@ -60,5 +61,16 @@ class Shake {
 
 /// The speed that a head measures `rate` times a second by its own clock, with noise, rad/s.
 Rotation turned(const Shake& shake, const Clock& clock, double rate, double seconds, double noise, std::uint32_t seed);
+
+struct Camera {
+  double rate = 30;        ///< frames a second
+  int rows = 60;           ///< bands whose brightness is known
+  double readout = 0.016;  ///< s
+  double exposure = 0.03;  ///< one row's, s
+};
+
+/// The brightness of a film, with noise, in which short flashes happen at true times.
+Brightness filmed(const std::vector<double>& flashes, const Clock& clock, const Camera& camera, double seconds,
+                  std::uint32_t seed);
 
 }  // namespace nodal::timing::recordings
