@@ -14,7 +14,6 @@
 #include "host_tool/output/layout_name.h"
 #include "host_tool/report/registration_report.h"
 #include "protocol/base/try.h"
-#include "stitch/media/picture_bytes.h"
 #include "stitch/offline/best_blend.h"
 #include "stitch/offline/offline_blend.h"
 
@@ -36,11 +35,8 @@ Status check_names(const std::string& out, const std::vector<std::vector<std::st
 }
 
 /// Pixels of a picture; 0 if it cannot be read, which is an error later.
-double pixels_of(const HeadPicture& picture) {
-  if (picture.file().empty()) return static_cast<double>(picture.pixels().width) * picture.pixels().height;
-  Result<media::PictureBytes> file = media::PictureBytes::open(picture.file());
-  if (!file) return 0;
-  const Result<ImageHeader> header = read_picture_header(*file);
+double pixels_of(HeadPicture& picture) {
+  const Result<ImageHeader> header = picture.header();
   return header ? static_cast<double>(header->width) * header->height : 0;
 }
 

@@ -161,7 +161,9 @@ Result<RigPictures> own_pictures(const std::vector<std::string>& given, const Sp
   NODAL_TRY_ASSIGN(const std::vector<std::string> arguments, without_masks(given));
   if (arguments.empty()) return fail(Errc::kMissingField, "no pictures; give two or more that overlap");
   if (arguments.size() == 1 && is_take(arguments.front())) return take_pictures(arguments.front(), 1);
-  if (are_films(arguments)) {
+  OpenPictures opened;
+  const bool picture = !is_folder(arguments.front()) && opened.header_of(arguments.front());
+  if (!picture && are_films(arguments)) {
     RigPictures own;
     own.origin = RigPictures::Origin::kPictures;
     own.heads = head_names(arguments);
@@ -186,7 +188,6 @@ Result<RigPictures> own_pictures(const std::vector<std::string>& given, const Sp
   RigPictures own;
   own.origin = RigPictures::Origin::kPictures;
   std::vector<std::string> files;
-  OpenPictures opened;
   for (const std::string& argument : arguments) {
     if (!is_folder(argument)) {
       NODAL_TRY_ASSIGN(const ImageHeader header, opened.header_of(argument));

@@ -38,6 +38,7 @@ bool same_bytes(const std::string& a, const std::string& b) {
 }  // namespace
 
 Result<ImageHeader> OpenPictures::header_of(const std::string& file) {
+  if (const auto found = files_.find(file); found != files_.end()) return read_picture_header(*found->second);
   NODAL_TRY_ASSIGN(media::PictureBytes bytes, media::PictureBytes::open(file));
   NODAL_TRY_ASSIGN(ImageHeader header, read_picture_header(bytes));
   if (files_.size() < kMaxOpen) files_.emplace(file, std::make_shared<media::PictureBytes>(std::move(bytes)));

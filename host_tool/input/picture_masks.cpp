@@ -201,13 +201,13 @@ Result<std::vector<std::string>> without_masks(const std::vector<std::string>& a
   return pictures;
 }
 
-Result<std::vector<HeadMask>> find_masks(const std::vector<std::vector<HeadPicture>>& sets,
+Result<std::vector<HeadMask>> find_masks(std::vector<std::vector<HeadPicture>>& sets,
                                          const std::vector<std::string>& heads, std::size_t alpha_set) {
   std::vector<HeadMask> masks;
   for (std::size_t h = 0; h < heads.size(); ++h) {
     Hidden hidden(heads[h]);
     for (std::size_t set = 0; set < sets.size(); ++set) {
-      const HeadPicture& picture = sets[set][h];
+      HeadPicture& picture = sets[set][h];
       if (picture.file().empty()) continue;
       const std::string file = mask_file_of(picture.file());
       if (is_there(file)) {
@@ -215,7 +215,7 @@ Result<std::vector<HeadMask>> find_masks(const std::vector<std::vector<HeadPictu
         NODAL_TRY(hidden.add(picture.own_part(mask), file_name(file)));
       }
       if (set != alpha_set) continue;
-      NODAL_TRY_ASSIGN(const auto opacity, read_opacity(picture.file()));
+      NODAL_TRY_ASSIGN(const auto opacity, picture.opacity());
       if (!opacity) continue;
       NODAL_TRY(hidden.add(picture.own_part(*opacity), "the alpha channel of " + file_name(picture.file())));
     }

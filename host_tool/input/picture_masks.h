@@ -30,7 +30,7 @@ struct HeadMask {
 /// picture's Exif says that it is turned by 90, 180 or 270 degrees, the mask is turned with it.
 /// Errors: those of reading the files; kHeadMismatch for a mask of another size; kBadValue for masks that hide all of a
 ///   head; kTooLarge for masks that polygons of a calibration cannot follow; each names the file and what to do.
-Result<std::vector<HeadMask>> find_masks(const std::vector<std::vector<HeadPicture>>& sets,
+Result<std::vector<HeadMask>> find_masks(std::vector<std::vector<HeadPicture>>& sets,
                                          const std::vector<std::string>& heads, std::size_t alpha_set);
 
 /// One sentence of what is hidden in which head; empty if nothing is.

@@ -77,6 +77,10 @@ Result<DecodedImage> picture_of(std::span<const std::uint8_t> bytes, const std::
 
 Result<std::optional<DecodedImage>> read_opacity(const std::string& file) {
   NODAL_TRY_ASSIGN(media::PictureBytes bytes, media::PictureBytes::open(file));
+  return read_opacity(bytes);
+}
+
+Result<std::optional<DecodedImage>> read_opacity(media::PictureBytes& bytes) {
   const bool tiff = media::is_tiff(bytes);
   if (!tiff) {
     NODAL_TRY_ASSIGN(const ImageHeader header, read_picture_header(bytes));
@@ -114,15 +118,32 @@ DecodedImage HeadPicture::own_part(const DecodedImage& whole) const {
   return split_.count() > 1 ? part_of(whole, split_, part_) : whole;
 }
 
+Result<std::shared_ptr<media::PictureBytes>> HeadPicture::open() const {
+  if (opened_) return opened_;
+  NODAL_TRY_ASSIGN(media::PictureBytes opened, media::PictureBytes::open(file_));
+  return std::make_shared<media::PictureBytes>(std::move(opened));
+}
+
+Result<ImageHeader> HeadPicture::header() {
+  if (pixels_) return ImageHeader{.width = pixels_->width, .height = pixels_->height, .natural = pixels_->format};
+  NODAL_TRY_ASSIGN(opened_, open());
+  return read_picture_header(*opened_);
+}
+
+Result<std::optional<DecodedImage>> HeadPicture::opacity() {
+  if (opaque_ || file_.empty()) return std::nullopt;
+  const bool decoded = pixels_.has_value();
+  NODAL_TRY_ASSIGN(const std::shared_ptr<media::PictureBytes> bytes, open());
+  if (!decoded) opened_ = bytes;
+  return read_opacity(*bytes);
+}
+
 Status HeadPicture::decode(bool of_linear_head) {
   const bool same = !says_linear_ || of_linear_head == of_linear_head_;
   if (pixels_ && (same || file_.empty())) return {};
   pixels_.reset();
-  std::shared_ptr<media::PictureBytes> bytes = std::exchange(opened_, nullptr);
-  if (!bytes) {
-    NODAL_TRY_ASSIGN(media::PictureBytes opened, media::PictureBytes::open(file_));
-    bytes = std::make_shared<media::PictureBytes>(std::move(opened));
-  }
+  NODAL_TRY_ASSIGN(std::shared_ptr<media::PictureBytes> bytes, open());
+  opened_ = nullptr;
   const bool coded = media::is_heif_or_webp(*bytes);
   if (!coded && !media::is_tiff(*bytes)) {
     NODAL_TRY_ASSIGN(const auto start, bytes->first(media::kExifBytes));
@@ -130,6 +151,8 @@ Status HeadPicture::decode(bool of_linear_head) {
     focal_35mm_ = exif.focal_35mm;
     orientation_ = exif.orientation;
   }
+  NODAL_TRY_ASSIGN(const ImageHeader header, read_picture_header(*bytes));
+  opaque_ = !media::is_tiff(*bytes) && !header.meaning.alpha;
   NODAL_TRY_ASSIGN(DecodedImage stored, decode_as_stored(*bytes));
   if (coded) {
     const media::Exif exif = media::exif_of(stored.metadata);

@@ -31,6 +31,7 @@ Result<DecodedImage> read_deep_picture(const std::string& file);
 /// How opaque a file's pixels are, GREY; nothing if it has no alpha channel, or if all of them are opaque.
 /// Errors: those of the readers.
 Result<std::optional<DecodedImage>> read_opacity(const std::string& file);
+Result<std::optional<DecodedImage>> read_opacity(media::PictureBytes& file);
 
 /// Size and natural format of an open file, without decoding it.
 Result<ImageHeader> read_picture_header(media::PictureBytes& file);
@@ -62,6 +63,13 @@ class HeadPicture {
   /// calls proportional to light stay so with `of_linear_head`. Nothing is done if the pixels are there.
   /// Errors: those of read_picture().
   Status decode(bool of_linear_head);
+  /// Size and natural format; a file stays open until decode().
+  /// Errors: those of read_picture_header().
+  Result<ImageHeader> header();
+  /// How opaque the whole file's pixels are, as read_opacity() says it. The file stays open until decode(); after it,
+  /// only a file that may have an alpha channel is opened again.
+  /// Errors: those of read_opacity().
+  Result<std::optional<DecodedImage>> opacity();
   /// After decode().
   const DecodedImage& pixels() const { return *pixels_; }
   /// What the camera says of its lens and attitude (media::Exif). After decode().
@@ -75,6 +83,8 @@ class HeadPicture {
   void release();
 
  private:
+  Result<std::shared_ptr<media::PictureBytes>> open() const;
+
   std::string file_;
   PictureSplit split_;
   std::size_t part_ = 0;
@@ -84,6 +94,7 @@ class HeadPicture {
   int orientation_ = 1;
   bool says_linear_ = false;     ///< the file's numbers are proportional to light
   bool of_linear_head_ = false;  ///< how it was decoded
+  bool opaque_ = false;          ///< the file was decoded, and its format or header says that it has no alpha channel
 };
 
 /// Decodes a set's pictures on all cores. `begin(n)` is called on the caller's thread before pictures n and later are
