@@ -14,7 +14,9 @@
 #include "hal/linux/confine/confine.h"
 #include "hal/linux/link/link_helper.h"
 #include "host_tool/commands/look.h"
+#include "host_tool/commands/stitch_film.h"
 #include "host_tool/console/overwriting.h"
+#include "host_tool/film/programs.h"
 #include "host_tool/input/picture_masks.h"
 #include "host_tool/input/project_pictures.h"
 #include "protocol/base/file_ending.h"
@@ -45,13 +47,15 @@ constexpr std::array kUses{Use{"out", PathUse::kOutputFile},
                            Use{"pairs", PathUse::kInput},
                            Use{"path", PathUse::kInput},
                            Use{"pattern", PathUse::kInput},
-                           Use{"signature", PathUse::kInput}};
+                           Use{"signature", PathUse::kInput},
+                           Use{"sound", PathUse::kInput}};
 
 /// What the C and C++ libraries read: themselves, time zones, and what the machine has.
 constexpr std::array kEverywhere{
     "/usr",       "/lib",          "/lib64",        "/etc/ld.so.cache",        "/etc/localtime",
     "/proc/self", "/proc/meminfo", "/proc/cpuinfo", "/sys/devices/system/cpu", "/dev/null",
     "/dev/zero",  "/dev/urandom"};
+constexpr std::string_view kStitchCommand = "stitch";
 constexpr std::string_view kRays = "rays:";  // prefix of a file in --layout and --from
 
 /// Programs of other projects that a flag starts, with what they need: their folder for files of a run.
@@ -114,23 +118,21 @@ void add_option(const CLI::Option& option, CommandRights& rights) {
   }
 }
 
-/// The program's file, as execvp() finds it; empty: there is none.
-std::string program_in_path(const std::string& program) {
-  const char* const path = std::getenv("PATH");
-  std::string folders = path == nullptr ? "/usr/bin:/bin" : path;
-  for (std::size_t from = 0; from <= folders.size();) {
-    const std::size_t colon = std::min(folders.find(':', from), folders.size());
-    const fs::path file = fs::path(folders.substr(from, colon - from)) / program;
-    if (is_there(file)) return file.string();
-    from = colon + 1;
-  }
-  return "";
-}
-
 void add_cpfind(CommandRights& rights) {
-  rights.execute = {program_in_path("cpfind"), "/usr", "/lib", "/lib64"};
+  rights.execute = {film::find_program("cpfind"), "/usr", "/lib", "/lib64"};
   rights.write.push_back(fs::temp_directory_path().string());
   rights.read.push_back("/etc");
+}
+
+/// The two programs that read and write films, and what loads them: nothing else is started.
+void add_film_programs(CommandRights& rights) {
+  for (const char* const name : {"ffmpeg", "ffprobe"}) {
+    const std::string program = film::find_program(name);
+    if (program.empty()) continue;
+    for (const std::string& file : {program, film::loader_of(program)}) {
+      if (!file.empty()) rights.execute.push_back(file);
+    }
+  }
 }
 
 std::string described(const CommandRights& rights, const hal::linux_os::Confined& done) {
@@ -217,6 +219,9 @@ CommandRights rights_of(const CLI::App& command) {
       if (option->check_lname(std::string(kCpfindFlag))) add_cpfind(rights);
     }
   }
+  const CLI::Option* const out = command.get_option_no_throw("--out");
+  const bool film = command.get_name() == kStitchCommand && out != nullptr && !out->empty();
+  if (film && makes_film(out->results().front())) add_film_programs(rights);
   if (anywhere) rights.read.push_back("/");
   for (std::vector<std::string>* paths : {&rights.read, &rights.write}) {
     std::ranges::sort(*paths);

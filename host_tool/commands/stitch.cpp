@@ -16,6 +16,7 @@
 #include "host_tool/commands/nominal_options.h"
 #include "host_tool/commands/picture_places_option.h"
 #include "host_tool/commands/sphere_options.h"
+#include "host_tool/commands/stitch_film.h"
 #include "host_tool/commands/stitch_job.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
@@ -287,6 +288,7 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       "  nodal stitch rig.json cam*.png --layout cube --bits 16 -o light.png\n"
       "  nodal stitch --nominal 2x190 front.jpg back.jpg          two fisheyes of 190 degrees, back to back\n"
       "  nodal stitch rig.json cam*.png --blend board             the pixels that the rig's board makes\n"
+      "  nodal stitch rig.json cam0.mp4 cam1.mp4 -o sphere.mp4    a film, from a film of each head\n"
       "Without a calibration, the pictures must be of equal lenses at one place and overlap; the calibration\n"
       "that is found (sphere.rig.json) and a report (sphere.report.html) are written beside the result.\n"
       "A calibration is Nodal's own, or a project of Hugin (.pto), PTGui (.pts), VideoStitch (.ptv),\n"
@@ -302,7 +304,8 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       ->type_name("");
   command
       ->add_option("-o,--out", args->out,
-                   "The picture, .jpg, .png, .tif or .raw (sphere.jpg when not given); %04d numbers it")
+                   "The picture, .jpg, .png, .tif or .raw (sphere.jpg when not given); %04d numbers it; or a film, .mp4,\n"
+                   ".mov or .mkv")
       ->type_name("FILE");
   add_layout_option(*command, args->layout, "Layout of the result (equirectangular when not given)");
   command
@@ -366,6 +369,8 @@ void add_stitch(CLI::App& app, CommandLine& line) {
   add_up_option(*command, args->up);
   add_picture_places(*command, args->places);
   add_nominal_options(*command, args->nominal);
+  auto film = std::make_shared<FilmArgs>();
+  add_film_options(*command, *film);
   command->parse_complete_callback([=] {
     const bool chosen = !blend->empty() || args->quality == kBestAsQuality;
     if (args->quality == kBestAsQuality) {
@@ -383,7 +388,9 @@ void add_stitch(CLI::App& app, CommandLine& line) {
                                  "--blend best passes from head to head in many bands; leave one of the two out");
     }
   });
-  line.on(command, [args](Context& context) { return run_stitch(context, *args); });
+  line.on(command, [args, film](Context& context) {
+    return makes_film(args->out) ? run_film(context, *args, *film) : run_stitch(context, *args);
+  });
 }
 
 }  // namespace nodal::host

@@ -1,0 +1,32 @@
+// `nodal stitch` with films: one film of the whole sphere from a film of each head.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "host_tool/commands/command.h"
+#include "host_tool/commands/stitch_job.h"
+
+namespace nodal::host {
+
+struct FilmArgs {
+  std::string codec;
+  int quality = -1;
+  std::string preset;
+  std::vector<std::string> offsets;
+  std::string sound = "auto";
+  std::string seams = "placed";
+  std::string segments;
+  bool plan = false;
+  bool join = false;
+};
+
+/// --codec, --crf, --preset, --offset, --sound, --seams, --plan, --segments, --join.
+void add_film_options(CLI::App& command, FilmArgs& args);
+
+/// Whether a result of this name is a film.
+bool makes_film(const std::string& out);
+
+Status run_film(Context& context, const StitchArgs& args, const FilmArgs& film);
+
+}  // namespace nodal::host

@@ -1,0 +1,177 @@
+#include "host_tool/film/film_join.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+
+#include "host_tool/console/files.h"
+#include "host_tool/console/overwriting.h"
+#include "host_tool/film/child.h"
+#include "host_tool/film/film_encoder.h"
+#include "host_tool/film/spherical_mp4.h"
+#include "protocol/base/try.h"
+
+namespace nodal::film {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A file of this run, which is removed at its end.
+struct Temporary {
+  std::string file;
+  explicit Temporary(std::string name) : file(std::move(name)) { ::unlink(file.c_str()); }
+  Temporary(const Temporary&) = delete;
+  Temporary& operator=(const Temporary&) = delete;
+  ~Temporary() {
+    if (!file.empty()) ::unlink(file.c_str());
+  }
+};
+
+using Words = std::vector<std::string>;
+
+void add(Words& words, const Words& more) { words.insert(words.end(), more.begin(), more.end()); }
+
+Words first_words() { return {"-hide_banner", "-nostats", "-v", "error", "-nostdin"}; }
+
+Status run(const Programs& programs, Words words, const std::string& file, const std::string& folder) {
+  NODAL_TRY_ASSIGN(const auto child, Child::start({.program = programs.ffmpeg,
+                                                   .arguments = std::move(words),
+                                                   .writes_files = true,
+                                                   .folder = folder}));
+  const Child::End end = child->wait();
+  if (!end.good()) return fail(writing_failed(file, end, child->complaint()));
+  return {};
+}
+
+/// The list for ffmpeg's concat demuxer. The names in it are ours, and relative to it.
+std::string list_of(const FilmPlan& plan, const PartsFolder& parts) {
+  std::string list = "ffconcat version 1.0\n";
+  const FrameRate rate = plan.coding.rate;
+  for (std::uint64_t segment = 0; segment < plan.segments(); ++segment) {
+    const std::uint64_t frames = plan.end_of(segment) - plan.begin_of(segment);
+    list += fmt::format("file {}\nduration {:.6f}\n", fs::path(parts.segment_file(plan, segment)).filename().string(),
+                        static_cast<double>(frames) * rate.denominator / rate.numerator);
+  }
+  return list;
+}
+
+/// Whether the container holds the sound as it is coded.
+bool holds(Container container, const std::string& codec) {
+  constexpr std::array<std::string_view, 5> kMp4{"aac", "mp3", "ac3", "eac3", "alac"};
+  if (container == Container::kMkv) return true;
+  if (std::ranges::find(kMp4, codec) != kMp4.end()) return true;
+  return container == Container::kMov && codec.starts_with("pcm_");
+}
+
+/// The sound as the second input; `length_s` of it.
+Words sound_input(const FilmPlan& plan) {
+  Words words = input_rules();
+  if (plan.sound->from_s > 0) add(words, {"-ss", fmt::format("{:.6f}", plan.sound->from_s)});
+  else add(words, {"-itsoffset", fmt::format("{:.6f}", -plan.sound->from_s)});
+  add(words, {"-seek_timestamp", "1", "-i", file_url(plan.sound->path)});
+  return words;
+}
+
+Words sound_output(const FilmPlan& plan) {
+  const PlannedSound& sound = *plan.sound;
+  constexpr double kHeard = 0.5;  // ppm: 1.8 ms in an hour
+  if (std::abs(sound.ppm) < kHeard && holds(plan.container, sound.codec)) return {"-map", "1:a:0", "-c:a", "copy"};
+  Words words{"-map", "1:a:0"};
+  // The head's clock runs faster by ppm: its sound is slowed by as much, by taking its samples for those of another
+  // rate, and computing samples of the usual one.
+  if (std::abs(sound.ppm) >= kHeard) {
+    add(words, {"-af", fmt::format("atempo={:.9f}", 1 + sound.ppm / 1e6)});
+  }
+  const bool lossless = plan.container != Container::kMp4;
+  add(words, lossless ? Words{"-c:a", "pcm_s16le"} : Words{"-c:a", "aac", "-b:a", "192k"});
+  add(words, {"-flags:a", "+bitexact"});
+  return words;
+}
+
+Status sync(const std::string& file) {
+  const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
+  const bool good = descriptor >= 0 && ::fsync(descriptor) == 0;
+  const int error = errno;
+  if (descriptor >= 0) ::close(descriptor);
+  if (good) return {};
+  return fail(error == ENOSPC ? Errc::kDiskFull : Errc::kIo, fmt::format("{}: {}", file, std::strerror(error)));
+}
+
+}  // namespace
+
+std::string missing_segments(const FilmPlan& plan, const PartsFolder& parts) {
+  std::string list;
+  for (std::uint64_t segment = 0; segment < plan.segments(); ++segment) {
+    if (parts.has(plan, segment)) continue;
+    const std::uint64_t first = segment;
+    while (segment + 1 < plan.segments() && !parts.has(plan, segment + 1)) ++segment;
+    list += list.empty() ? "" : ", ";
+    list += first == segment ? fmt::format("{}", first) : fmt::format("{}-{}", first, segment);
+  }
+  return list;
+}
+
+Status join(const FilmPlan& plan, const PartsFolder& parts, const std::string& out, const Programs& programs) {
+  NODAL_TRY(host::check_free(out));
+  if (const std::string missing = missing_segments(plan, parts); !missing.empty()) {
+    return fail(Errc::kNotReady, fmt::format("{}: segments are missing or damaged: {}; make them with --segments",
+                                             parts.path, missing));
+  }
+  const std::string name = fmt::format("{}.part-{}", out, ::getpid());
+  const Temporary list(fmt::format("{}/join-{}.ffconcat", parts.path, ::getpid()));
+  const Temporary joined(name + ".joined");
+  Temporary whole(name);
+  NODAL_TRY(host::write_file(list.file, list_of(plan, parts)));
+  const bool matroska = plan.container == Container::kMkv;
+  const std::string absolute = fs::absolute(joined.file).string();
+  const std::string length = fmt::format("{:.6f}", static_cast<double>(plan.frames) * plan.coding.rate.denominator /
+                                                       plan.coding.rate.numerator);
+  const Words exact{"-fflags", "+bitexact", "-map_metadata", "-1"};
+  Words words = first_words();
+  add(words, {"-protocol_whitelist", "file", "-format_whitelist", "concat,mov,mp4", "-f", "concat", "-i",
+              file_url(fs::path(list.file).filename().string())});
+  const bool sound_now = plan.sound && !matroska;
+  if (sound_now) add(words, sound_input(plan));
+  add(words, {"-map", "0:v:0", "-c:v", "copy"});
+  if (plan.coding.codec == Codec::kH265) add(words, {"-tag:v", "hvc1"});
+  if (sound_now) add(words, sound_output(plan));
+  add(words, exact);
+  add(words, {"-t", length, "-f", plan.container == Container::kMp4 ? "mp4" : "mov", "-y", file_url(absolute)});
+  NODAL_TRY(run(programs, std::move(words), out, parts.path));
+  const bool spherical = plan.raymap.layout == "equirectangular";
+  if (matroska) {
+    // ffmpeg writes Matroska's Projection from what it reads in the other file.
+    const Temporary marked(name + ".marked");
+    NODAL_TRY(write_spherical_mp4(joined.file, marked.file, spherical));
+    Words again = first_words();
+    add(again, {"-protocol_whitelist", "file", "-format_whitelist", "mov,mp4", "-i", file_url(marked.file)});
+    if (plan.sound) add(again, sound_input(plan));
+    add(again, {"-map", "0:v:0", "-c:v", "copy"});
+    if (plan.sound) add(again, sound_output(plan));
+    add(again, exact);
+    add(again, {"-t", length, "-f", "matroska", "-y", file_url(whole.file)});
+    NODAL_TRY(run(programs, std::move(again), out, ""));
+  } else {
+    NODAL_TRY(write_spherical_mp4(joined.file, whole.file, spherical));
+  }
+  NODAL_TRY(sync(whole.file));
+  if (const int error = host::rename_to_free(whole.file, out); error != 0) {
+    if (error == EEXIST) return fail(host::is_there(out));
+    return fail(Errc::kIo, fmt::format("{}: {}", out, std::strerror(error)));
+  }
+  whole.file.clear();
+  return {};
+}
+
+void remove_parts(const PartsFolder& parts) {
+  std::error_code error;
+  fs::remove_all(parts.path, error);
+}
+
+}  // namespace nodal::film

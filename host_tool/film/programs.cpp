@@ -1,0 +1,125 @@
+#include "host_tool/film/programs.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+
+#include "host_tool/film/child.h"
+#include "protocol/base/text.h"
+#include "protocol/base/try.h"
+
+namespace nodal::film {
+namespace {
+
+constexpr std::size_t kMaxAnswer = 1 << 20;  // `ffmpeg -encoders` has 16 kB
+constexpr int kOldestMajor = 5, kOldestMinor = 1;
+
+Result<std::string> answer(const std::string& program, std::vector<std::string> words) {
+  NODAL_TRY_ASSIGN(const auto child, Child::start({.program = program, .arguments = std::move(words), .output = true}));
+  NODAL_TRY_ASSIGN(std::string text, child->read_all(kMaxAnswer));
+  const Child::End end = child->wait();
+  if (!end.good()) {
+    return fail(Errc::kDeviceFailed, fmt::format("{} {}; reinstall it: apt install ffmpeg", program,
+                                                 end_of(end, child->complaint())));
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string find_program(std::string_view name) {
+  const char* const path = std::getenv("PATH");
+  const std::string folders = path == nullptr ? "/usr/bin:/bin" : path;
+  for (std::size_t from = 0; from <= folders.size();) {
+    const std::size_t colon = std::min(folders.find(':', from), folders.size());
+    const std::string folder = folders.substr(from, colon - from);
+    const std::string file = fmt::format("{}/{}", folder.empty() ? "." : folder, name);
+    if (::access(file.c_str(), X_OK) == 0) return file;
+    from = colon + 1;
+  }
+  return "";
+}
+
+std::string loader_of(const std::string& program) {
+  // The program header of type PT_INTERP of a 64-bit little-endian file (System V ABI, "Program Loading").
+  constexpr std::uint32_t kInterpreter = 3;
+  std::ifstream file(program, std::ios::binary);
+  std::array<char, 4096> bytes{};
+  file.read(bytes.data(), bytes.size());
+  const auto read = [&](std::size_t at, auto& value) {
+    if (at + sizeof value > bytes.size()) return false;
+    std::memcpy(&value, bytes.data() + at, sizeof value);
+    return true;
+  };
+  if (!std::string_view(bytes.data(), 5).starts_with("\177ELF\2")) return "";
+  std::uint64_t table = 0, at = 0;
+  std::uint16_t size = 0, count = 0;
+  if (!read(32, table) || !read(54, size) || !read(56, count)) return "";
+  for (std::uint64_t i = 0; i < count && table < bytes.size(); ++i) {
+    std::uint32_t type = 0;
+    const std::uint64_t header = table + i * size;
+    if (header >= bytes.size() || !read(header, type) || !read(header + 8, at)) return "";
+    if (type != kInterpreter || at >= bytes.size()) continue;
+    const char* const end = std::find(bytes.data() + at, bytes.data() + bytes.size(), '\0');
+    return std::string(bytes.data() + at, static_cast<std::size_t>(end - (bytes.data() + at)));
+  }
+  return "";
+}
+
+Result<std::string> version_of(std::string_view text) {
+  constexpr std::string_view kBefore = "ffmpeg version ";
+  if (!text.starts_with(kBefore)) return fail(Errc::kBadFormat, "it does not say its version");
+  text.remove_prefix(kBefore.size());
+  const std::string version = printable(text.substr(0, text.find_first_of(" \n")), 60);
+  int major = 0, minor = 0;
+  const char* const end = version.data() + version.size();
+  const auto [dot, error] = std::from_chars(version.data(), end, major);
+  if (error != std::errc()) return version;
+  if (dot != end && *dot == '.') std::from_chars(dot + 1, end, minor);
+  if (major > kOldestMajor || (major == kOldestMajor && minor >= kOldestMinor)) return version;
+  return fail(Errc::kVersionMismatch, fmt::format("version {} is older than {}.{}; install a newer ffmpeg", version,
+                                                  kOldestMajor, kOldestMinor));
+}
+
+Result<Programs> find_programs() {
+  Programs programs{find_program("ffmpeg"), find_program("ffprobe"), "", {}};
+  for (const auto& [path, name] : {std::pair{&programs.ffmpeg, "ffmpeg"}, std::pair{&programs.ffprobe, "ffprobe"}}) {
+    if (path->empty()) {
+      return fail(Errc::kNotFound, fmt::format("films are read and written by the program {}, which is not installed: "
+                                               "apt install ffmpeg",
+                                               name));
+    }
+  }
+  NODAL_TRY_ASSIGN(const std::string version, answer(programs.ffmpeg, {"-version"}));
+  const auto known = version_of(version);
+  if (!known) return fail(known.error().in(programs.ffmpeg));
+  programs.version = *known;
+  NODAL_TRY_ASSIGN(const std::string list, answer(programs.ffmpeg, {"-hide_banner", "-encoders"}));
+  // " V....D libx264              libx264 H.264 / AVC ..." after a line of dashes
+  std::size_t from = list.find("------");
+  while (from < list.size()) {
+    from = list.find('\n', from);
+    if (from == std::string::npos) break;
+    const std::string_view line = std::string_view(list).substr(from + 1, list.find('\n', from + 1) - from - 1);
+    ++from;
+    constexpr std::size_t kName = 8;
+    if (line.size() > kName) programs.encoders.emplace(line.substr(kName, line.find(' ', kName) - kName));
+  }
+  return programs;
+}
+
+std::string file_url(const std::string& path) { return "file:" + path; }
+
+std::vector<std::string> input_rules() {
+  return {"-protocol_whitelist", "file,pipe", "-format_whitelist",
+          "mov,mp4,matroska,webm,avi,mpegts,mpeg,mpegvideo,mxf,nut,ogg,flv,asf,dv,gxf,h264,hevc,ivf,m4v,obu,wav,flac,"
+          "mp3,aac"};
+}
+
+}  // namespace nodal::film

@@ -1,0 +1,194 @@
+#include "host_tool/film/segments.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+
+#include "host_tool/console/files.h"
+#include "host_tool/film/film_encoder.h"
+#include "host_tool/film/head_film.h"
+#include "protocol/base/sha256.h"
+#include "protocol/base/try.h"
+
+namespace nodal::film {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Content {
+  std::uint64_t bytes = 0;
+  std::string sha256;
+};
+
+/// Reads a file, and has it on disk.
+Result<Content> content_of(const std::string& path, bool sync) {
+  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  const auto failed = [&] { return fail(Errc::kIo, fmt::format("{}: {}", path, std::strerror(errno))); };
+  if (file < 0) return failed();
+  Sha256Stream hash;
+  Content content;
+  std::vector<std::uint8_t> piece(1 << 20);
+  ssize_t count = 0;
+  while ((count = ::read(file, piece.data(), piece.size())) > 0) {
+    hash.update(std::span(piece).first(static_cast<std::size_t>(count)));
+    content.bytes += static_cast<std::uint64_t>(count);
+  }
+  const bool good = count == 0 && (!sync || ::fsync(file) == 0);
+  const int error = errno;
+  ::close(file);
+  errno = error;
+  if (!good) return failed();
+  content.sha256 = to_hex(hash.finish());
+  return content;
+}
+
+/// A name that no other attempt has, on this machine or another.
+std::string attempt_name(const std::string& file) {
+  std::array<char, 65> host{};
+  ::gethostname(host.data(), host.size() - 1);
+  return fmt::format("{}.part-{}-{}", file, host.data(), ::getpid());
+}
+
+/// Removes the attempt's file unless it was renamed.
+struct Attempt {
+  std::string file;
+  ~Attempt() {
+    if (!file.empty()) ::unlink(file.c_str());
+  }
+};
+
+Result<std::vector<std::unique_ptr<HeadFilm>>> open_heads(const FilmPlan& plan, const Programs& programs,
+                                                          std::uint64_t frame) {
+  std::vector<std::unique_ptr<HeadFilm>> heads;
+  for (const PlannedHead& head : plan.heads) {
+    NODAL_TRY_ASSIGN(auto film, HeadFilm::open(programs, head.film, head.times[frame]));
+    heads.push_back(std::move(film));
+  }
+  return heads;
+}
+
+Result<std::vector<ImageView>> pictures_at(const FilmPlan& plan, std::uint64_t frame,
+                                           std::vector<std::unique_ptr<HeadFilm>>& heads) {
+  std::vector<ImageView> pictures;
+  for (std::size_t h = 0; h < heads.size(); ++h) {
+    NODAL_TRY_ASSIGN(const ImageView picture, heads[h]->at(plan.heads[h].times[frame]));
+    pictures.push_back(picture);
+  }
+  return pictures;
+}
+
+auto stopped() { return fail(Errc::kCancelled, "stopped"); }
+
+}  // namespace
+
+PartsFolder parts_of(const std::string& out) { return {out + ".parts"}; }
+
+std::string PartsFolder::segment_file(const FilmPlan& plan, std::uint64_t segment) const {
+  return fmt::format("{}/seg-{:05}.{}{}", path, segment, plan.id, segment_ending(plan.coding.codec));
+}
+
+bool PartsFolder::has(const FilmPlan& plan, std::uint64_t segment) const {
+  const std::string file = segment_file(plan, segment);
+  const auto text = host::read_file(file + ".json", 4096);
+  if (!text) return false;
+  const Json record = Json::parse(*text, nullptr, false);
+  if (!record.is_object() || !record.contains("bytes") || !record.contains("sha256")) return false;
+  const auto content = content_of(file, false);
+  return content && record["bytes"] == content->bytes && record["sha256"] == content->sha256;
+}
+
+Result<std::optional<FilmPlan>> stored_plan(const PartsFolder& parts, const Json& request) {
+  const auto text = host::read_file(parts.plan_file(), kMaxPlanBytes);
+  if (!text && text.error().code == Errc::kNotFound) return std::nullopt;
+  if (!text) return fail(text.error());
+  auto plan = plan_of(*text);
+  if (!plan) return fail(plan.error().in(parts.plan_file()));
+  if (plan->request == request) return std::optional(std::move(*plan));
+  std::string differs;
+  for (const auto& [key, value] : request.items()) {
+    if (plan->request.contains(key) && plan->request[key] == value) continue;
+    differs += (differs.empty() ? "" : ", ") + key;
+  }
+  return fail(Errc::kWrongState,
+              fmt::format("{}: it is the plan of another film or of other settings ({}); remove the folder {}, or choose "
+                          "another --out",
+                          parts.plan_file(), differs, parts.path));
+}
+
+Result<FilmPlan> store_plan(const PartsFolder& parts, const FilmPlan& plan) {
+  std::error_code error;
+  fs::create_directories(parts.path, error);
+  if (error) return fail(Errc::kIo, fmt::format("{}: it cannot be made: {}", parts.path, error.message()));
+  const std::string text = to_text(plan);
+  const std::string file = attempt_name(parts.plan_file());
+  const Attempt attempt{file};
+  NODAL_TRY(host::write_file(file, text));
+  // A link, unlike a rename, leaves the plan that another process has written meanwhile.
+  if (::link(file.c_str(), parts.plan_file().c_str()) != 0 && errno != EEXIST) {
+    return fail(Errc::kIo, fmt::format("{}: {}", parts.plan_file(), std::strerror(errno)));
+  }
+  NODAL_TRY_ASSIGN(auto stored, stored_plan(parts, plan.request));
+  if (!stored) return fail(Errc::kIo, fmt::format("{}: it disappeared", parts.plan_file()));
+  return std::move(*stored);
+}
+
+Status plan_seams(FilmPlan& plan, FilmBlend& blend, const Programs& programs, const FilmProgress& progress) {
+  if (plan.raymap.seams != SeamPlacement::kPlaced) return {};
+  for (std::uint64_t segment = 0; segment < plan.segments(); ++segment) {
+    if (!progress(segment)) return stopped();
+    const std::uint64_t frame = plan.begin_of(segment);
+    NODAL_TRY_ASSIGN(auto heads, open_heads(plan, programs, frame));
+    NODAL_TRY_ASSIGN(const auto pictures, pictures_at(plan, frame, heads));
+    NODAL_TRY_ASSIGN(auto labels, blend.place_seams(pictures));
+    const PlannedSeams* const before = plan.seams_at(segment);
+    if (labels.empty() || (before != nullptr && before->labels == labels)) continue;
+    plan.seams.push_back({segment, std::move(labels)});
+  }
+  return {};
+}
+
+Result<RenderedSegment> render_segment(const FilmPlan& plan, std::uint64_t segment, const PartsFolder& parts,
+                                       FilmBlend& blend, const Programs& programs, const FilmProgress& progress) {
+  const std::uint64_t begin = plan.begin_of(segment), end = plan.end_of(segment);
+  const std::string file = parts.segment_file(plan, segment);
+  RenderedSegment rendered;
+  NODAL_TRY(blend.use(plan.seams_at(segment)));
+  NODAL_TRY_ASSIGN(auto heads, open_heads(plan, programs, begin));
+  Attempt attempt{attempt_name(file)};
+  NODAL_TRY_ASSIGN(const auto encoder, FilmEncoder::open(programs, plan.coding, attempt.file));
+  for (std::uint64_t frame = begin; frame < end; ++frame) {
+    if (!progress(frame - begin)) return stopped();
+    NODAL_TRY_ASSIGN(const auto pictures, pictures_at(plan, frame, heads));
+    std::vector<std::uint8_t> raymap = encoder->memory();
+    blend.blend(pictures, raymap.data());
+    NODAL_TRY(encoder->write(std::move(raymap)));
+  }
+  NODAL_TRY(encoder->finish());
+  for (std::size_t h = 0; h < heads.size(); ++h) {
+    const std::uint64_t replaced = heads[h]->replaced();
+    const std::string complaint = heads[h]->finish();
+    if (replaced == 0) continue;
+    rendered.notes.push_back(fmt::format("{}: {} of frames {} to {} cannot be decoded, and the ones before are shown "
+                                         "instead{}{}",
+                                         plan.heads[h].film.path, replaced, begin, end - 1,
+                                         complaint.empty() ? "" : ": ", complaint));
+  }
+  NODAL_TRY_ASSIGN(const Content content, content_of(attempt.file, true));
+  if (::rename(attempt.file.c_str(), file.c_str()) != 0) {
+    return fail(Errc::kIo, fmt::format("{}: {}", file, std::strerror(errno)));
+  }
+  attempt.file.clear();
+  const Json record{{"frames", end - begin}, {"bytes", content.bytes}, {"sha256", content.sha256}};
+  const std::string record_file = file + ".json";
+  ::unlink(record_file.c_str());  // that of a segment that was not whole any more
+  NODAL_TRY(host::write_file(record_file, record.dump() + "\n"));
+  return rendered;
+}
+
+}  // namespace nodal::film
