@@ -41,7 +41,8 @@ into one picture of the full sphere, the raymap, which it sends to hosts.")
 
 set(CPACK_DEBIAN_NODAL_PACKAGE_NAME nodal)
 set(CPACK_DEBIAN_NODAL_PACKAGE_SECTION video)
-set(CPACK_DEBIAN_NODAL_PACKAGE_RECOMMENDS openssh-client)
+# ffmpeg: for films; started as a program, never linked.
+set(CPACK_DEBIAN_NODAL_PACKAGE_RECOMMENDS "ffmpeg, openssh-client")
 # For `nodal look --open`.
 set(CPACK_DEBIAN_NODAL_PACKAGE_SUGGESTS xdg-utils)
 set(CPACK_DEBIAN_NODAL_DESCRIPTION "command line for multi-head cameras that film the full sphere

@@ -303,9 +303,10 @@ void add_stitch(CLI::App& app, CommandLine& line) {
       ->required()
       ->type_name("");
   command
-      ->add_option("-o,--out", args->out,
-                   "The picture, .jpg, .png, .tif or .raw (sphere.jpg when not given); %04d numbers it; or a film, .mp4,\n"
-                   ".mov or .mkv")
+      ->add_option(
+          "-o,--out", args->out,
+          "The picture, .jpg, .png, .tif or .raw (sphere.jpg when not given); %04d numbers it; or a film, .mp4,\n"
+          ".mov or .mkv")
       ->type_name("FILE");
   add_layout_option(*command, args->layout, "Layout of the result (equirectangular when not given)");
   command

@@ -42,8 +42,8 @@ Result<SegmentRange> parse_segments(const std::string& text) {
     error = wrong;
   }
   if (error == std::errc() && at == end && range.first <= range.last) return range;
-  return fail(Errc::kBadValue, fmt::format("'{}': write a segment's number, or the first and the last one, such as 0-9",
-                                           text));
+  return fail(Errc::kBadValue,
+              fmt::format("'{}': write a segment's number, or the first and the last one, such as 0-9", text));
 }
 
 tl::unexpected<Error> not_for_films(const std::string& option, const std::string& why) {
@@ -55,14 +55,15 @@ Result<std::vector<std::string>> films_of(const Calibration& calibration, const 
                                           std::vector<std::string>& notes) {
   const std::vector<std::string> films(inputs.begin() + 1, inputs.end());
   if (films.size() != calibration.heads.size()) {
-    return fail(Errc::kHeadMismatch, fmt::format("{}: the calibration has {}, and there are {}; give one film for each "
-                                                 "head, in its order",
-                                                 inputs.front(), counted(calibration.heads.size(), "head"),
-                                                 counted(films.size(), "film")));
+    return fail(Errc::kHeadMismatch,
+                fmt::format("{}: the calibration has {}, and there are {}; give one film for each "
+                            "head, in its order",
+                            inputs.front(), counted(calibration.heads.size(), "head"), counted(films.size(), "film")));
   }
   std::vector<std::string> ordered;
   for (const HeadCalibration& head : calibration.heads) {
-    const auto film = std::ranges::find_if(films, [&](const std::string& path) { return fs::path(path).stem() == head.name; });
+    const auto film =
+        std::ranges::find_if(films, [&](const std::string& path) { return fs::path(path).stem() == head.name; });
     if (film != films.end()) ordered.push_back(*film);
   }
   if (ordered.size() != films.size()) return films;
@@ -73,8 +74,9 @@ Result<std::vector<std::string>> films_of(const Calibration& calibration, const 
 Result<film::FilmRequest> make_request(Console& console, const StitchArgs& args, const FilmArgs& words,
                                        std::vector<std::string>& notes) {
   if (!args.nominal.rig.empty() || film::is_film_name(args.inputs.front())) {
-    return fail(Errc::kMissingField, "a film needs a calibration in front of the films. Find one in pictures of the same "
-                                     "instant: nodal stitch PICTURE... -o s.jpg writes s.rig.json");
+    return fail(Errc::kMissingField,
+                "a film needs a calibration in front of the films. Find one in pictures of the same "
+                "instant: nodal stitch PICTURE... -o s.jpg writes s.rig.json");
   }
   if (args.bits == 16) return not_for_films("--bits 16", "films have 8 bits");
   if (args.crop != "auto" && args.crop != "none") return not_for_films("--crop", "a film has the whole sphere");
@@ -171,13 +173,13 @@ class FilmRun {
     for (std::size_t h = 0; h < films.size(); ++h) {
       const HeadCalibration& head = request.calibration.heads[h];
       if (films[h].width == head.width && films[h].height == head.height) continue;
-      return fail(Errc::kHeadMismatch, fmt::format("{}: its pictures have {}x{} pixels, and head '{}' is calibrated for "
-                                                   "{}x{}{}",
-                                                   films[h].path, films[h].width, films[h].height, head.name, head.width,
-                                                   head.height,
-                                                   films[h].rotation_deg != 0 ? ", as they are coded, before they are "
-                                                                                "rotated as the file says"
-                                                                              : ""));
+      return fail(Errc::kHeadMismatch,
+                  fmt::format("{}: its pictures have {}x{} pixels, and head '{}' is calibrated for "
+                              "{}x{}{}",
+                              films[h].path, films[h].width, films[h].height, head.name, head.width, head.height,
+                              films[h].rotation_deg != 0 ? ", as they are coded, before they are "
+                                                           "rotated as the file says"
+                                                         : ""));
     }
     NODAL_TRY_ASSIGN(plan_, film::make_plan(request, films, programs_, notes_));
     say_notes();
@@ -208,9 +210,10 @@ class FilmRun {
   /// What Ctrl-C leaves.
   Status told(Status status) {
     if (status || status.error().code != Errc::kCancelled) return status;
-    return fail(Errc::kCancelled, fmt::format("stopped; {} has the segments that are whole, and the same command goes on "
-                                              "from there",
-                                              parts_.path));
+    return fail(Errc::kCancelled,
+                fmt::format("stopped; {} has the segments that are whole, and the same command goes on "
+                            "from there",
+                            parts_.path));
   }
 
   Status render() {
@@ -281,9 +284,8 @@ class FilmRun {
                        {"blend_seconds", blending}});
     console_.line(fmt::format("{}: {} of {}x{}, {:.2f} a second, {}, {}, from {} ({:.1f} s)", args_.out,
                               counted(plan_.frames, "frame"), plan_.raymap.width, plan_.raymap.height, hertz,
-                              film::name_of(plan_.coding.codec),
-                              plan_.sound ? "with sound" : "without sound", counted(plan_.heads.size(), "head"),
-                              seconds_));
+                              film::name_of(plan_.coding.codec), plan_.sound ? "with sound" : "without sound",
+                              counted(plan_.heads.size(), "head"), seconds_));
   }
 
   Console& console_;
@@ -312,30 +314,34 @@ void add_film_options(CLI::App& command, FilmArgs& args) {
       ->check(CLI::Range(0, 51));
   const std::vector<std::string> presets{"ultrafast", "superfast", "veryfast", "faster",  "fast",
                                          "medium",    "slow",      "slower",   "veryslow"};
-  command.add_option("--preset", args.preset, "Of a film in h264 and h265: how long they search (medium when not given)")
+  command
+      .add_option("--preset", args.preset, "Of a film in h264 and h265: how long they search (medium when not given)")
       ->type_name("ultrafast|superfast|veryfast|faster|fast|medium|slow|slower|veryslow")
       ->check(CLI::IsMember(presets));
   command
-      .add_option("--offset", args.offsets,
-                  "Of a film: what the first head shows at a time, this head shows SECONDS later in its own film; PPM:\n"
-                  "how much faster its clock runs, in millionths. Once for each head that has one")
+      .add_option(
+          "--offset", args.offsets,
+          "Of a film: what the first head shows at a time, this head shows SECONDS later in its own film; PPM:\n"
+          "how much faster its clock runs, in millionths. Once for each head that has one")
       ->type_name("HEAD=SECONDS[,PPM]")
       ->allow_extra_args(false)
       ->check(checked_by(film::parse_head_time));
-  command.add_option("--sound", args.sound,
-                     "Of a film: a head, a file, or none (the first head that has sound when not given)")
+  command
+      .add_option("--sound", args.sound,
+                  "Of a film: a head, a file, or none (the first head that has sound when not given)")
       ->type_name("HEAD|FILE|none");
-  command.add_option("--seams", args.seams,
-                     "Of a film: placed (when not given), where the pictures agree, once in 240 frames; or fixed")
+  command
+      .add_option("--seams", args.seams,
+                  "Of a film: placed (when not given), where the pictures agree, once in 240 frames; or fixed")
       ->type_name("placed|fixed")
       ->check(CLI::IsMember({"placed", "fixed"}));
-  CLI::Option* const plan =
-      command.add_flag("--plan", args.plan, "Make the plan of a film only, in the folder OUT.parts; for several computers");
-  CLI::Option* const segments =
-      command
-          .add_option("--segments", args.segments, "Make these parts of a film only, of 240 frames each, in that folder")
-          ->type_name("A-B")
-          ->check(checked_by(parse_segments));
+  CLI::Option* const plan = command.add_flag(
+      "--plan", args.plan, "Make the plan of a film only, in the folder OUT.parts; for several computers");
+  CLI::Option* const segments = command
+                                    .add_option("--segments", args.segments,
+                                                "Make these parts of a film only, of 240 frames each, in that folder")
+                                    ->type_name("A-B")
+                                    ->check(checked_by(parse_segments));
   CLI::Option* const join = command.add_flag("--join", args.join, "Join the parts of a film that are there");
   segments->excludes(plan);
   join->excludes(plan)->excludes(segments);

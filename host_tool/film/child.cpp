@@ -158,8 +158,7 @@ Child::End Child::wait() {
   if (ended_) return end_;
   close_input();
   int status = 0;
-  while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
-  }
+  while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {}
   ended_ = true;
   if (collector_.joinable()) collector_.join();
   if (errors_ >= 0) ::close(std::exchange(errors_, -1));

@@ -16,17 +16,17 @@ struct Known {
   std::string_view encoder;
   std::string_view segments;
 };
-constexpr std::array kKnown{Known{Codec::kH264, "h264", "libx264", ".mp4"}, Known{Codec::kH265, "h265", "libx265", ".mp4"},
-                            Known{Codec::kProres, "prores", "prores_ks", ".mov"},
-                            Known{Codec::kFfv1, "ffv1", "ffv1", ".mov"},
-                            Known{Codec::kMpeg2, "mpeg2", "mpeg2video", ".mp4"}};
+constexpr std::array kKnown{
+    Known{Codec::kH264, "h264", "libx264", ".mp4"}, Known{Codec::kH265, "h265", "libx265", ".mp4"},
+    Known{Codec::kProres, "prores", "prores_ks", ".mov"}, Known{Codec::kFfv1, "ffv1", "ffv1", ".mov"},
+    Known{Codec::kMpeg2, "mpeg2", "mpeg2video", ".mp4"}};
 
 const Known& known(Codec codec) { return *std::ranges::find(kKnown, codec, &Known::codec); }
 
 /// Rates of MPEG-2 (ISO/IEC 13818-2, table 6-4).
 bool is_mpeg2_rate(FrameRate rate) {
-  constexpr std::array kRates{FrameRate{24000, 1001}, FrameRate{24, 1}, FrameRate{25, 1}, FrameRate{30000, 1001},
-                              FrameRate{30, 1}, FrameRate{50, 1}, FrameRate{60000, 1001}, FrameRate{60, 1}};
+  constexpr std::array kRates{FrameRate{24000, 1001}, FrameRate{24, 1}, FrameRate{25, 1},       FrameRate{30000, 1001},
+                              FrameRate{30, 1},       FrameRate{50, 1}, FrameRate{60000, 1001}, FrameRate{60, 1}};
   return std::ranges::any_of(kRates, [&](FrameRate known) {
     return known.numerator == rate.numerator && known.denominator == rate.denominator;
   });
@@ -43,8 +43,8 @@ std::string_view raw_name(PixelFormat format) {
 /// Raymaps are Y U V of BT.601 in full range. H.264, H.265 and FFV1 keep them so and say so; the others are for devices
 /// that expect BT.709 in video range.
 std::string filters(const Coding& coding) {
-  const std::string light = fmt::format("color_primaries=bt709:color_trc={}",
-                                        coding.transfer.empty() ? "bt709" : coding.transfer);
+  const std::string light =
+      fmt::format("color_primaries=bt709:color_trc={}", coding.transfer.empty() ? "bt709" : coding.transfer);
   const bool rgb = coding.format == PixelFormat::kRgb24;
   switch (coding.codec) {
     case Codec::kFfv1:
@@ -81,11 +81,12 @@ std::vector<std::string> settings(const Coding& coding) {
   const std::string preset = coding.preset.empty() ? "medium" : coding.preset;
   const auto quality = [&](int usual) { return std::to_string(coding.quality >= 0 ? coding.quality : usual); };
   switch (coding.codec) {
-    case Codec::kH264:
-      return {"-preset", preset, "-crf", quality(20), "-g", std::to_string(group), "-threads", "4"};
+    case Codec::kH264: return {"-preset", preset, "-crf", quality(20), "-g", std::to_string(group), "-threads", "4"};
     case Codec::kH265:
-      return {"-preset", preset, "-crf", quality(23), "-tag:v", "hvc1", "-x265-params",
-              fmt::format("log-level=error:pools=2:frame-threads=1:wpp=0:open-gop=0:keyint={}", group)};
+      return {"-preset",      preset,
+              "-crf",         quality(23),
+              "-tag:v",       "hvc1",
+              "-x265-params", fmt::format("log-level=error:pools=2:frame-threads=1:wpp=0:open-gop=0:keyint={}", group)};
     case Codec::kProres: return {"-profile:v", "3", "-vendor", "apl0", "-threads", "4"};
     case Codec::kFfv1: return {"-level", "3", "-g", "1", "-slices", "4", "-slicecrc", "1", "-threads", "4"};
     case Codec::kMpeg2: return mpeg2_settings(coding);
@@ -148,11 +149,27 @@ Status check(const Coding& coding, Container container, const Programs& programs
 }
 
 std::vector<std::string> encoder_words(const Coding& coding, const std::string& out) {
-  std::vector<std::string> words{"-hide_banner", "-nostats", "-v", "error", "-nostdin", "-protocol_whitelist",
-                                 "file,pipe", "-f", "rawvideo", "-pix_fmt", std::string(raw_name(coding.format)),
-                                 "-video_size", fmt::format("{}x{}", coding.width, coding.height), "-framerate",
-                                 fmt::format("{}/{}", coding.rate.numerator, coding.rate.denominator), "-i", "pipe:0",
-                                 "-vf", filters(coding), "-c:v", std::string(known(coding.codec).encoder)};
+  std::vector<std::string> words{"-hide_banner",
+                                 "-nostats",
+                                 "-v",
+                                 "error",
+                                 "-nostdin",
+                                 "-protocol_whitelist",
+                                 "file,pipe",
+                                 "-f",
+                                 "rawvideo",
+                                 "-pix_fmt",
+                                 std::string(raw_name(coding.format)),
+                                 "-video_size",
+                                 fmt::format("{}x{}", coding.width, coding.height),
+                                 "-framerate",
+                                 fmt::format("{}/{}", coding.rate.numerator, coding.rate.denominator),
+                                 "-i",
+                                 "pipe:0",
+                                 "-vf",
+                                 filters(coding),
+                                 "-c:v",
+                                 std::string(known(coding.codec).encoder)};
   const std::vector<std::string> own = settings(coding);
   words.insert(words.end(), own.begin(), own.end());
   words.insert(words.end(), {"-fflags", "+bitexact", "-flags:v", "+bitexact", "-f",

@@ -28,13 +28,13 @@ struct Coding {
   int height = 0;
   PixelFormat format = PixelFormat::kI420;  ///< of the raymaps
   FrameRate rate;
-  int quality = -1;    ///< constant rate factor of H.264 and H.265, 0 (best) to 51; -1: the codec's usual one
-  std::string preset;  ///< of x264 and x265; empty: medium
+  int quality = -1;      ///< constant rate factor of H.264 and H.265, 0 (best) to 51; -1: the codec's usual one
+  std::string preset;    ///< of x264 and x265; empty: medium
   std::string transfer;  ///< how light follows from the numbers, as the heads' films say; empty: BT.709
   friend bool operator==(const Coding& a, const Coding& b) {
     return a.codec == b.codec && a.width == b.width && a.height == b.height && a.format == b.format &&
-           a.rate.numerator == b.rate.numerator && a.rate.denominator == b.rate.denominator &&
-           a.quality == b.quality && a.preset == b.preset && a.transfer == b.transfer;
+           a.rate.numerator == b.rate.numerator && a.rate.denominator == b.rate.denominator && a.quality == b.quality &&
+           a.preset == b.preset && a.transfer == b.transfer;
   }
 };
 

@@ -20,10 +20,10 @@ Result<std::unique_ptr<FilmEncoder>> FilmEncoder::open(const Programs& programs,
   auto encoder = std::unique_ptr<FilmEncoder>(new FilmEncoder);
   encoder->file_ = file;
   encoder->frame_bytes_ = packed_size(coding.format, coding.width, coding.height);
-  NODAL_TRY_ASSIGN(encoder->encoder_, Child::start({.program = programs.ffmpeg,
-                                                    .arguments = encoder_words(coding, file),
-                                                    .input = true,
-                                                    .writes_files = true}));
+  NODAL_TRY_ASSIGN(
+      encoder->encoder_,
+      Child::start(
+          {.program = programs.ffmpeg, .arguments = encoder_words(coding, file), .input = true, .writes_files = true}));
   encoder->feeder_ = std::thread([raw = encoder.get()] { raw->feed(); });
   return encoder;
 }

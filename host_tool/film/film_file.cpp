@@ -96,9 +96,10 @@ void read_rotation(FilmFile& film, const Json& stream) {
     film.rotation_deg = static_cast<int>(number_of(data, "rotation"));
   }
   if (film.rotation_deg == 0) return;
-  film.notes.push_back(fmt::format("it has a rotation tag of {} degrees, which is not applied: calibrate the head with "
-                                   "pictures as they are coded (ffmpeg -noautorotate)",
-                                   film.rotation_deg));
+  film.notes.push_back(
+      fmt::format("it has a rotation tag of {} degrees, which is not applied: calibrate the head with "
+                  "pictures as they are coded (ffmpeg -noautorotate)",
+                  film.rotation_deg));
 }
 
 Status read_video(FilmFile& film, const Json& stream) {
@@ -162,8 +163,9 @@ Status read_times(FilmFile& film, std::string_view packets) {
   }
   if (film.times.empty() && without == 0) return fail(Errc::kTruncated, "it has no frames");
   if (without > film.times.size() / 10) {
-    return fail(Errc::kBadFormat, "its frames have no times; put it into a container that has them: ffmpeg -r RATE -i "
-                                  "FILE -c copy FILE.mp4");
+    return fail(Errc::kBadFormat,
+                "its frames have no times; put it into a container that has them: ffmpeg -r RATE -i "
+                "FILE -c copy FILE.mp4");
   }
   std::ranges::sort(film.times);
   film.times.erase(std::ranges::unique(film.times).begin(), film.times.end());
@@ -193,8 +195,9 @@ Result<std::string> ask(const Programs& programs, const std::string& path, std::
   if (end.good()) return text;
   const std::string complaint = child->complaint();
   if (complaint.find("moov atom not found") != std::string::npos) {
-    return fail(Errc::kTruncated, "the recording was not finished: its index (moov) is missing. The camera, or a tool "
-                                  "like untrunc, may repair it");
+    return fail(Errc::kTruncated,
+                "the recording was not finished: its index (moov) is missing. The camera, or a tool "
+                "like untrunc, may repair it");
   }
   if (complaint.find("ormat not on whitelist") != std::string::npos) {
     return fail(Errc::kUnsupported, "it is no film but a list or script that names other files; name the films");
@@ -216,8 +219,8 @@ Result<FilmFile> film_of(const std::string& streams_json, const std::string& pac
     if (!stream.is_object()) continue;
     const std::string kind = text_of(stream, "codec_type");
     const auto disposition = stream.find("disposition");
-    const bool cover = disposition != stream.end() && disposition->is_object() &&
-                       number_of(*disposition, "attached_pic") != 0;
+    const bool cover =
+        disposition != stream.end() && disposition->is_object() && number_of(*disposition, "attached_pic") != 0;
     if (kind == "audio") read_sound(film, stream);
     if (kind != "video" || cover || found) continue;
     NODAL_TRY(read_video(film, stream));
@@ -232,8 +235,10 @@ Result<FilmFile> film_of(const std::string& streams_json, const std::string& pac
 
 Result<FilmFile> probe(const Programs& programs, const std::string& path) {
   std::error_code error;
-  if (!std::filesystem::exists(path, error)) return fail(Errc::kNotFound, fmt::format("{}: there is no such file", path));
-  if (!std::filesystem::is_regular_file(path, error)) return fail(Errc::kBadFormat, fmt::format("{}: it is no file", path));
+  if (!std::filesystem::exists(path, error))
+    return fail(Errc::kNotFound, fmt::format("{}: there is no such file", path));
+  if (!std::filesystem::is_regular_file(path, error))
+    return fail(Errc::kBadFormat, fmt::format("{}: it is no file", path));
   const auto streams = ask(programs, path, {"-show_streams", "-show_format", "-of", "json"}, kMaxStreams);
   if (!streams) return fail(streams.error().in(path));
   const auto packets = ask(
@@ -261,9 +266,9 @@ Result<FilmSound> probe_sound(const Programs& programs, const std::string& path)
 }
 
 bool is_film_name(std::string_view path) {
-  constexpr std::array<std::string_view, 20> kEndings{".mp4", ".mov",  ".mkv", ".avi", ".m4v", ".mts", ".m2ts",
+  constexpr std::array<std::string_view, 20> kEndings{".mp4", ".mov",  ".mkv", ".avi",  ".m4v", ".mts",  ".m2ts",
                                                       ".ts",  ".webm", ".mpg", ".mpeg", ".mxf", ".insv", ".360",
-                                                      ".lrv", ".3gp",  ".nut", ".wmv", ".ogv", ".m2v"};
+                                                      ".lrv", ".3gp",  ".nut", ".wmv",  ".ogv", ".m2v"};
   return std::ranges::any_of(kEndings, [&](std::string_view ending) { return has_ending(path, ending); });
 }
 

@@ -16,9 +16,9 @@ namespace nodal::film {
 
 /// A film's sound, its first track.
 struct FilmSound {
-  std::string codec;     ///< ffmpeg's name: "aac"
-  int rate = 0;          ///< Hz
-  double starts_s = 0;   ///< in the film's own time
+  std::string codec;    ///< ffmpeg's name: "aac"
+  int rate = 0;         ///< Hz
+  double starts_s = 0;  ///< in the film's own time
 };
 
 struct FilmFile {
@@ -33,13 +33,13 @@ struct FilmFile {
   int rotation_deg = 0;        ///< the file's wish how its pictures are shown
   bool interlaced = false;
   std::optional<FrameRate> rate;
-  double file_starts_s = 0;          ///< of the file's earliest stream, in the file's own time
-  Rational time_base;                ///< unit of `times`
-  std::vector<std::int64_t> times;   ///< of all frames that are shown, in order, without doubles
-  std::uint64_t announced = 0;       ///< frames that the file says it has; 0: it does not say
+  double file_starts_s = 0;         ///< of the file's earliest stream, in the file's own time
+  Rational time_base;               ///< unit of `times`
+  std::vector<std::int64_t> times;  ///< of all frames that are shown, in order, without doubles
+  std::uint64_t announced = 0;      ///< frames that the file says it has; 0: it does not say
   std::optional<FilmSound> sound;
-  std::uint64_t bytes = 0;           ///< size of the file
-  std::vector<std::string> notes;    ///< whole sentences, without the file's name
+  std::uint64_t bytes = 0;         ///< size of the file
+  std::vector<std::string> notes;  ///< whole sentences, without the file's name
 
   /// Seconds after its first frame.
   double seconds(std::size_t frame) const { return seconds_of(times[frame] - times.front(), time_base); }

@@ -40,10 +40,10 @@ void add(Words& words, const Words& more) { words.insert(words.end(), more.begin
 Words first_words() { return {"-hide_banner", "-nostats", "-v", "error", "-nostdin"}; }
 
 Status run(const Programs& programs, Words words, const std::string& file, const std::string& folder) {
-  NODAL_TRY_ASSIGN(const auto child, Child::start({.program = programs.ffmpeg,
-                                                   .arguments = std::move(words),
-                                                   .writes_files = true,
-                                                   .folder = folder}));
+  NODAL_TRY_ASSIGN(
+      const auto child,
+      Child::start(
+          {.program = programs.ffmpeg, .arguments = std::move(words), .writes_files = true, .folder = folder}));
   const Child::End end = child->wait();
   if (!end.good()) return fail(writing_failed(file, end, child->complaint()));
   return {};
@@ -81,7 +81,10 @@ Words sound_input(const FilmPlan& plan) {
 Words sound_output(const FilmPlan& plan) {
   const PlannedSound& sound = *plan.sound;
   constexpr double kHeard = 0.5;  // ppm: 1.8 ms in an hour
-  if (std::abs(sound.ppm) < kHeard && holds(plan.container, sound.codec)) return {"-map", "1:a:0", "-c:a", "copy"};
+  if (std::abs(sound.ppm) < kHeard && holds(plan.container, sound.codec)) {
+    // Packets before the beginning would move it in containers without edit lists.
+    return {"-map", "1:a:0", "-c:a", "copy", "-copypriorss:a", "0"};
+  }
   Words words{"-map", "1:a:0"};
   // The head's clock runs faster by ppm: its sound is slowed by as much, by taking its samples for those of another
   // rate, and computing samples of the usual one.
@@ -120,8 +123,8 @@ std::string missing_segments(const FilmPlan& plan, const PartsFolder& parts) {
 Status join(const FilmPlan& plan, const PartsFolder& parts, const std::string& out, const Programs& programs) {
   NODAL_TRY(host::check_free(out));
   if (const std::string missing = missing_segments(plan, parts); !missing.empty()) {
-    return fail(Errc::kNotReady, fmt::format("{}: segments are missing or damaged: {}; make them with --segments",
-                                             parts.path, missing));
+    return fail(Errc::kNotReady,
+                fmt::format("{}: segments are missing or damaged: {}; make them with --segments", parts.path, missing));
   }
   const std::string name = fmt::format("{}.part-{}", out, ::getpid());
   const Temporary list(fmt::format("{}/join-{}.ffconcat", parts.path, ::getpid()));
@@ -130,8 +133,8 @@ Status join(const FilmPlan& plan, const PartsFolder& parts, const std::string& o
   NODAL_TRY(host::write_file(list.file, list_of(plan, parts)));
   const bool matroska = plan.container == Container::kMkv;
   const std::string absolute = fs::absolute(joined.file).string();
-  const std::string length = fmt::format("{:.6f}", static_cast<double>(plan.frames) * plan.coding.rate.denominator /
-                                                       plan.coding.rate.numerator);
+  const std::string length = fmt::format(
+      "{:.6f}", static_cast<double>(plan.frames) * plan.coding.rate.denominator / plan.coding.rate.numerator);
   const Words exact{"-fflags", "+bitexact", "-map_metadata", "-1"};
   Words words = first_words();
   add(words, {"-protocol_whitelist", "file", "-format_whitelist", "concat,mov,mp4", "-f", "concat", "-i",
@@ -153,6 +156,8 @@ Status join(const FilmPlan& plan, const PartsFolder& parts, const std::string& o
     add(again, {"-protocol_whitelist", "file", "-format_whitelist", "mov,mp4", "-i", file_url(marked.file)});
     if (plan.sound) add(again, sound_input(plan));
     add(again, {"-map", "0:v:0", "-c:v", "copy"});
+    // MOV does not say the range of FFV1's numbers.
+    if (plan.coding.codec == Codec::kFfv1) add(again, {"-color_range", "pc"});
     if (plan.sound) add(again, sound_output(plan));
     add(again, exact);
     add(again, {"-t", length, "-f", "matroska", "-y", file_url(whole.file)});

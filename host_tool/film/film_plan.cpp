@@ -21,6 +21,8 @@ namespace {
 Result<Json> identity_of(const std::string& path) {
   constexpr std::uint64_t kEnd = 1 << 16;
   std::error_code error;
+  if (!std::filesystem::exists(path, error))
+    return fail(Errc::kNotFound, fmt::format("{}: there is no such file", path));
   const std::uint64_t size = std::filesystem::file_size(path, error);
   std::ifstream file(path, std::ios::binary);
   if (error || !file) return fail(Errc::kNotFound, fmt::format("{}: it cannot be read", path));
@@ -45,9 +47,10 @@ Result<double> number(std::string_view text) {
 /// The rate of the result: a usual one, if the film's mean rate is so near.
 FrameRate usual_rate(FrameRate rate) {
   constexpr double kNear = 3e-4;  // 30 and 29.97 differ by 1e-3
-  constexpr std::array kUsual{FrameRate{24000, 1001}, FrameRate{24, 1}, FrameRate{25, 1}, FrameRate{30000, 1001},
-                              FrameRate{30, 1}, FrameRate{48, 1}, FrameRate{50, 1}, FrameRate{60000, 1001},
-                              FrameRate{60, 1}, FrameRate{100, 1}, FrameRate{120000, 1001}, FrameRate{120, 1}};
+  constexpr std::array kUsual{FrameRate{24000, 1001}, FrameRate{24, 1},        FrameRate{25, 1},
+                              FrameRate{30000, 1001}, FrameRate{30, 1},        FrameRate{48, 1},
+                              FrameRate{50, 1},       FrameRate{60000, 1001},  FrameRate{60, 1},
+                              FrameRate{100, 1},      FrameRate{120000, 1001}, FrameRate{120, 1}};
   const auto hertz = [](FrameRate r) { return static_cast<double>(r.numerator) / r.denominator; };
   for (const FrameRate usual : kUsual) {
     if (std::abs(hertz(rate) / hertz(usual) - 1) < kNear) return usual;
@@ -79,9 +82,10 @@ Status choose_frames(FilmPlan& plan, const std::vector<FilmFile>& films, const s
     }
     const FrameRate own = usual_rate(*films[h].rate);
     if (own.numerator != plan.coding.rate.numerator || own.denominator != plan.coding.rate.denominator) {
-      notes.push_back(fmt::format("{}: it has {:.3f} frames a second, and the result has {:.3f}; the nearest ones are "
-                                  "shown",
-                                  films[h].path, 1.0 * own.numerator / own.denominator, 1 / period));
+      notes.push_back(
+          fmt::format("{}: it has {:.3f} frames a second, and the result has {:.3f}; the nearest ones are "
+                      "shown",
+                      films[h].path, 1.0 * own.numerator / own.denominator, 1 / period));
     }
   }
   if (!span.ends_early.empty()) notes.push_back(span.ends_early);
@@ -115,8 +119,8 @@ Result<std::optional<PlannedSound>> choose_sound(const FilmRequest& request, con
 Result<HeadTime> parse_head_time(const std::string& text) {
   const std::size_t equals = text.rfind('=');
   if (equals == std::string::npos || equals == 0) {
-    return fail(Errc::kBadValue, fmt::format("'{}': write HEAD=SECONDS or HEAD=SECONDS,PPM, such as cam3=-0.0417,43",
-                                             text));
+    return fail(Errc::kBadValue,
+                fmt::format("'{}': write HEAD=SECONDS or HEAD=SECONDS,PPM, such as cam3=-0.0417,43", text));
   }
   HeadTime time{text.substr(0, equals), 0, 0};
   const std::string rest = text.substr(equals + 1);

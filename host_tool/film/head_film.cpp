@@ -17,8 +17,8 @@ constexpr double kMarginSeconds = 0.5;
 }  // namespace
 
 std::vector<std::string> decoder_words(const FilmFile& film, std::optional<double> from_s) {
-  std::vector<std::string> words{"-hide_banner", "-nostats", "-v", "error", "-nostdin",
-                                 "-noautorotate", "-copyts", "-threads", "2"};
+  std::vector<std::string> words{"-hide_banner",  "-nostats", "-v",       "error", "-nostdin",
+                                 "-noautorotate", "-copyts",  "-threads", "2"};
   const std::vector<std::string> rules = input_rules();
   words.insert(words.end(), rules.begin(), rules.end());
   if (from_s) words.insert(words.end(), {"-ss", fmt::format("{:.6f}", *from_s)});
@@ -32,10 +32,8 @@ Result<std::unique_ptr<HeadFilm>> HeadFilm::open(const Programs& programs, const
   auto head = std::unique_ptr<HeadFilm>(new HeadFilm(film));
   std::optional<double> seek;
   const double after_first = seconds_of(from - film.times.front(), film.time_base);
-  if (after_first > kMarginSeconds)
-    seek = seconds_of(from, film.time_base) - film.file_starts_s - kMarginSeconds;
-  auto child =
-      Child::start({.program = programs.ffmpeg, .arguments = decoder_words(film, seek), .output = true});
+  if (after_first > kMarginSeconds) seek = seconds_of(from, film.time_base) - film.file_starts_s - kMarginSeconds;
+  auto child = Child::start({.program = programs.ffmpeg, .arguments = decoder_words(film, seek), .output = true});
   if (!child) return fail(child.error().in(film.path));
   head->decoder_ = std::move(*child);
   head->reader_ = std::thread([raw = head.get()] { raw->read_ahead(); });
@@ -116,11 +114,11 @@ Result<bool> HeadFilm::advance() {
   const std::string complaint = decoder_->complaint();
   const bool says_more = !end.good() || error.code == Errc::kTruncated;
   const std::string what = says_more ? "ffmpeg " + end_of(end, complaint) : error.message;
-  return fail(Errc::kBadFormat, fmt::format("{}: it cannot be decoded{}: {}", film_.path,
-                                            current_ ? fmt::format(" after {:.3f} s", seconds_of(current_->time,
-                                                                                               film_.time_base))
-                                                     : std::string(),
-                                            what));
+  return fail(Errc::kBadFormat,
+              fmt::format("{}: it cannot be decoded{}: {}", film_.path,
+                          current_ ? fmt::format(" after {:.3f} s", seconds_of(current_->time, film_.time_base))
+                                   : std::string(),
+                          what));
 }
 
 Result<ImageView> HeadFilm::at(std::int64_t time) {

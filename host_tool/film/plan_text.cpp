@@ -108,11 +108,16 @@ FilmPlan read(const Json& json) {
   plan.raymap.seams = raymap.at("placed").get<bool>() ? SeamPlacement::kPlaced : SeamPlacement::kFixed;
   const Json& coding = json.at("coding");
   const auto codec = codec_named(coding.at("codec").get<std::string>());
-  const auto rate = FrameRate::make(coding.at("rate").at(0).get<std::uint64_t>(),
-                                    coding.at("rate").at(1).get<std::uint64_t>());
+  const auto rate =
+      FrameRate::make(coding.at("rate").at(0).get<std::uint64_t>(), coding.at("rate").at(1).get<std::uint64_t>());
   if (!codec || !rate) throw std::out_of_range("coding");
-  plan.coding = {*codec, plan.raymap.width, plan.raymap.height, plan.raymap.format, *rate,
-                 coding.at("quality").get<int>(), coding.at("preset").get<std::string>(),
+  plan.coding = {*codec,
+                 plan.raymap.width,
+                 plan.raymap.height,
+                 plan.raymap.format,
+                 *rate,
+                 coding.at("quality").get<int>(),
+                 coding.at("preset").get<std::string>(),
                  coding.at("transfer").get<std::string>()};
   plan.container = static_cast<Container>(json.at("container").get<int>() % 3);
   plan.frames = json.at("frames").get<std::uint64_t>();
@@ -173,8 +178,9 @@ Result<FilmPlan> plan_of(const std::string& text) {
   const Json json = Json::parse(text, nullptr, false);
   if (!json.is_object() || !json.contains("file")) return fail(Errc::kBadFormat, "it is no plan of a film");
   if (json["file"] != kFormat) {
-    return fail(Errc::kFutureVersion, "it is the plan of another version of nodal; remove the folder that it is in, and "
-                                      "make the film anew");
+    return fail(Errc::kFutureVersion,
+                "it is the plan of another version of nodal; remove the folder that it is in, and "
+                "make the film anew");
   }
   try {
     FilmPlan plan = read(json);
@@ -182,7 +188,8 @@ Result<FilmPlan> plan_of(const std::string& text) {
     plan.id = to_hex(sha256({bytes, text.size()})).substr(0, 12);
     return plan;
   } catch (const std::exception& error) {  // nlohmann's, with the field
-    return fail(Errc::kBadValue, fmt::format("the plan is damaged ({}); remove the folder that it is in", error.what()));
+    return fail(Errc::kBadValue,
+                fmt::format("the plan is damaged ({}); remove the folder that it is in", error.what()));
   }
 }
 

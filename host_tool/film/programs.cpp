@@ -25,8 +25,8 @@ Result<std::string> answer(const std::string& program, std::vector<std::string> 
   NODAL_TRY_ASSIGN(std::string text, child->read_all(kMaxAnswer));
   const Child::End end = child->wait();
   if (!end.good()) {
-    return fail(Errc::kDeviceFailed, fmt::format("{} {}; reinstall it: apt install ffmpeg", program,
-                                                 end_of(end, child->complaint())));
+    return fail(Errc::kDeviceFailed,
+                fmt::format("{} {}; reinstall it: apt install ffmpeg", program, end_of(end, child->complaint())));
   }
   return text;
 }

@@ -115,10 +115,11 @@ Result<std::optional<FilmPlan>> stored_plan(const PartsFolder& parts, const Json
     if (plan->request.contains(key) && plan->request[key] == value) continue;
     differs += (differs.empty() ? "" : ", ") + key;
   }
-  return fail(Errc::kWrongState,
-              fmt::format("{}: it is the plan of another film or of other settings ({}); remove the folder {}, or choose "
-                          "another --out",
-                          parts.plan_file(), differs, parts.path));
+  return fail(
+      Errc::kWrongState,
+      fmt::format("{}: it is the plan of another film or of other settings ({}); remove the folder {}, or choose "
+                  "another --out",
+                  parts.plan_file(), differs, parts.path));
 }
 
 Result<FilmPlan> store_plan(const PartsFolder& parts, const FilmPlan& plan) {
@@ -174,10 +175,10 @@ Result<RenderedSegment> render_segment(const FilmPlan& plan, std::uint64_t segme
     const std::uint64_t replaced = heads[h]->replaced();
     const std::string complaint = heads[h]->finish();
     if (replaced == 0) continue;
-    rendered.notes.push_back(fmt::format("{}: {} of frames {} to {} cannot be decoded, and the ones before are shown "
-                                         "instead{}{}",
-                                         plan.heads[h].film.path, replaced, begin, end - 1,
-                                         complaint.empty() ? "" : ": ", complaint));
+    rendered.notes.push_back(
+        fmt::format("{}: {} of frames {} to {} cannot be decoded, and the ones before are shown "
+                    "instead{}{}",
+                    plan.heads[h].film.path, replaced, begin, end - 1, complaint.empty() ? "" : ": ", complaint));
   }
   NODAL_TRY_ASSIGN(const Content content, content_of(attempt.file, true));
   if (::rename(attempt.file.c_str(), file.c_str()) != 0) {

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstring>
 #include <cstdio>
+#include <cstring>
 #include <optional>
 #include <string_view>
 
@@ -68,8 +68,8 @@ Result<std::vector<Box>> boxes_in(View bytes) {
     if (size < kBoxHeader || size > bytes.size() || boxes.size() == kMaxBoxes) {
       return fail(Errc::kBadFormat, "a box in its index has a wrong size");
     }
-    boxes.push_back({{reinterpret_cast<const char*>(bytes.data()) + 4, 4},
-                     bytes.subspan(kBoxHeader, size - kBoxHeader)});
+    boxes.push_back(
+        {{reinterpret_cast<const char*>(bytes.data()) + 4, 4}, bytes.subspan(kBoxHeader, size - kBoxHeader)});
     bytes = bytes.subspan(size);
   }
   return boxes;
@@ -145,8 +145,8 @@ class Rewriter {
 
   Result<Bytes> track(View content) {
     NODAL_TRY_ASSIGN(const auto handler, find(content, {"mdia", "hdlr"}));
-    const bool video = !found_ && handler && handler->size() >= 12 &&
-                       std::ranges::equal(handler->subspan(8, 4), bytes_of("vide"));
+    const bool video =
+        !found_ && handler && handler->size() >= 12 && std::ranges::equal(handler->subspan(8, 4), bytes_of("vide"));
     found_ = found_ || video;
     NODAL_TRY_ASSIGN(Bytes made, boxes(content, video));
     if (!video) return made;
@@ -224,7 +224,8 @@ Status write(std::FILE* to, View bytes) {
 Status copy(std::FILE* from, const Range& range, std::FILE* to) {
   Bytes piece(std::size_t{1} << 20);
   for (std::uint64_t at = range.begin; at < range.end;) {
-    const std::span<std::uint8_t> now = std::span<std::uint8_t>(piece).first(std::min<std::uint64_t>(piece.size(), range.end - at));
+    const std::span<std::uint8_t> now =
+        std::span<std::uint8_t>(piece).first(std::min<std::uint64_t>(piece.size(), range.end - at));
     NODAL_TRY(read_at(from, at, now));
     NODAL_TRY(write(to, now));
     at += now.size();
@@ -234,7 +235,9 @@ Status copy(std::FILE* from, const Range& range, std::FILE* to) {
 
 }  // namespace
 
-Result<Bytes> spherical_moov(View moov, std::span<const MovedRange> moved) { return Rewriter(moved, true).boxes(moov, false); }
+Result<Bytes> spherical_moov(View moov, std::span<const MovedRange> moved) {
+  return Rewriter(moved, true).boxes(moov, false);
+}
 
 Status write_spherical_mp4(const std::string& from, const std::string& to, bool spherical) {
   const auto in = open_to_read(from);
@@ -243,7 +246,8 @@ Status write_spherical_mp4(const std::string& from, const std::string& to, bool 
   if (!all) return fail(all.error().in(from));
   const auto moov = std::ranges::find(*all, "moov", &Range::type);
   if (moov == all->end()) return fail(Errc::kBadFormat, fmt::format("{}: it has no index (moov)", from));
-  if (moov->end - moov->begin > kMaxMoovBytes) return fail(Errc::kTooLarge, fmt::format("{}: its index is over 256 MiB", from));
+  if (moov->end - moov->begin > kMaxMoovBytes)
+    return fail(Errc::kTooLarge, fmt::format("{}: its index is over 256 MiB", from));
   Bytes content(moov->end - moov->begin - kBoxHeader);
   NODAL_TRY(read_at(in->get(), moov->begin + kBoxHeader, content));
   // The file type stays in front; the index follows; the rest keeps its order.
