@@ -24,7 +24,7 @@ struct ChildSpec {
 };
 
 /// It is in a process group of its own, so that Ctrl-C reaches this program alone, and is killed when this one ends.
-/// Its standard error is read by a thread, so that no amount of it makes the program wait; kMaxComplaint bytes are kept.
+/// A thread reads its standard error, so that no amount of it makes the program wait; kMaxComplaint bytes are kept.
 ///
 /// Threading: thread-bound; input() and output() may be used by one other thread each.
 /// Ownership: closes the pipes; kills a program that still runs.

@@ -26,10 +26,10 @@ struct Coding {
   Codec codec = Codec::kH264;
   int width = 0;
   int height = 0;
-  PixelFormat format = PixelFormat::kI420;  ///< of the raymaps
+  PixelFormat format = PixelFormat::kI420;  ///< the raymaps' format
   FrameRate rate;
   int quality = -1;      ///< constant rate factor of H.264 and H.265, 0 (best) to 51; -1: the codec's usual one
-  std::string preset;    ///< of x264 and x265; empty: medium
+  std::string preset;    ///< x264's and x265's; empty: medium
   std::string transfer;  ///< how light follows from the numbers, as the heads' films say; empty: BT.709
   friend bool operator==(const Coding& a, const Coding& b) {
     return a.codec == b.codec && a.width == b.width && a.height == b.height && a.format == b.format &&

@@ -18,7 +18,7 @@ namespace nodal::film {
 struct FilmSound {
   std::string codec;    ///< ffmpeg's name: "aac"
   int rate = 0;         ///< Hz
-  double starts_s = 0;  ///< in the film's own time
+  double starts_s = 0;  ///< seconds of the film's own time
 };
 
 struct FilmFile {
@@ -26,16 +26,16 @@ struct FilmFile {
   int width = 0;
   int height = 0;
   std::string coded_format;    ///< ffmpeg's name of the pixel format: "yuvj420p"
-  PixelFormat format{};        ///< in which its pictures are decoded
+  PixelFormat format{};        ///< its pictures' after decoding
   std::string decoded_format;  ///< ffmpeg's name of that
-  ColourCoding coding;         ///< of Y U V
+  ColourCoding coding;         ///< how Y, U and V are coded
   std::string transfer;        ///< ffmpeg's name; empty: not said
   int rotation_deg = 0;        ///< the file's wish how its pictures are shown
   bool interlaced = false;
   std::optional<FrameRate> rate;
-  double file_starts_s = 0;         ///< of the file's earliest stream, in the file's own time
+  double file_starts_s = 0;         ///< begin of the file's earliest stream, in the file's own time
   Rational time_base;               ///< unit of `times`
-  std::vector<std::int64_t> times;  ///< of all frames that are shown, in order, without doubles
+  std::vector<std::int64_t> times;  ///< all frames that are shown, in order, without doubles
   std::uint64_t announced = 0;      ///< frames that the file says it has; 0: it does not say
   std::optional<FilmSound> sound;
   std::uint64_t bytes = 0;         ///< size of the file

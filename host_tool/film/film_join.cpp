@@ -16,6 +16,7 @@
 #include "host_tool/film/film_encoder.h"
 #include "host_tool/film/spherical_mp4.h"
 #include "protocol/base/try.h"
+#include "protocol/files/open_file.h"
 
 namespace nodal::film {
 namespace {
@@ -98,10 +99,11 @@ Words sound_output(const FilmPlan& plan) {
 }
 
 Status sync(const std::string& file) {
-  const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
-  const bool good = descriptor >= 0 && ::fsync(descriptor) == 0;
+  const Result<int> descriptor = open_descriptor_to_read(file);
+  if (!descriptor) return fail(descriptor.error().in(file));
+  const bool good = ::fsync(*descriptor) == 0;
   const int error = errno;
-  if (descriptor >= 0) ::close(descriptor);
+  ::close(*descriptor);
   if (good) return {};
   return fail(error == ENOSPC ? Errc::kDiskFull : Errc::kIo, fmt::format("{}: {}", file, std::strerror(error)));
 }

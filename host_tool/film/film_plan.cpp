@@ -7,12 +7,12 @@
 #include <charconv>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 
 #include "host_tool/film/film_time.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/try.h"
 #include "protocol/base/version.h"
+#include "protocol/files/open_file.h"
 
 namespace nodal::film {
 namespace {
@@ -20,19 +20,17 @@ namespace {
 /// Size of a file, and a hash of its two ends: of an hour's film, reading all would take minutes.
 Result<Json> identity_of(const std::string& path) {
   constexpr std::uint64_t kEnd = 1 << 16;
+  const Result<FilePtr> file = open_to_read(path);
+  if (!file) return fail(file.error().in(path));
   std::error_code error;
-  if (!std::filesystem::exists(path, error))
-    return fail(Errc::kNotFound, fmt::format("{}: there is no such file", path));
   const std::uint64_t size = std::filesystem::file_size(path, error);
-  std::ifstream file(path, std::ios::binary);
-  if (error || !file) return fail(Errc::kNotFound, fmt::format("{}: it cannot be read", path));
+  if (error) return fail(Errc::kIo, fmt::format("{}: {}", path, error.message()));
   std::vector<std::uint8_t> bytes(std::min(size, 2 * kEnd));
-  auto* const data = reinterpret_cast<char*>(bytes.data());
   const std::uint64_t front = std::min(size, kEnd), back = bytes.size() - front;
-  file.read(data, static_cast<std::streamsize>(front));
-  file.seekg(static_cast<std::streamoff>(size - back));
-  file.read(data + front, static_cast<std::streamsize>(back));
-  if (!file) return fail(Errc::kIo, fmt::format("{}: it cannot be read", path));
+  const bool read = std::fread(bytes.data(), 1, front, file->get()) == front &&
+                    ::fseeko(file->get(), static_cast<off_t>(size - back), SEEK_SET) == 0 &&
+                    std::fread(bytes.data() + front, 1, back, file->get()) == back;
+  if (!read) return fail(Errc::kIo, fmt::format("{}: it cannot be read", path));
   return Json{{"file", path}, {"bytes", size}, {"ends", to_hex(sha256(bytes))}};
 }
 

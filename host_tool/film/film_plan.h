@@ -47,14 +47,14 @@ Result<Json> words_of(const FilmRequest& request, const Programs& programs);
 struct PlannedHead {
   std::string name;
   FilmFile film;                    ///< with one time only, of its first frame
-  std::vector<std::int64_t> times;  ///< for every frame of the result, the time of the head's frame
+  std::vector<std::int64_t> times;  ///< the time of the head's frame for every frame of the result
   double farthest_s = 0;            ///< how far that is from the wanted instant, at most
 };
 
 struct PlannedSound {
   std::string path;
   std::string codec;
-  double from_s = 0;  ///< in that file's own time, when the result begins
+  double from_s = 0;  ///< when the result begins, in that file's own time
   double ppm = 0;     ///< how much faster that clock runs than the result's
 };
 
@@ -74,7 +74,7 @@ struct FilmPlan {
   std::vector<PlannedHead> heads;
   std::optional<PlannedSound> sound;
   std::uint64_t frames = 0;
-  std::vector<PlannedSeams> seams;  ///< in order; empty: the calibration's own seams
+  std::vector<PlannedSeams> seams;  ///< ordered by frame; empty: the calibration's own seams
   std::string id;                   ///< hash of the plan; set by id_of() or read_plan()
 
   std::uint64_t segments() const { return (frames + kSegmentFrames - 1) / kSegmentFrames; }

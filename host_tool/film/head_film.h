@@ -41,7 +41,7 @@ class HeadFilm {
 
  private:
   struct Frame {
-    std::int64_t time = 0;  ///< in the film's unit
+    std::int64_t time = 0;  ///< units of the film's time base
     std::vector<std::uint8_t> bytes;
   };
   explicit HeadFilm(const FilmFile& film) : film_(film) {}

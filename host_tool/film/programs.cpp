@@ -8,11 +8,11 @@
 #include <charconv>
 #include <cstdlib>
 #include <cstring>
-#include <fstream>
 
 #include "host_tool/film/child.h"
 #include "protocol/base/text.h"
 #include "protocol/base/try.h"
+#include "protocol/files/open_file.h"
 
 namespace nodal::film {
 namespace {
@@ -49,9 +49,9 @@ std::string find_program(std::string_view name) {
 std::string loader_of(const std::string& program) {
   // The program header of type PT_INTERP of a 64-bit little-endian file (System V ABI, "Program Loading").
   constexpr std::uint32_t kInterpreter = 3;
-  std::ifstream file(program, std::ios::binary);
+  const Result<FilePtr> file = open_to_read(program);
   std::array<char, 4096> bytes{};
-  file.read(bytes.data(), bytes.size());
+  if (!file || std::fread(bytes.data(), 1, bytes.size(), file->get()) == 0) return "";
   const auto read = [&](std::size_t at, auto& value) {
     if (at + sizeof value > bytes.size()) return false;
     std::memcpy(&value, bytes.data() + at, sizeof value);

@@ -15,6 +15,7 @@
 #include "host_tool/film/head_film.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/try.h"
+#include "protocol/files/open_file.h"
 
 namespace nodal::film {
 namespace {
@@ -28,9 +29,9 @@ struct Content {
 
 /// Reads a file, and has it on disk.
 Result<Content> content_of(const std::string& path, bool sync) {
-  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  const auto failed = [&] { return fail(Errc::kIo, fmt::format("{}: {}", path, std::strerror(errno))); };
-  if (file < 0) return failed();
+  const Result<int> opened = open_descriptor_to_read(path);
+  if (!opened) return fail(opened.error().in(path));
+  const int file = *opened;
   Sha256Stream hash;
   Content content;
   std::vector<std::uint8_t> piece(1 << 20);
@@ -42,8 +43,7 @@ Result<Content> content_of(const std::string& path, bool sync) {
   const bool good = count == 0 && (!sync || ::fsync(file) == 0);
   const int error = errno;
   ::close(file);
-  errno = error;
-  if (!good) return failed();
+  if (!good) return fail(Errc::kIo, fmt::format("{}: {}", path, std::strerror(error)));
   content.sha256 = to_hex(hash.finish());
   return content;
 }
@@ -187,7 +187,7 @@ Result<RenderedSegment> render_segment(const FilmPlan& plan, std::uint64_t segme
   attempt.file.clear();
   const Json record{{"frames", end - begin}, {"bytes", content.bytes}, {"sha256", content.sha256}};
   const std::string record_file = file + ".json";
-  ::unlink(record_file.c_str());  // that of a segment that was not whole any more
+  ::unlink(record_file.c_str());  // the record of a segment that was not whole any more
   NODAL_TRY(host::write_file(record_file, record.dump() + "\n"));
   return rendered;
 }

@@ -20,8 +20,9 @@ using Bytes = std::vector<std::uint8_t>;
 using View = std::span<const std::uint8_t>;
 
 constexpr std::size_t kBoxHeader = 8;
-constexpr std::size_t kVisualEntry = 78;  // of a VisualSampleEntry, after the box header (ISO/IEC 14496-12, 12.1.3)
-constexpr int kMaxBoxes = 10'000;         // in one box
+constexpr std::size_t kVisualEntry =
+    78;                            // bytes of a VisualSampleEntry after the box header (ISO/IEC 14496-12, 12.1.3)
+constexpr int kMaxBoxes = 10'000;  // limit of the boxes in one box
 
 constexpr std::array<std::uint8_t, 16> kV1Id{0xff, 0xcc, 0x82, 0x63, 0xf8, 0x55, 0x4a, 0x93,
                                              0x88, 0x14, 0x58, 0x7a, 0x02, 0x52, 0x1f, 0xdd};

@@ -16,7 +16,7 @@ inline constexpr std::size_t kMaxMoovBytes = std::size_t{256} << 20;
 
 /// Where a box of the file moves to.
 struct MovedRange {
-  std::uint64_t begin = 0, end = 0;  ///< in the old file
+  std::uint64_t begin = 0, end = 0;  ///< bytes of the old file
   std::int64_t by = 0;
 };
 

@@ -22,7 +22,7 @@ TEST_F(FilmTrouble, Inputs_OneSentenceEach) {
   const std::string whole = read(name_of(2) + ".mp4");
   expect_no_film(with(write("nomoov.mp4", whole.substr(0, whole.find("moov") - 4))), "index (moov) is missing",
                  "s.mp4");
-  expect_no_film(with(path("absent.mp4")), "there is no such file", "s.mp4");
+  expect_no_film(with(path("absent.mp4")), "No such file", "s.mp4");
   expect_no_film(with(write("list.mp4", "ffconcat version 1.0\nfile " + name_of(2) + ".mp4\n")), "names other files",
                  "s.mp4");
   expect_no_film(with(write("play.mp4", "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\n" + name_of(2) + ".mp4\n")),

@@ -49,7 +49,9 @@ TEST(HostRules, ProgramsAreStarted_WhereTheirRightsAreKnown) {
   const std::vector<std::string> host{"host_tool/", "stitch/", "protocol/", "hal/linux/link/", "hal/linux/cable/"};
   const std::string why = "confinement.cpp must permit a program before it can be started";
   expect_rule(host, {"posix_spawnp(", {"hal/linux/link/spawn_link.cpp", "host_tool/input/pairs_file.cpp"}, why});
-  expect_rule(host, {"fork()", {"hal/linux/link/link_helper.cpp", "host_tool/look/loopback.cpp"}, why});
+  expect_rule(
+      host,
+      {"fork()", {"hal/linux/link/link_helper.cpp", "host_tool/look/loopback.cpp", "host_tool/film/child.cpp"}, why});
 }
 
 TEST(HostRules, PicturesAreReadAndWritten_WhereTheirColoursAreKept) {
