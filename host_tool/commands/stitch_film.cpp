@@ -14,6 +14,7 @@
 #include "host_tool/console/quantities.h"
 #include "host_tool/film/film_join.h"
 #include "host_tool/film/segments.h"
+#include "host_tool/film/sound_times.h"
 #include "host_tool/input/calibration_file.h"
 #include "host_tool/output/layout_name.h"
 #include "protocol/base/try.h"
@@ -93,6 +94,7 @@ Result<film::FilmRequest> make_request(Console& console, const StitchArgs& args,
     NODAL_TRY_ASSIGN(film::HeadTime time, film::parse_head_time(text));
     request.times.push_back(std::move(time));
   }
+  request.times_by = words.times;
   const auto is_head = [&](const HeadCalibration& head) { return head.name == words.sound; };
   request.sound = words.sound;
   const bool word = words.sound == "auto" || words.sound == "none";
@@ -181,7 +183,9 @@ class FilmRun {
                                                            "rotated as the file says"
                                                          : ""));
     }
-    NODAL_TRY_ASSIGN(plan_, film::make_plan(request, films, programs_, notes_));
+    NODAL_TRY_ASSIGN(const film::FilmRequest timed, with_times(request, films));
+    NODAL_TRY_ASSIGN(plan_, film::make_plan(timed, films, programs_, notes_));
+    plan_.request = words;  // what was asked for, by which this plan is found again
     say_notes();
     if (plan_.raymap.seams == SeamPlacement::kPlaced) {
       NODAL_TRY(make_blend());
@@ -193,6 +197,35 @@ class FilmRun {
     }
     NODAL_TRY_ASSIGN(plan_, film::store_plan(parts_, plan_));
     return {};
+  }
+
+  /// The request with every head's time.
+  Result<film::FilmRequest> with_times(const film::FilmRequest& request, const std::vector<film::FilmFile>& films) {
+    film::FilmRequest timed = request;
+    std::vector<std::string> heads;
+    for (const HeadCalibration& head : request.calibration.heads) heads.push_back(head.name);
+    const bool heard = film::have_sound(films, heads, request.times);
+    if (request.times_by == "begin" || (request.times_by == "auto" && !heard)) {
+      if (request.times.empty() && request.times_by == "auto") {
+        notes_.emplace_back(
+            "not all films have sound, so they are taken to begin at the same instant; --offset HEAD=SECONDS says "
+            "otherwise");
+      }
+      return timed;
+    }
+    if (!heard) {
+      return fail(Errc::kBadValue,
+                  "--times sound: the first head and all others without --offset need sound; give --offset "
+                  "HEAD=SECONDS for those without it");
+    }
+    Progress bar(console_, "comparing the films' sound", 100);
+    auto times = film::times_by_sound(programs_, films, heads, request.times, notes_, [&](double part) {
+      bar.update(static_cast<std::uint64_t>(100 * part), "");
+      return !interrupted();
+    });
+    if (!times) return fail(times.error().in("the films' times, from their sound"));
+    timed.times = std::move(*times);
+    return timed;
   }
 
   Status make_blend() {
@@ -326,6 +359,12 @@ void add_film_options(CLI::App& command, FilmArgs& args) {
       ->type_name("HEAD=SECONDS[,PPM]")
       ->allow_extra_args(false)
       ->check(checked_by(film::parse_head_time));
+  command
+      .add_option("--times", args.times,
+                  "Of a film: sound, each head's time is found in the sound of its film; begin, all films begin at\n"
+                  "the same instant (sound if all heads have it, when not given)")
+      ->type_name("sound|begin")
+      ->check(CLI::IsMember({"sound", "begin"}));
   command
       .add_option("--sound", args.sound,
                   "Of a film: a head, a file, or none (the first head that has sound when not given)")

@@ -14,6 +14,7 @@ struct FilmArgs {
   int quality = -1;
   std::string preset;
   std::vector<std::string> offsets;
+  std::string times = "auto";
   std::string sound = "auto";
   std::string seams = "placed";
   std::string segments;
@@ -21,7 +22,7 @@ struct FilmArgs {
   bool join = false;
 };
 
-/// --codec, --crf, --preset, --offset, --sound, --seams, --plan, --segments, --join.
+/// --codec, --crf, --preset, --offset, --times, --sound, --seams, --plan, --segments, --join.
 void add_film_options(CLI::App& command, FilmArgs& args);
 
 /// Whether a result of this name is a film.

@@ -155,6 +155,7 @@ Result<Json> words_of(const FilmRequest& request, const Programs& programs) {
               {"calibration", to_hex(calibration_id(request.calibration))},
               {"films", films},
               {"offsets", times},
+              {"times", request.times_by},
               {"layout", raymap.layout},
               {"width", raymap.width},
               {"height", raymap.height},

@@ -32,7 +32,8 @@ Result<HeadTime> parse_head_time(const std::string& text);
 struct FilmRequest {
   Calibration calibration;         ///< heads in the order of the films
   std::vector<std::string> films;  ///< absolute paths
-  std::vector<HeadTime> times;     ///< heads that are not named have no offset
+  std::vector<HeadTime> times;     ///< heads that are not named have no offset, or `times_by` finds it
+  std::string times_by = "auto";   ///< "auto", "sound" or "begin": how other heads' times are found
   RaymapConfig raymap;             ///< the pixel format is chosen by the plan
   std::optional<Codec> codec;
   int quality = -1;
