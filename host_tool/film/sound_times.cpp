@@ -17,7 +17,7 @@
 namespace nodal::film {
 namespace {
 
-constexpr double kPerPpm = 1e6;  // millionths of one
+constexpr double kPerPpm = 1e6;    // millionths of one
 constexpr double kDecoding = 0.7;  // part of the time that decoding takes; the rest compares
 
 bool is_given(const std::vector<HeadTime>& given, const std::string& head) {
