@@ -66,6 +66,7 @@ struct PlannedSeams {
 
 struct FilmPlan {
   static constexpr std::uint64_t kSegmentFrames = 240;
+  static constexpr std::int64_t kMaxFrames = 1 << 24;  ///< 155 hours at 30 frames a second
 
   Json request;  ///< words_of()
   Calibration calibration;

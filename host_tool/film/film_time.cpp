@@ -34,6 +34,11 @@ Result<FilmSpan> common_span(const std::vector<FilmFile>& films, const std::vect
                             films[latest].path, -length, films[earliest].path));
   }
   constexpr double kRounding = 1e-4;  // part of a period: times in milliseconds are rounded
+  constexpr double kMaxFrames = FilmPlan::kMaxFrames;
+  if (!(length / period_s < kMaxFrames - 1)) {
+    return fail(Errc::kTooLarge, fmt::format("{}: the result would have over {} frames; make films of parts of it",
+                                             films[earliest].path, FilmPlan::kMaxFrames));
+  }
   span.frames = static_cast<std::uint64_t>(std::floor(length / period_s + kRounding)) + 1;
   const double more = ends[longest] - ends[earliest];
   if (more > 1.5 * period_s) {
@@ -52,11 +57,12 @@ std::vector<std::size_t> nearest_frames(const FilmFile& film, const HeadTime& ti
   for (std::uint64_t k = 0; k < span.frames; ++k) {
     const double wanted = head_seconds(time, span.from_s + static_cast<double>(k) * period_s);
     const auto distance = [&](std::size_t f) { return std::abs(film.seconds(f) - wanted); };
+    while (frame + 1 < film.times.size() && film.seconds(frame + 1) <= wanted) ++frame;
     // Of two that are equally near, within what doubles can tell, the earlier one.
     constexpr double kEqual = 1e-9;
-    while (frame + 1 < film.times.size() && distance(frame + 1) < distance(frame) - kEqual) ++frame;
-    *farthest_s = std::max(*farthest_s, distance(frame));
-    chosen.push_back(frame);
+    const bool later = frame + 1 < film.times.size() && distance(frame + 1) < distance(frame) - kEqual;
+    chosen.push_back(later ? frame + 1 : frame);
+    *farthest_s = std::max(*farthest_s, distance(chosen.back()));
   }
   return chosen;
 }

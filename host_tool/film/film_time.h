@@ -20,7 +20,7 @@ struct FilmSpan {
   std::uint64_t frames = 0;  ///< instants, one period apart
   std::string ends_early;    ///< a sentence on the head that ends first, if others go on; empty: none
 };
-/// `times`: one per film. Errors: kBadValue, naming the two films, if there is none.
+/// `times`: one per film. Errors: kBadValue, naming the two films, if there is none; kTooLarge.
 Result<FilmSpan> common_span(const std::vector<FilmFile>& films, const std::vector<HeadTime>& times, double period_s);
 
 /// The head's nearest frame for every instant. `farthest_s`: the largest distance.

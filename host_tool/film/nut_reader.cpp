@@ -312,7 +312,8 @@ Result<std::int64_t> NutReader::frame(std::uint8_t code, std::span<std::uint8_t>
     return bad(fmt::format("a frame has {} bytes, and its pictures have {}: the picture size changes in the film", size,
                            into.size()));
   }
-  const std::vector<std::uint8_t>& front = elided_[elided];
+  constexpr std::size_t kMaxElidedFrame = 4096;  // larger frames are whole
+  const std::vector<std::uint8_t>& front = elided_[size > kMaxElidedFrame ? 0 : elided];
   if (front.size() > into.size()) return bad("a frame's elision header");
   std::ranges::copy(front, into.begin());
   NODAL_TRY(bytes(into.subspan(front.size())));

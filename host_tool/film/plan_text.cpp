@@ -6,12 +6,15 @@
 #include "host_tool/film/film_plan.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/try.h"
+#include "stitch/seams/placement.h"
 #include "stitch/sets/blend_plan.h"
 
 namespace nodal::film {
 namespace {
 
 constexpr const char* kFormat = "nodal film plan 1";
+constexpr std::int64_t kMaxTime = std::int64_t{1} << 60;  // sums of two fit 64 bits
+constexpr std::int64_t kMaxUnitTerm = INT32_MAX;          // ffmpeg's
 constexpr std::size_t kMapPixels = std::size_t{sets::kSeamMapWidth} * sets::kSeamMapWidth / 2;
 
 /// Pairs of a value and how often it comes; of times, of their differences.
@@ -28,15 +31,47 @@ Json runs_of(const Values& values) {
   return runs;
 }
 
-std::vector<std::int64_t> values_of(const Json& runs, std::uint64_t count) {
+/// A whole number between these limits; nlohmann's get() would cut off what a type does not hold.
+std::int64_t whole(const Json& value, const char* name, std::int64_t min, std::int64_t max) {
+  const bool large = value.is_number_unsigned() && value.get<std::uint64_t>() > INT64_MAX;
+  if (!value.is_number_integer() || large) throw std::out_of_range(name);
+  const auto number = value.get<std::int64_t>();
+  if (number < min || number > max) throw std::out_of_range(name);
+  return number;
+}
+
+double real(const Json& value, const char* name) {
+  if (!value.is_number()) throw std::out_of_range(name);
+  return value.get<double>();
+}
+
+std::vector<std::int64_t> values_of(const Json& runs, const char* name, std::size_t count) {
+  if (!runs.is_array() || runs.size() % 2 != 0) throw std::out_of_range(name);
   std::vector<std::int64_t> values;
-  for (std::size_t at = 0; at + 1 < runs.size(); at += 2) {
-    const auto repeated = runs[at + 1].get<std::uint64_t>();
-    if (repeated > count - values.size()) throw std::out_of_range("runs");
-    values.insert(values.end(), repeated, runs[at].get<std::int64_t>());
+  for (std::size_t at = 0; at < runs.size(); at += 2) {
+    const std::int64_t repeated = whole(runs[at + 1], name, 1, static_cast<std::int64_t>(count - values.size()));
+    values.insert(values.end(), static_cast<std::size_t>(repeated), whole(runs[at], name, -kMaxTime, kMaxTime));
   }
-  if (values.size() != count) throw std::out_of_range("runs");
+  if (values.size() != count) throw std::out_of_range(name);
   return values;
+}
+
+/// Nesting and fields of objects have limits: writing a tree again takes stack for each level, and a field of an object
+/// with keys in order is found by comparing all of them.
+Json parse(const std::string& text) {
+  constexpr std::size_t kMaxDepth = 24, kMaxFields = 256;
+  std::vector<std::size_t> fields;  // of the objects and lists that are open
+  const auto check = [&](int, Json::parse_event_t event, const Json&) {
+    using Event = Json::parse_event_t;
+    if (event == Event::object_start || event == Event::array_start) {
+      if (fields.size() == kMaxDepth) throw std::out_of_range("it is nested too deep");
+      fields.push_back(0);
+    }
+    if (event == Event::object_end || event == Event::array_end) fields.pop_back();
+    if (event == Event::key && ++fields.back() > kMaxFields) throw std::out_of_range("an object has too many fields");
+    return true;
+  };
+  return Json::parse(text, check, false);
 }
 
 Json to_json(const PlannedHead& head) {
@@ -68,27 +103,49 @@ PixelFormat format_of(const Json& name) {
   return *format;
 }
 
-PlannedHead head_of(const Json& json, std::uint64_t frames) {
+PlannedHead head_of(const Json& json, const HeadCalibration& calibrated, std::size_t frames) {
   PlannedHead head;
   head.name = json.at("name").get<std::string>();
-  head.farthest_s = json.at("farthest").get<double>();
+  if (head.name != calibrated.name) throw std::out_of_range("heads.name");
+  head.farthest_s = real(json.at("farthest"), "heads.farthest");
   FilmFile& film = head.film;
   film.path = json.at("film").get<std::string>();
-  film.width = json.at("width").get<int>();
-  film.height = json.at("height").get<int>();
+  // The blend reads as many pixels as the calibration says.
+  film.width = static_cast<int>(whole(json.at("width"), "heads.width", calibrated.width, calibrated.width));
+  film.height = static_cast<int>(whole(json.at("height"), "heads.height", calibrated.height, calibrated.height));
   film.format = format_of(json.at("format"));
   film.decoded_format = json.at("decoded_format").get<std::string>();
   film.coding = {json.at("video_range").get<bool>(), json.at("bt709").get<bool>()};
-  film.file_starts_s = json.at("file_starts").get<double>();
-  film.time_base = {json.at("time_base").at(0).get<std::int64_t>(), json.at("time_base").at(1).get<std::int64_t>()};
-  film.times = {json.at("first").get<std::int64_t>()};
-  if (film.time_base.num <= 0 || film.time_base.den <= 0 || film.width <= 0 || film.height <= 0) {
-    throw std::out_of_range("film");
+  film.file_starts_s = real(json.at("file_starts"), "heads.file_starts");
+  film.time_base = {whole(json.at("time_base").at(0), "heads.time_base", 1, kMaxUnitTerm),
+                    whole(json.at("time_base").at(1), "heads.time_base", 1, kMaxUnitTerm)};
+  film.times = {whole(json.at("first"), "heads.first", -kMaxTime, kMaxTime)};
+  head.times = values_of(json.at("steps"), "heads.steps", frames);
+  for (std::size_t k = 1; k < head.times.size(); ++k) {
+    if (head.times[k] < 0) throw std::out_of_range("heads.steps");
+    head.times[k] += head.times[k - 1];
+    if (head.times[k] > kMaxTime) throw std::out_of_range("heads.steps");
   }
-  head.times = values_of(json.at("steps"), frames);
-  std::int64_t before = 0;
-  for (std::int64_t& time : head.times) before = time += before;
   return head;
+}
+
+std::vector<PlannedSeams> seams_of(const Json& json, const FilmPlan& plan) {
+  std::vector<PlannedSeams> all;
+  std::int64_t next = 0;
+  for (const Json& one : json) {
+    const auto last = static_cast<std::int64_t>(plan.segments()) - 1;
+    const std::int64_t segment = whole(one.at("segment"), "seams.segment", next, last);
+    next = segment + 1;
+    PlannedSeams placed{static_cast<std::uint64_t>(segment), {}};
+    placed.labels.reserve(kMapPixels);
+    for (const std::int64_t label : values_of(one.at("labels"), "seams.labels", kMapPixels)) {
+      const bool known = label >= 0 && label < static_cast<std::int64_t>(plan.heads.size());
+      if (!known && label != seams::kNobody) throw std::out_of_range("seams.labels");
+      placed.labels.push_back(static_cast<std::uint8_t>(label));
+    }
+    all.push_back(std::move(placed));
+  }
+  return all;
 }
 
 FilmPlan read(const Json& json) {
@@ -99,41 +156,40 @@ FilmPlan read(const Json& json) {
   plan.calibration = std::move(*calibration);
   const Json& raymap = json.at("raymap");
   plan.raymap.layout = raymap.at("layout").get<std::string>();
-  plan.raymap.width = raymap.at("width").get<int>();
-  plan.raymap.height = raymap.at("height").get<int>();
+  plan.raymap.width = static_cast<int>(whole(raymap.at("width"), "raymap.width", 1, INT32_MAX));
+  plan.raymap.height = static_cast<int>(whole(raymap.at("height"), "raymap.height", 1, INT32_MAX));
   plan.raymap.format = format_of(raymap.at("format"));
-  plan.raymap.transition = static_cast<Transition>(raymap.at("transition").get<int>() % 3);
-  plan.raymap.seam_width_deg = raymap.at("seam_width").get<double>();
-  plan.raymap.feather = raymap.at("feather").get<double>();
+  plan.raymap.transition = static_cast<Transition>(whole(raymap.at("transition"), "raymap.transition", 0, 2));
+  plan.raymap.seam_width_deg = real(raymap.at("seam_width"), "raymap.seam_width");
+  plan.raymap.feather = real(raymap.at("feather"), "raymap.feather");
   plan.raymap.seams = raymap.at("placed").get<bool>() ? SeamPlacement::kPlaced : SeamPlacement::kFixed;
   const Json& coding = json.at("coding");
   const auto codec = codec_named(coding.at("codec").get<std::string>());
-  const auto rate =
-      FrameRate::make(coding.at("rate").at(0).get<std::uint64_t>(), coding.at("rate").at(1).get<std::uint64_t>());
+  const auto term = [&](std::size_t k) {
+    return static_cast<std::uint64_t>(whole(coding.at("rate").at(k), "coding.rate", 1, FrameRate::kMaxTerm));
+  };
+  const auto rate = FrameRate::make(term(0), term(1));
   if (!codec || !rate) throw std::out_of_range("coding");
   plan.coding = {*codec,
                  plan.raymap.width,
                  plan.raymap.height,
                  plan.raymap.format,
                  *rate,
-                 coding.at("quality").get<int>(),
+                 static_cast<int>(whole(coding.at("quality"), "coding.quality", -1, 51)),
                  coding.at("preset").get<std::string>(),
                  coding.at("transfer").get<std::string>()};
-  plan.container = static_cast<Container>(json.at("container").get<int>() % 3);
-  plan.frames = json.at("frames").get<std::uint64_t>();
-  for (const Json& head : json.at("heads")) plan.heads.push_back(head_of(head, plan.frames));
-  if (plan.frames == 0 || plan.heads.size() != plan.calibration.heads.size()) throw std::out_of_range("heads");
+  plan.container = static_cast<Container>(whole(json.at("container"), "container", 0, 2));
+  plan.frames = static_cast<std::uint64_t>(whole(json.at("frames"), "frames", 1, FilmPlan::kMaxFrames));
+  const Json& heads = json.at("heads");
+  if (!heads.is_array() || heads.size() != plan.calibration.heads.size()) throw std::out_of_range("heads");
+  for (std::size_t h = 0; h < heads.size(); ++h) {
+    plan.heads.push_back(head_of(heads[h], plan.calibration.heads[h], plan.frames));
+  }
   if (const Json& sound = json.at("sound"); !sound.is_null()) {
     plan.sound = PlannedSound{sound.at("file").get<std::string>(), sound.at("codec").get<std::string>(),
-                              sound.at("from").get<double>(), sound.at("ppm").get<double>()};
+                              real(sound.at("from"), "sound.from"), real(sound.at("ppm"), "sound.ppm")};
   }
-  for (const Json& seams : json.at("seams")) {
-    PlannedSeams placed{seams.at("segment").get<std::uint64_t>(), {}};
-    for (const std::int64_t label : values_of(seams.at("labels"), kMapPixels)) {
-      placed.labels.push_back(static_cast<std::uint8_t>(label));
-    }
-    plan.seams.push_back(std::move(placed));
-  }
+  plan.seams = seams_of(json.at("seams"), plan);
   return plan;
 }
 
@@ -175,19 +231,19 @@ std::string to_text(const FilmPlan& plan) {
 }
 
 Result<FilmPlan> plan_of(const std::string& text) {
-  const Json json = Json::parse(text, nullptr, false);
-  if (!json.is_object() || !json.contains("file")) return fail(Errc::kBadFormat, "it is no plan of a film");
-  if (json["file"] != kFormat) {
-    return fail(Errc::kFutureVersion,
-                "it is the plan of another version of nodal; remove the folder that it is in, and "
-                "make the film anew");
-  }
   try {
+    const Json json = parse(text);
+    if (!json.is_object() || !json.contains("file")) return fail(Errc::kBadFormat, "it is no plan of a film");
+    if (json["file"] != kFormat) {
+      return fail(Errc::kFutureVersion,
+                  "it is the plan of another version of nodal; remove the folder that it is in, and "
+                  "make the film anew");
+    }
     FilmPlan plan = read(json);
     const auto* const bytes = reinterpret_cast<const std::uint8_t*>(text.data());
     plan.id = to_hex(sha256({bytes, text.size()})).substr(0, 12);
     return plan;
-  } catch (const std::exception& error) {  // nlohmann's, with the field
+  } catch (const std::exception& error) {  // the field; of nlohmann's errors too
     return fail(Errc::kBadValue,
                 fmt::format("the plan is damaged ({}); remove the folder that it is in", error.what()));
   }

@@ -20,9 +20,9 @@ using Bytes = std::vector<std::uint8_t>;
 using View = std::span<const std::uint8_t>;
 
 constexpr std::size_t kBoxHeader = 8;
-constexpr std::size_t kVisualEntry =
-    78;                            // bytes of a VisualSampleEntry after the box header (ISO/IEC 14496-12, 12.1.3)
-constexpr int kMaxBoxes = 10'000;  // limit of the boxes in one box
+constexpr std::size_t kVisualEntry = 78;  // VisualSampleEntry without its header (ISO/IEC 14496-12, 12.1.3)
+constexpr int kMaxBoxes = 10'000;         // limit of the boxes in one box
+constexpr int kMaxDepth = 8;              // chunk offsets are at 4: trak, mdia, minf, stbl
 
 constexpr std::array<std::uint8_t, 16> kV1Id{0xff, 0xcc, 0x82, 0x63, 0xf8, 0x55, 0x4a, 0x93,
                                              0x88, 0x14, 0x58, 0x7a, 0x02, 0x52, 0x1f, 0xdd};
@@ -123,7 +123,9 @@ class Rewriter {
 
   /// A list of boxes; `spherical`: they are of the video track.
   Result<Bytes> boxes(View bytes, bool spherical) {
+    if (depth_ == kMaxDepth) return fail(Errc::kBadFormat, "the boxes of its index are nested too deep");
     NODAL_TRY_ASSIGN(const auto all, boxes_in(bytes));
+    ++depth_;
     Bytes made;
     for (const Box& one : all) {
       NODAL_TRY_ASSIGN(const Bytes content, content_of(one, spherical));
@@ -131,6 +133,13 @@ class Rewriter {
       append(made, box(wide ? "co64" : one.type, content));
       wide_ = false;
     }
+    --depth_;
+    return made;
+  }
+  /// The whole index.
+  Result<Bytes> index(View bytes) {
+    NODAL_TRY_ASSIGN(Bytes made, boxes(bytes, false));
+    if (!found_) return fail(Errc::kBadFormat, "its index has no video track");
     return made;
   }
 
@@ -176,6 +185,7 @@ class Rewriter {
   }
 
   std::span<const MovedRange> moved_;
+  int depth_ = 0;
   bool found_;         ///< the video track is behind, or none is marked
   bool wide_ = false;  ///< the chunk offsets that were made last have 64 bits
 };
@@ -183,6 +193,7 @@ class Rewriter {
 struct Range {
   std::uint64_t begin = 0, end = 0;
   std::string type;
+  std::size_t header = kBoxHeader;  ///< bytes; 16 with a length of 64 bits
 };
 
 Status read_at(std::FILE* file, std::uint64_t at, std::span<std::uint8_t> into) {
@@ -204,9 +215,11 @@ Result<std::vector<Range>> top_boxes(std::FILE* file) {
     NODAL_TRY(read_at(file, at, std::span(header).first(std::min<std::uint64_t>(left, header.size()))));
     std::uint64_t length = big_endian(View(header).first(4));
     if (length == 0) length = left;
-    if (length == 1) length = big_endian(View(header).subspan(8));
-    if (length < kBoxHeader || length > left) return fail(Errc::kBadFormat, "a box has a wrong size");
-    ranges.push_back({at, at + length, std::string(reinterpret_cast<const char*>(header.data()) + 4, 4)});
+    const bool wide = length == 1;
+    const std::size_t own = wide ? header.size() : kBoxHeader;
+    if (wide) length = big_endian(View(header).subspan(kBoxHeader));
+    if (length < own || length > left) return fail(Errc::kBadFormat, "a box has a wrong size");
+    ranges.push_back({at, at + length, std::string(reinterpret_cast<const char*>(header.data()) + 4, 4), own});
     at += length;
   }
   return ranges;
@@ -236,9 +249,7 @@ Status copy(std::FILE* from, const Range& range, std::FILE* to) {
 
 }  // namespace
 
-Result<Bytes> spherical_moov(View moov, std::span<const MovedRange> moved) {
-  return Rewriter(moved, true).boxes(moov, false);
-}
+Result<Bytes> spherical_moov(View moov, std::span<const MovedRange> moved) { return Rewriter(moved, true).index(moov); }
 
 Status write_spherical_mp4(const std::string& from, const std::string& to, bool spherical) {
   const auto in = open_to_read(from);
@@ -249,8 +260,8 @@ Status write_spherical_mp4(const std::string& from, const std::string& to, bool 
   if (moov == all->end()) return fail(Errc::kBadFormat, fmt::format("{}: it has no index (moov)", from));
   if (moov->end - moov->begin > kMaxMoovBytes)
     return fail(Errc::kTooLarge, fmt::format("{}: its index is over 256 MiB", from));
-  Bytes content(moov->end - moov->begin - kBoxHeader);
-  NODAL_TRY(read_at(in->get(), moov->begin + kBoxHeader, content));
+  Bytes content(moov->end - moov->begin - moov->header);
+  NODAL_TRY(read_at(in->get(), moov->begin + moov->header, content));
   // The file type stays in front; the index follows; the rest keeps its order.
   const auto front = [](const Range& range) { return range.type == "ftyp"; };
   std::vector<Range> rest;
@@ -260,19 +271,19 @@ Status write_spherical_mp4(const std::string& from, const std::string& to, bool 
   const std::uint64_t before = type == all->end() ? 0 : type->end - type->begin;
   Bytes made = content;
   std::vector<MovedRange> moved;
-  // The index's size decides the offsets, and offsets of 64 bits its size: it settles in three rounds at most.
-  for (int round = 0; round < 4; ++round) {
-    const std::size_t size = made.size();
+  // The index's size decides the offsets, and offsets of 64 bits its size. A larger index makes no offset smaller, so
+  // the sizes rise or fall until they settle: after one round for each track at most.
+  for (std::size_t size = made.size() + 1; size != made.size();) {
+    size = made.size();
     moved.clear();
     std::uint64_t at = before + kBoxHeader + size;
     for (const Range& range : rest) {
       moved.push_back({range.begin, range.end, static_cast<std::int64_t>(at) - static_cast<std::int64_t>(range.begin)});
       at += range.end - range.begin;
     }
-    auto rewritten = Rewriter(moved, spherical).boxes(content, false);
+    auto rewritten = Rewriter(moved, spherical).index(content);
     if (!rewritten) return fail(rewritten.error().in(from));
     made = std::move(*rewritten);
-    if (made.size() == size) break;
   }
   const auto out = create_to_write(to);
   if (!out) return fail(out.error().in(to));
