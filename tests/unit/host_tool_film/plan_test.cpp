@@ -42,7 +42,6 @@ std::string id_of(const FilmPlan& plan) { return plan_of(to_text(plan)).value().
 
 TEST(FilmPlanText, WrittenAndRead_IsTheSamePlan) {
   const FilmPlan plan = small_plan();
-  if (std::getenv("FFDUMP")) std::puts(("PLAN" + to_text(plan)).c_str());
   const auto read = plan_of(to_text(plan));
   ASSERT_TRUE(read) << read.error().message;
   EXPECT_EQ(to_text(*read), to_text(plan));
