@@ -60,7 +60,7 @@ std::vector<std::int64_t> values_of(const Json& runs, const char* name, std::siz
 /// with keys in order is found by comparing all of them.
 Json parse(const std::string& text) {
   constexpr std::size_t kMaxDepth = 24, kMaxFields = 256;
-  std::vector<std::size_t> fields;  // of the objects and lists that are open
+  std::vector<std::size_t> fields;  // counts of the open objects and lists
   bool quoted = false;
   for (std::size_t at = 0; at < text.size(); ++at) {
     const char c = text[at];

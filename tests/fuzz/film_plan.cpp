@@ -1,5 +1,5 @@
-// The plan of a film: what is accepted has heads, frames and seams that fit each other, and is written and read again as
-// the same plan.
+// The plan of a film: what is accepted has heads, frames and seams that fit each other, and is the same plan when it is
+// written and read again.
 #include "host_tool/film/film_plan.h"
 #include "memory_limit.h"
 
