@@ -169,12 +169,6 @@ PathUse path_use(const std::string& option) {
 
 namespace {
 
-/// Whether six faces of a cube are written, with names of their own.
-bool are_faces(const CLI::App& convert) {
-  const CLI::Option* const layout = convert.get_option_no_throw("--layout");
-  return layout != nullptr && !layout->empty() && layout->results().front() == "faces";
-}
-
 /// That the folder of a file is there, and no file in its place: before hours of work, not after.
 /// `prefix`: the command may write other names that begin like this one, and checks those itself.
 Status check_writable(const std::string& file, bool prefix) {
@@ -196,7 +190,8 @@ Status check_outputs(const CLI::App& command) {
       if (!named || path_use(option->get_lnames().front()) != PathUse::kOutputFile) continue;
       for (const std::string& word : option->results()) {
         const std::string name = option->get_lnames().front();
-        const bool prefix = app->get_name() == "convert" && name == "out" && are_faces(*app);
+        // Six faces of a cube have names of their own; `convert` checks its names before it reads a picture.
+        const bool prefix = app->get_name() == "convert" && name == "out";
         if (const Status free = check_writable(word, prefix); !free) return fail(free.error().in("--" + name));
       }
     }
