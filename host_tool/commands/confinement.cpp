@@ -19,6 +19,7 @@
 #include "host_tool/film/programs.h"
 #include "host_tool/input/picture_masks.h"
 #include "host_tool/input/project_pictures.h"
+#include "host_tool/output/cube_faces.h"
 #include "protocol/base/file_ending.h"
 #include "protocol/base/try.h"
 
@@ -169,6 +170,13 @@ PathUse path_use(const std::string& option) {
 
 namespace {
 
+/// Whether `convert` may write six faces of a cube, which have names of their own. Its option stands for faces by the
+/// name of the layout that they are cut from; `convert` checks the names of both before it reads a picture.
+bool may_be_faces(const CLI::App& convert) {
+  const CLI::Option* const layout = convert.get_option_no_throw("--layout");
+  return layout != nullptr && !layout->empty() && layout->results().front() == kFacesLayout;
+}
+
 /// That the folder of a file is there, and no file in its place: before hours of work, not after.
 /// `prefix`: the command may write other names that begin like this one, and checks those itself.
 Status check_writable(const std::string& file, bool prefix) {
@@ -190,8 +198,7 @@ Status check_outputs(const CLI::App& command) {
       if (!named || path_use(option->get_lnames().front()) != PathUse::kOutputFile) continue;
       for (const std::string& word : option->results()) {
         const std::string name = option->get_lnames().front();
-        // Six faces of a cube have names of their own; `convert` checks its names before it reads a picture.
-        const bool prefix = app->get_name() == "convert" && name == "out";
+        const bool prefix = app->get_name() == "convert" && name == "out" && may_be_faces(*app);
         if (const Status free = check_writable(word, prefix); !free) return fail(free.error().in("--" + name));
       }
     }
