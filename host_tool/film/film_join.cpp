@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <vector>
 
 #include "host_tool/console/files.h"
 #include "host_tool/console/overwriting.h"
@@ -177,8 +178,19 @@ Status join(const FilmPlan& plan, const PartsFolder& parts, const std::string& o
 }
 
 void remove_parts(const PartsFolder& parts) {
+  const auto is_own = [](const std::string& name) {
+    return name == "plan.json" || name.starts_with("plan.json.part-") ||
+           (name.starts_with("seg-") && name.size() > 9 && name[9] == '.') ||
+           (name.starts_with("join-") && name.ends_with(".ffconcat"));
+  };
   std::error_code error;
-  fs::remove_all(parts.path, error);
+  std::vector<fs::path> own;
+  for (fs::directory_iterator entry(parts.path, error), end; !error && entry != end; entry.increment(error)) {
+    std::error_code unknown;
+    if (entry->is_regular_file(unknown) && is_own(entry->path().filename().string())) own.push_back(entry->path());
+  }
+  for (const fs::path& file : own) fs::remove(file, error);
+  fs::remove(parts.path, error);  // fails, as it should, if something else is in it
 }
 
 }  // namespace nodal::film

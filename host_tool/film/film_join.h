@@ -17,7 +17,7 @@ std::string missing_segments(const FilmPlan& plan, const PartsFolder& parts);
 /// Errors: kNotReady, naming the segments that are missing; kExists; kDiskFull; kIo.
 Status join(const FilmPlan& plan, const PartsFolder& parts, const std::string& out, const Programs& programs);
 
-/// Removes the folder of the parts.
+/// Removes the plan, the segments and what attempts have left, and then the folder unless it holds something else.
 void remove_parts(const PartsFolder& parts);
 
 }  // namespace nodal::film

@@ -188,7 +188,9 @@ Result<RenderedSegment> render_segment(const FilmPlan& plan, std::uint64_t segme
   const Json record{{"frames", end - begin}, {"bytes", content.bytes}, {"sha256", content.sha256}};
   const std::string record_file = file + ".json";
   ::unlink(record_file.c_str());  // the record of a segment that was not whole any more
-  NODAL_TRY(host::write_file(record_file, record.dump() + "\n"));
+  const Status written = host::write_file(record_file, record.dump() + "\n");
+  // Another process that makes the same segment may have written its record meanwhile; the bytes are the same.
+  if (!written && !(written.error().code == Errc::kExists && parts.has(plan, segment))) return fail(written.error());
   return rendered;
 }
 

@@ -18,6 +18,7 @@ namespace nodal::film {
 namespace {
 
 constexpr double kPerPpm = 1e6;    // millionths of one
+constexpr double kReach = 60;      // s; cameras that people start one by one. More costs time, and finds more by chance
 constexpr double kDecoding = 0.7;  // part of the time that decoding takes; the rest compares
 
 bool is_given(const std::vector<HeadTime>& given, const std::string& head) {
@@ -105,8 +106,7 @@ Result<std::vector<HeadTime>> times_by_sound(const Programs& programs, const std
       if (!go_on(kDecoding + (1 - kDecoding) * compared / pairs)) return fail(Errc::kCancelled, "stopped");
       const timing::SoundTrack &first = tracks[static_cast<std::size_t>(a)],
                                &second = tracks[static_cast<std::size_t>(b)];
-      // Films may begin at any time: every lag at which the two overlap is possible.
-      const timing::Search search{.expected = 0, .reach = std::max(first.end(), second.end())};
+      const timing::Search search{.expected = 0, .reach = std::min(kReach, std::max(first.end(), second.end()))};
       const Result<timing::Lag> lag = timing::sound_lag(first, second, search);
       if (lag) lags.push_back({a, b, timing::Source::kSound, *lag});
       else missing.push_back({a, b, timing::Source::kSound, lag.error().message});

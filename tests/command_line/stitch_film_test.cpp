@@ -217,6 +217,15 @@ TEST_F(Films, LimitedAndFullRange_BothAreShownAsTheyAre) {
   EXPECT_LT(sum / static_cast<double>(luma), 1.0);
 }
 
+TEST_F(Films, AFolderOfPartsThatHoldsSomethingElse_KeepsIt) {
+  write_films(4, ".mkv", kLossless);
+  std::filesystem::create_directories(path("s.mkv.parts/seg-notes"));
+  write("s.mkv.parts/notes.txt", "mine");
+  expect_good(stitch("s.mkv", {"--codec", "ffv1", "--seams", "fixed", "--width", "128"}));
+  EXPECT_EQ(read("s.mkv.parts/notes.txt"), "mine");
+  EXPECT_EQ(parts("s.mkv"), (std::vector<std::string>{"notes.txt", "seg-notes"}));
+}
+
 /// Films of 12 s whose sound is `source` (of ffmpeg's lavfi), from `begins[head]` seconds on.
 class FilmsWithSound : public FilmCommand {
  protected:
