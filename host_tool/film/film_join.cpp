@@ -181,7 +181,7 @@ void remove_parts(const PartsFolder& parts) {
   const auto is_own = [](const std::string& name) {
     return name == "plan.json" || name.starts_with("plan.json.part-") ||
            (name.starts_with("seg-") && name.size() > 9 && name[9] == '.') ||
-           (name.starts_with("join-") && name.ends_with(".ffconcat"));
+           (name.starts_with("join-") && name.find(".ffconcat") != std::string::npos);
   };
   std::error_code error;
   std::vector<fs::path> own;
