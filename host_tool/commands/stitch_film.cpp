@@ -190,7 +190,7 @@ class FilmRun {
     if (plan_.raymap.seams == SeamPlacement::kPlaced) {
       NODAL_TRY(make_blend());
       Progress bar(console_, "placing seams", plan_.segments());
-      NODAL_TRY(told(film::plan_seams(plan_, *blend_, programs_, [&](std::uint64_t segment) {
+      NODAL_TRY(as_stopped(film::plan_seams(plan_, *blend_, programs_, [&](std::uint64_t segment) {
         bar.update(segment, "");
         return !interrupted();
       })));
@@ -240,8 +240,8 @@ class FilmRun {
     return {};
   }
 
-  /// What Ctrl-C leaves.
-  Status told(Status status) {
+  /// The same status; after Ctrl-C with what is left and how to go on.
+  Status as_stopped(Status status) {
     if (status || status.error().code != Errc::kCancelled) return status;
     return fail(Errc::kCancelled,
                 fmt::format("stopped; {} has the segments that are whole, and the same command goes on "
@@ -273,7 +273,7 @@ class FilmRun {
         bar->update(before + frame, fmt::format("{:.1f} frames/s", static_cast<double>(done_ + frame) / seconds));
         return !interrupted();
       });
-      if (!rendered) return told(fail(rendered.error()));
+      if (!rendered) return as_stopped(fail(rendered.error()));
       done_ += plan_.end_of(segment) - plan_.begin_of(segment);
       notes_.insert(notes_.end(), rendered->notes.begin(), rendered->notes.end());
     }

@@ -38,7 +38,7 @@ struct Coding {
   }
 };
 
-/// The codec of a film of this name and size that nobody chose.
+/// The codec of a film when the user names none: by the container and the width.
 Codec usual_codec(Container container, int width);
 
 /// Whether the codec can do it, the container holds it and ffmpeg has the encoder. Before work starts.

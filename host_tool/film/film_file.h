@@ -30,7 +30,7 @@ struct FilmFile {
   std::string decoded_format;  ///< ffmpeg's name of that
   ColourCoding coding;         ///< how Y, U and V are coded
   std::string transfer;        ///< ffmpeg's name; empty: not said
-  int rotation_deg = 0;        ///< the file's wish how its pictures are shown
+  int rotation_deg = 0;        ///< by how much the file asks viewers to rotate its pictures
   bool interlaced = false;
   std::optional<FrameRate> rate;
   double file_starts_s = 0;         ///< begin of the file's earliest stream, in the file's own time

@@ -117,7 +117,7 @@ FirstLags first_lags(const Grid& a, const Grid& b, double from, double to, const
     if (chunk.empty() || other.size() < chunk.size() + 16) continue;
     const auto likeness = correlation_coefficients(chunk, other);
     const Peak peak = highest_peak(likeness);
-    // Motion that repeats is alike at many lags, so what chance would give looks large: it is told first.
+    // Motion that repeats is alike at many lags, which makes chance_of() large as well: so it is tested first.
     if (peak.size >= kMinLikeness && peak.second > kSecondPeak * peak.size) {
       ++found.repeating;
     } else if (peak.size < kMinLikeness || peak.size < kSigmas * chance_of(likeness)) {
