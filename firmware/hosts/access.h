@@ -1,8 +1,7 @@
-// Access control: the access level of each socket, and one table of what holds for each kind of request.
+// Access control: the access level of each socket, and what holds for each kind of request.
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -35,28 +34,37 @@ enum class Turn : std::uint8_t {
   kDiskTest,      ///< one test answers all who wait: TakeKeeper
 };
 
-/// What holds for a kind of request, or depends on the values in it.
-enum class Holds : std::uint8_t { kNever, kAlways, kByValues };
+class Client;
+class Control;
 
-/// A kind of request of nodal.proto.
+/// A kind of request of nodal.proto. A stage carries it out as a `command`, or it is answered at once by `answer`; a
+/// request with both is a command when `by_values` says so, and else a query.
 struct RequestKind {
+  /// Fills the reply, or leaves it empty if the reply comes later. Errors: sent to the host as the reply.
+  using Answer = Status (*)(Control& control, Client& client, const wire::Request& request, wire::Reply& reply);
+
   wire::Request::WhatCase what = wire::Request::WHAT_NOT_SET;
-  std::string_view name;                     ///< the request's name in nodal.proto
-  Access access = Access::kControl;          ///< the lowest right that may ask it
-  Holds control = Holds::kNever;             ///< whether its values can make it need control although `access` is view
-  Holds changes = Holds::kNever;             ///< whether it changes the rig; such requests are audited
-  std::optional<CommandStage> slow_stage{};  ///< the stage with a disk that carries it out, if one does
+  std::string_view name;             ///< the request's name in nodal.proto
+  Access access = Access::kControl;  ///< the lowest right that may ask it
+  const CommandKind* command = nullptr;
+  Answer answer = nullptr;
   Turn turn = Turn::kNone;
-  bool important = false;  ///< it always has its own entry in the audit log, on the disk before it is answered
+  /// Whether the values in the request make it more than a query, which needs control; null: they do not matter.
+  bool (*by_values)(const wire::Request& request) = nullptr;
+  bool important = false;  ///< no command, and yet it always has its own entry in the audit log before it is answered
 };
 
-/// All of them; a test compares the table with nodal.proto.
+/// The table of all requests (requests.cpp); a test compares it with nodal.proto.
 std::span<const RequestKind> request_kinds();
-/// A request of a newer host has the last row, "unknown request"; it gets kUnsupported.
+/// A request that has no row, such as one of a newer host, has the last row, "unknown request"; it gets kUnsupported.
 const RequestKind& kind_of(const wire::Request& request);
 
+/// The kind of command that the request becomes; null: it is answered at once.
+const CommandKind* command_kind(const wire::Request& request);
 /// Whether the request changes the rig; such requests are audited.
 bool changes_rig(const wire::Request& request);
+/// Whether the request always has its own entry in the audit log, on the disk before it is answered.
+bool is_important(const wire::Request& request);
 Access access_needed(const wire::Request& request);
 /// Errors: kUnsupported, naming the request and a remedy.
 Status check_access(Access has, const wire::Request& request);

@@ -60,6 +60,9 @@ class Control {
   /// Frame sets that the blend missed because its queue was full, as of the newest step.
   std::uint64_t sets_missed_by_blend() const { return RigWatch::sets_missed_by_blend(operation_.capture()); }
 
+  /// One function for each kind of request that is answered at once (requests.cpp).
+  struct Answers;
+
   static constexpr Duration kFarewell = Duration::milliseconds(500);
   static constexpr std::size_t kMaxRequests = 16;  ///< unanswered requests of one client
   /// The most unanswered commands of one client at another stage: so few that the stage's ring has room for all
@@ -81,12 +84,8 @@ class Control {
   void handle(Client& client, const wire::Request& request, Instant now);
   bool serve_turns(Instant now);
   void carry_out(Client& client, const wire::Request& request, Instant now);
-  /// Answers a request at once. Returns the error to reply with, if any.
-  Status answer(Client& client, const wire::Request& request, Instant now);
   /// Makes the request a command; the answer is sent when the command's stage has answered.
   Status command(Client& client, const wire::Request& request, Instant now);
-  Result<StreamId> start_work(Client& client, const wire::Request& request, Instant now);
-  Status end_host(Client& client, const wire::Request& request, Instant now);
   void end(Instant now);
   wire::Hello hello(Access access) const;
   void say(NewsKind kind, std::string sentence) { operation_.news().say(kind, std::move(sentence)); }

@@ -1,6 +1,7 @@
-// The part of Control that answers requests.
+// The table of all requests, and the part of Control that answers them.
 #include <fmt/format.h>
 
+#include <array>
 #include <utility>
 
 #include "firmware/hosts/control.h"
@@ -25,17 +26,176 @@ Result<Command> commit_command(const wire::UploadCommit& commit, const RigConfig
   return CalibrationCommand(std::move(install));
 }
 
+using What = wire::Request;
+constexpr auto kView = Access::kView;
+constexpr auto kControl = Access::kControl;
+
+/// A request that is answered at once.
+constexpr RequestKind answered(What::WhatCase what, std::string_view name, Access access, RequestKind::Answer answer,
+                               Turn turn = Turn::kNone) {
+  return {what, name, access, nullptr, answer, turn};
+}
+
+/// A request that becomes a command of this type.
+template <class Type>
+constexpr RequestKind becomes(What::WhatCase what, Access access, Turn turn = Turn::kNone) {
+  return {what, kCommandKind<Type>.name, access, &kCommandKind<Type>, nullptr, turn};
+}
+
+bool is_lossless(const wire::Request& request) { return request.pull().lossless(); }
+bool changes_genlock(const wire::Request& request) { return request.genlock().action() != wire::GenlockRequest::SHOW; }
+bool changes_exposure(const wire::Request& request) { return request.exposure().ByteSizeLong() > 0; }
+
 }  // namespace
+
+struct Control::Answers {
+  static Status status(Control& control, Client&, const wire::Request&, wire::Reply& reply) {
+    *reply.mutable_status() = control.status(control.now_);
+    return {};
+  }
+
+  static Status heads(Control& control, Client&, const wire::Request&, wire::Reply& reply) {
+    fill_heads(control.config_, control.operation_.capture(), control.stages_.blender, *reply.mutable_heads());
+    return {};
+  }
+
+  static Status genlock(Control& control, Client&, const wire::Request&, wire::Reply& reply) {
+    fill_genlock(control.config_, control.operation_.capture().genlock, *reply.mutable_genlock());
+    return {};
+  }
+
+  static Status exposure(Control& control, Client&, const wire::Request&, wire::Reply& reply) {
+    fill_exposure(control.operation_.capture().exposure, control.config_.heads.size(), *reply.mutable_exposure());
+    return {};
+  }
+
+  static Status upload_begin(Control& control, Client& client, const wire::Request& request, wire::Reply& reply) {
+    const wire::UploadBegin& begin = request.upload_begin();
+    NODAL_TRY_ASSIGN(const auto name, sha256_from_wire(begin.sha256()));
+    NODAL_TRY_ASSIGN(const auto offset, control.uploads_.begin(name, begin.length(), client.number()));
+    reply.mutable_upload()->set_offset(offset);
+    return {};
+  }
+
+  static Status pull(Control& control, Client& client, const wire::Request& request, wire::Reply& reply) {
+    NODAL_TRY(Admission::may_work(control.clients_, client, control.now_));
+    const KeeperReport& keeper = control.operation_.keeper();
+    if (!keeper.in_force) {
+      return fail(Errc::kNotReady,
+                  "there are no raymaps yet: " +
+                      (keeper.activity.empty() ? "no calibration is in force; upload one: nodal calibration upload FILE"
+                                               : keeper.activity));
+    }
+    NODAL_TRY_ASSIGN(const auto stream, control.publisher_.start(control.clients_, client, request.pull()));
+    reply.mutable_pull()->set_stream(stream);
+    return {};
+  }
+
+  static Status pull_stop(Control& control, Client& client, const wire::Request& request, wire::Reply& reply) {
+    NODAL_TRY(control.publisher_.stop(client, request.pull_stop().stream()));
+    reply.mutable_done();
+    return {};
+  }
+
+  static Status frame_set(Control& control, Client& client, const wire::Request&, wire::Reply& reply) {
+    NODAL_TRY_ASSIGN(const auto stream, control.frame_sender_.start(client, control.operation_.head_shapes(),
+                                                                    control.operation_.period(), control.now_));
+    reply.mutable_pull()->set_stream(stream);
+    return {};
+  }
+
+  static Status take_read(Control& control, Client& client, const wire::Request& request, wire::Reply& reply) {
+    NODAL_TRY_ASSIGN(const auto stream, control.take_sender_.start(client, request.take_read(), control.now_));
+    control.operation_.audit().note_take_read(requester_of(client), request.take_read().take(), control.now_);
+    reply.mutable_pull()->set_stream(stream);
+    return {};
+  }
+
+  static Status audit_log(Control& control, Client&, const wire::Request& request, wire::Reply& reply) {
+    fill_audit(control.operation_.audit().log(), request.audit_log(), control.started_, control.now_,
+               control.stages_.utc(), *reply.mutable_audit_log());
+    return {};
+  }
+
+  static Status hosts(Control& control, Client& client, const wire::Request&, wire::Reply& reply) {
+    fill_hosts(control.clients_, client, control.now_, *reply.mutable_hosts());
+    return {};
+  }
+
+  /// The reply is sent when the audit log has the entry.
+  static Status host_end(Control& control, Client& client, const wire::Request& request, wire::Reply&) {
+    const std::uint64_t number = request.host_end().number();
+    Client* const ended = find_client(control.clients_, number);
+    if (!ended || ended->ending()) {
+      return fail(Errc::kNotFound, fmt::format("there is no host {}; `nodal hosts` lists them", number));
+    }
+    if (ended == &client) return fail(Errc::kBadValue, "this host cannot close itself");
+    ended->end(Error{Errc::kCancelled, client.name() + " closed this connection"}, control.now_);
+    control.say(NewsKind::kHosts, client.name() + " closed " + ended->name());
+    Operation& operation = control.operation_;
+    const Ticket ticket = operation.note_host_end(requester_of(client), ended->who(), control.now_);
+    control.replies_.await(client, request.id(), ticket);
+    return {};
+  }
+
+  /// The reply is sent when the scan has ended.
+  static Status devices(Control& control, Client& client, const wire::Request& request, wire::Reply&) {
+    if (!control.devices_.available()) {
+      return fail(Errc::kUnsupported, "this rig (" + control.software_ + ") has no devices to list");
+    }
+    control.devices_.ask(client, request.id());
+    return {};
+  }
+
+  static Status unknown(Control& control, Client&, const wire::Request&, wire::Reply&) {
+    return fail(Errc::kUnsupported, "this rig (" + control.software_ + ") does not support that request");
+  }
+
+  static constexpr auto kKinds = std::to_array<RequestKind>({
+      answered(What::kStatus, "status", kView, &status),
+      answered(What::kHeads, "heads", kView, &heads),
+      becomes<HeadChange>(What::kHeadSet, kControl),
+      {What::kGenlock, "genlock", kView, &kCommandKind<GenlockStart>, &genlock, Turn::kNone, &changes_genlock},
+      {What::kExposure, "exposure", kView, &kCommandKind<ExposureChange>, &exposure, Turn::kNone, &changes_exposure},
+      answered(What::kUploadBegin, "upload_begin", kControl, &upload_begin),
+      becomes<CalibrationRequest::Install>(What::kUploadCommit, kControl, Turn::kCalibrations),
+      becomes<CalibrationRequest::List>(What::kCalibrationList, kView),
+      becomes<CalibrationRequest::Get>(What::kCalibrationGet, kView),
+      becomes<CalibrationRequest::Use>(What::kCalibrationUse, kControl, Turn::kCalibrations),
+      becomes<CalibrationRequest::Rollback>(What::kCalibrationRollback, kControl, Turn::kCalibrations),
+      becomes<CalibrationRequest::EndTrial>(What::kTrialEnd, kControl, Turn::kCalibrations),
+      // A lossless pull prevents shedding, which affects others.
+      {What::kPull, "pull", kView, nullptr, &pull, Turn::kNone, &is_lossless},
+      answered(What::kPullStop, "pull_stop", kView, &pull_stop),  // a host can only name its own streams
+      answered(What::kFrameSet, "frame_set", kView, &frame_set, Turn::kFrameSets),
+      answered(What::kAuditLog, "audit_log", kControl, &audit_log),  // names users and processes
+      answered(What::kHosts, "hosts", kControl, &hosts),             // names users and processes
+      {What::kHostEnd, "host_end", kControl, nullptr, &host_end, Turn::kNone, nullptr, true},
+      answered(What::kDevices, "devices", kControl, &devices),  // opens devices
+      becomes<TakeRequest::Start>(What::kTakeStart, kControl),
+      becomes<TakeRequest::Stop>(What::kTakeStop, kControl),
+      becomes<TakeRequest::Mark>(What::kTakeMark, kControl),
+      becomes<TakeRequest::List>(What::kTakeList, kView),
+      becomes<TakeRequest::Delete>(What::kTakeDelete, kControl),
+      becomes<TakeRequest::Protect>(What::kTakeProtect, kControl),
+      answered(What::kTakeRead, "take_read", kControl, &take_read, Turn::kTakeReads),
+      becomes<TakeRequest::TestDisk>(What::kDiskTest, kControl, Turn::kDiskTest),  // keeps the disk busy
+      becomes<TakeRequest::Eject>(What::kDiskEject, kControl),
+      answered(What::WHAT_NOT_SET, "unknown request", kView, &unknown),
+  });
+};
+
+std::span<const RequestKind> request_kinds() { return Control::Answers::kKinds; }
 
 /// False while the request, and all later ones of this host, must wait: the stage that carries it out has the most
 /// commands of this host, or of all hosts; the host already has, or waits for, what the request is for; or the audit
 /// log takes no such change now.
 bool Control::has_room(const Client& client, const wire::Request& request) const {
   const std::uint64_t host = client.number();
-  const RequestKind& kind = kind_of(request);
-  const bool recorded = kind.important || changes_rig(request) || kind.turn == Turn::kTakeReads;
-  if (recorded && !operation_.audit().may_change(requester_of(client), kind.important, now_)) return false;
-  switch (kind.turn) {
+  const Turn turn = kind_of(request).turn;
+  const bool recorded = is_important(request) || changes_rig(request) || turn == Turn::kTakeReads;
+  if (recorded && !operation_.audit().may_change(requester_of(client), is_important(request), now_)) return false;
+  switch (turn) {
     case Turn::kFrameSets: return !client.frame_set && !frame_sets_.waits(host);
     case Turn::kTakeReads: return !client.take_file;
     case Turn::kCalibrations:
@@ -44,10 +204,10 @@ bool Control::has_room(const Client& client, const wire::Request& request) const
     case Turn::kNone:
     case Turn::kDiskTest: break;
   }
-  if (!kind.slow_stage && !changes_rig(request)) return true;
-  const CommandStage stage = kind.slow_stage.value_or(CommandStage::kCapture);
-  const std::size_t most = kind.slow_stage ? kSlowRequests : kCaptureRequests;
-  return operation_.has_room(stage) && operation_.open(host, stage) < most;
+  const CommandKind* const command = command_kind(request);
+  if (!command) return true;
+  const std::size_t most = command->stage == CommandStage::kCapture ? kCaptureRequests : kSlowRequests;
+  return operation_.has_room(command->stage) && operation_.open(host, command->stage) < most;
 }
 
 void Control::handle(Client& client, const wire::Request& request, Instant now) {
@@ -75,68 +235,25 @@ bool Control::serve_turns(Instant now) {
 }
 
 void Control::carry_out(Client& client, const wire::Request& request, Instant now) {
-  const bool later = changes_rig(request) || kind_of(request).slow_stage;  // another stage carries it out
-  const Status done = later ? command(client, request, now) : answer(client, request, now);
-  if (!done) replies_.refuse(client, request.id(), done.error(), now);
-}
-
-Status Control::answer(Client& client, const wire::Request& request, Instant now) {
-  wire::Reply answer;
-  answer.set_id(request.id());
-  switch (request.what_case()) {
-    case wire::Request::kStatus: *answer.mutable_status() = status(now); break;
-    case wire::Request::kHeads:
-      fill_heads(config_, operation_.capture(), stages_.blender, *answer.mutable_heads());
-      break;
-    case wire::Request::kGenlock: fill_genlock(config_, operation_.capture().genlock, *answer.mutable_genlock()); break;
-    case wire::Request::kExposure:
-      fill_exposure(operation_.capture().exposure, config_.heads.size(), *answer.mutable_exposure());
-      break;
-    case wire::Request::kUploadBegin: {
-      NODAL_TRY_ASSIGN(const auto name, sha256_from_wire(request.upload_begin().sha256()));
-      NODAL_TRY_ASSIGN(const auto offset, uploads_.begin(name, request.upload_begin().length(), client.number()));
-      answer.mutable_upload()->set_offset(offset);
-      break;
-    }
-    case wire::Request::kPull:
-    case wire::Request::kFrameSet:
-    case wire::Request::kTakeRead: {
-      NODAL_TRY_ASSIGN(const auto stream, start_work(client, request, now));
-      answer.mutable_pull()->set_stream(stream);
-      break;
-    }
-    case wire::Request::kPullStop:
-      NODAL_TRY(publisher_.stop(client, request.pull_stop().stream()));
-      answer.mutable_done();
-      break;
-    case wire::Request::kAuditLog:
-      fill_audit(operation_.audit().log(), request.audit_log(), started_, now, stages_.utc(),
-                 *answer.mutable_audit_log());
-      break;
-    case wire::Request::kHosts: fill_hosts(clients_, client, now, *answer.mutable_hosts()); break;
-    case wire::Request::kHostEnd: return end_host(client, request, now);
-    case wire::Request::kDevices:
-      if (!devices_.available()) return fail(Errc::kUnsupported, "this rig (" + software_ + ") has no devices to list");
-      devices_.ask(client, request.id());
-      return {};
-    default: return fail(Errc::kUnsupported, "this rig (" + software_ + ") does not support that request");
-  }
-  replies_.send(client, answer, now);
-  return {};
+  wire::Reply reply;
+  reply.set_id(request.id());
+  const Status done =
+      command_kind(request) ? command(client, request, now) : kind_of(request).answer(*this, client, request, reply);
+  if (!done) return replies_.refuse(client, request.id(), done.error(), now);
+  if (reply.what_case() != wire::Reply::WHAT_NOT_SET) replies_.send(client, reply, now);
 }
 
 Status Control::command(Client& client, const wire::Request& request, Instant now) {
   const Requester requester = requester_of(client);
   Result<Command> wanted = request.has_upload_commit() ? commit_command(request.upload_commit(), config_, uploads_)
                                                        : command_of(request, config_, client.number());
+  if (wanted && request.has_take_delete()) {
+    const Status unread = take_sender_.check_unread(clients_, client, request.take_delete().take());
+    if (!unread) wanted = fail(unread.error());
+  }
   if (!wanted) {
     if (changes_rig(request)) operation_.audit().note_refused(requester, kind_of(request).name, wanted.error(), now);
     return fail(wanted.error());
-  }
-  if (request.has_take_delete()) {
-    const Status unread = take_sender_.check_unread(clients_, client, request.take_delete().take());
-    if (!unread) operation_.audit().note_refused(requester, kind_of(request).name, unread.error(), now);
-    if (!unread) return unread;
   }
   const auto* change = std::get_if<CaptureCommand>(&*wanted);
   const bool ends_lease = change && std::holds_alternative<LeaseEnd>(*change);
@@ -144,39 +261,6 @@ Status Control::command(Client& client, const wire::Request& request, Instant no
   if (request.has_head_set() && request.head_set().temporary()) client.leases = !ends_lease;
   if (kind_of(request).turn == Turn::kCalibrations) calibrations_.begin(ticket);
   replies_.await(client, request.id(), ticket);
-  return {};
-}
-
-Result<StreamId> Control::start_work(Client& client, const wire::Request& request, Instant now) {
-  // These share what they need in turns; pulls do not.
-  if (request.has_frame_set()) return frame_sender_.start(client, operation_.head_shapes(), operation_.period(), now);
-  if (request.has_take_read()) {
-    auto begun = take_sender_.start(client, request.take_read(), now);
-    if (begun) operation_.audit().note_take_read(requester_of(client), request.take_read().take(), now);
-    return begun;
-  }
-  NODAL_TRY(Admission::may_work(clients_, client, now));
-  const KeeperReport& keeper = operation_.keeper();
-  if (!keeper.in_force) {
-    return fail(Errc::kNotReady,
-                "there are no raymaps yet: " +
-                    (keeper.activity.empty() ? "no calibration is in force; upload one: nodal calibration upload FILE"
-                                             : keeper.activity));
-  }
-  return publisher_.start(clients_, client, request.pull());
-}
-
-/// The answer is sent when the audit log has the entry.
-Status Control::end_host(Client& client, const wire::Request& request, Instant now) {
-  const std::uint64_t number = request.host_end().number();
-  Client* const ended = find_client(clients_, number);
-  if (!ended || ended->ending()) {
-    return fail(Errc::kNotFound, fmt::format("there is no host {}; `nodal hosts` lists them", number));
-  }
-  if (ended == &client) return fail(Errc::kBadValue, "this host cannot close itself");
-  ended->end(Error{Errc::kCancelled, client.name() + " closed this connection"}, now);
-  say(NewsKind::kHosts, client.name() + " closed " + ended->name());
-  replies_.await(client, request.id(), operation_.note_host_end(requester_of(client), ended->who(), now));
   return {};
 }
 

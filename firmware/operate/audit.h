@@ -19,7 +19,7 @@ struct AuditEntry {
   std::int64_t last_utc_ns = 0;  ///< time of the newest merged change by the board's clock, ns since 1970; 0: unknown
   std::uint64_t count = 1;       ///< number of merged changes
   std::string who;               ///< "user 1000, process 4711, host 3 at unix:...", "button", "stored settings"
-  std::string what;              ///< command_name()
+  std::string what;              ///< CommandKind::name
   std::string before;            ///< the values that the command changes, before it; before the first, if merged
   std::string after;             ///< the requested values; of a calibration, the one in force; of the newest, if merged
   std::optional<Error> error;    ///< empty: the command succeeded

@@ -25,9 +25,9 @@ AuditEntry entry_of(std::string who, std::string_view what, std::string before =
 
 AuditLog::Receipt ChangeAudit::note_change(const Requester& requester, const Command& command, std::string before,
                                            std::string after, const Status& done, Instant now) {
-  AuditEntry entry = entry_of(requester.name, command_name(command), std::move(before), std::move(after));
+  AuditEntry entry = entry_of(requester.name, kind_of(command).name, std::move(before), std::move(after));
   if (!done) entry.error = done.error();
-  return log_.record(std::move(entry), party_of(requester), is_important(command), now);
+  return log_.record(std::move(entry), party_of(requester), kind_of(command).important, now);
 }
 
 void ChangeAudit::note_refused(const Requester& requester, std::string_view what, const Error& why, Instant now) {

@@ -90,51 +90,9 @@ Status check(const CalibrationRequest::Install& install) {
 
 }  // namespace
 
-CommandStage stage_of(const Command& command) {
-  return std::visit(Overloaded{[](const CaptureCommand&) { return CommandStage::kCapture; },
-                               [](const CalibrationCommand&) { return CommandStage::kKeeper; },
-                               [](const TakeCommand&) { return CommandStage::kTakes; }},
-                    command);
-}
-
-std::string_view command_name(const Command& command) {
-  if (const auto* change = std::get_if<CaptureCommand>(&command)) {
-    return std::visit(
-        Overloaded{[](const HeadChange&) { return "head_set"; }, [](const GenlockStart&) { return "genlock"; },
-                   [](const GenlockStop&) { return "genlock"; }, [](const ExposureChange&) { return "exposure"; },
-                   [](const LeaseEnd&) { return "head_set"; }},
-        *change);
-  }
-  if (const auto* take = std::get_if<TakeCommand>(&command)) {
-    return std::visit(Overloaded{[](const TakeRequest::Start&) { return "take_start"; },
-                                 [](const TakeRequest::Stop&) { return "take_stop"; },
-                                 [](const TakeRequest::Mark&) { return "take_mark"; },
-                                 [](const TakeRequest::List&) { return "take_list"; },
-                                 [](const TakeRequest::Delete&) { return "take_delete"; },
-                                 [](const TakeRequest::Protect&) { return "take_protect"; },
-                                 [](const TakeRequest::TestDisk&) { return "disk_test"; },
-                                 [](const TakeRequest::Eject&) { return "disk_eject"; }},
-                      *take);
-  }
-  return std::visit(Overloaded{[](const CalibrationRequest::List&) { return "calibration_list"; },
-                               [](const CalibrationRequest::Get&) { return "calibration_get"; },
-                               [](const CalibrationRequest::Install&) { return "upload_commit"; },
-                               [](const CalibrationRequest::Use&) { return "calibration_use"; },
-                               [](const CalibrationRequest::Rollback&) { return "calibration_rollback"; },
-                               [](const CalibrationRequest::EndTrial&) { return "trial_end"; }},
-                    std::get<CalibrationCommand>(command));
-}
-
-bool is_important(const Command& command) {
-  if (const auto* take = std::get_if<TakeCommand>(&command)) return std::holds_alternative<TakeRequest::Delete>(*take);
-  return std::holds_alternative<CalibrationCommand>(command) && changes_rig(command);
-}
-
-bool changes_rig(const Command& command) {
-  if (const auto* take = std::get_if<TakeCommand>(&command)) return !std::holds_alternative<TakeRequest::List>(*take);
-  const auto* calibration = std::get_if<CalibrationCommand>(&command);
-  return !calibration || !(std::holds_alternative<CalibrationRequest::List>(*calibration) ||
-                           std::holds_alternative<CalibrationRequest::Get>(*calibration));
+const CommandKind& kind_of(const Command& command) {
+  const auto row = []<class Type>(const Type&) -> const CommandKind& { return kCommandKind<Type>; };
+  return std::visit([&](const auto& of_stage) -> const CommandKind& { return std::visit(row, of_stage); }, command);
 }
 
 Status check(const Command& command, const RigConfig& config) {

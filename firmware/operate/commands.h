@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <variant>
 
 #include "firmware/calibration/calibration_keeper.h"
@@ -19,15 +20,44 @@ namespace nodal::firmware {
 /// CaptureRequest, with a ticket by which its answer is known, such as CaptureAnswer.
 using Command = std::variant<CaptureCommand, CalibrationCommand, TakeCommand>;
 enum class CommandStage : std::uint8_t { kCapture, kKeeper, kTakes };
-CommandStage stage_of(const Command& command);
 
-/// "head_set", "calibration_use": the name in the audit log and in nodal.proto.
-std::string_view command_name(const Command& command);
-/// Whether the command changes calibrations or deletes a take: it always has its own entry in the audit log, which is
-/// on the disk before it is answered.
-bool is_important(const Command& command);
-/// Whether the command is a change, which is audited, or a query.
-bool changes_rig(const Command& command);
+/// A kind of command, whoever gives it.
+struct CommandKind {
+  std::string_view name;  ///< name in nodal.proto and in the audit log
+  CommandStage stage = CommandStage::kCapture;
+  bool changes = true;     ///< a change is audited, a query is not
+  bool important = false;  ///< it always has its own entry in the audit log, which is on the disk before it is answered
+};
+template <class Type>
+struct CommandRow {
+  CommandKind kind;
+};
+/// The table of all commands. A type of a variant above that has no row does not compile.
+inline constexpr std::tuple kCommandTable{
+    CommandRow<HeadChange>{{"head_set", CommandStage::kCapture}},
+    CommandRow<LeaseEnd>{{"head_set", CommandStage::kCapture}},
+    CommandRow<GenlockStart>{{"genlock", CommandStage::kCapture}},
+    CommandRow<GenlockStop>{{"genlock", CommandStage::kCapture}},
+    CommandRow<ExposureChange>{{"exposure", CommandStage::kCapture}},
+    CommandRow<CalibrationRequest::List>{{"calibration_list", CommandStage::kKeeper, false}},
+    CommandRow<CalibrationRequest::Get>{{"calibration_get", CommandStage::kKeeper, false}},
+    CommandRow<CalibrationRequest::Install>{{"upload_commit", CommandStage::kKeeper, true, true}},
+    CommandRow<CalibrationRequest::Use>{{"calibration_use", CommandStage::kKeeper, true, true}},
+    CommandRow<CalibrationRequest::Rollback>{{"calibration_rollback", CommandStage::kKeeper, true, true}},
+    CommandRow<CalibrationRequest::EndTrial>{{"trial_end", CommandStage::kKeeper, true, true}},
+    CommandRow<TakeRequest::Start>{{"take_start", CommandStage::kTakes}},
+    CommandRow<TakeRequest::Stop>{{"take_stop", CommandStage::kTakes}},
+    CommandRow<TakeRequest::Mark>{{"take_mark", CommandStage::kTakes}},
+    CommandRow<TakeRequest::List>{{"take_list", CommandStage::kTakes, false}},
+    CommandRow<TakeRequest::Delete>{{"take_delete", CommandStage::kTakes, true, true}},
+    CommandRow<TakeRequest::Protect>{{"take_protect", CommandStage::kTakes}},
+    CommandRow<TakeRequest::TestDisk>{{"disk_test", CommandStage::kTakes}},
+    CommandRow<TakeRequest::Eject>{{"disk_eject", CommandStage::kTakes}},
+};
+template <class Type>
+inline constexpr const CommandKind& kCommandKind = std::get<CommandRow<Type>>(kCommandTable).kind;
+const CommandKind& kind_of(const Command& command);
+
 /// Checks that every value is one that some rig allows. Each head then checks its own limits. Errors: kBadValue.
 Status check(const Command& command, const RigConfig& config);
 /// The error for a head index that the rig does not have.

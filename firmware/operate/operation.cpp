@@ -80,7 +80,7 @@ void Operation::end_step(bool lossless, Instant now) {
 
 Result<Ticket> Operation::ask(const Requester& requester, Command command, Instant now) {
   Open open{requester, without_document(command),
-            changes_rig(command) ? values_before(command, capture(), keeper()) : ""};
+            kind_of(command).changes ? values_before(command, capture(), keeper()) : ""};
   const Ticket ticket = next_ticket_++;
   Status asked = check(command, config_);
   if (asked) asked = hand_over(ticket, std::move(command), requester.presence);
@@ -135,7 +135,7 @@ std::size_t Operation::open(std::uint64_t host, CommandStage stage) const {
   return static_cast<std::size_t>(std::count_if(open_.begin(), open_.end(), [&](const auto& entry) {
     const Open& open = entry.second;
     return open.requester.kind == Requester::Kind::kHost && open.requester.host == host &&
-           stage_of(open.command) == stage;
+           kind_of(open.command).stage == stage;
   }));
 }
 
@@ -149,7 +149,7 @@ Operation::Open Operation::close(Ticket ticket) {
 
 AuditLog::Receipt Operation::audit(const Open& open, const std::optional<Sha256>& in_force, const Status& done,
                                    Instant now) {
-  if (!changes_rig(open.command)) return 0;
+  if (!kind_of(open.command).changes) return 0;
   return audit_.note_change(open.requester, open.command, open.before, values_after(open.command, config_, in_force),
                             done, now);
 }
@@ -241,7 +241,7 @@ void Operation::watch_trial(Instant now) {
   news_.say(NewsKind::kRig, kept ? "the calibration on trial stays in force"
                                  : "the trial has ended; calibration '" + keeper().name + "' is in force again");
   if (!kept && now >= on_trial_->until) {
-    audit_.note_own_change("timeout of the trial", command_name(Command(CalibrationRequest::EndTrial{})),
+    audit_.note_own_change("timeout of the trial", kCommandKind<CalibrationRequest::EndTrial>.name,
                            calibration_text(on_trial_->id) + " on trial", calibration_text(keeper().in_force), now);
   }
   on_trial_.reset();

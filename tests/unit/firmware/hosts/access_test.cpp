@@ -100,7 +100,7 @@ TEST(RequestKinds, AreThoseOfTheProtocolByNumberAndName) {
   }
   const auto requests = requests_of_the_protocol();
   ASSERT_GT(requests.size(), 20u);
-  EXPECT_EQ(listed, requests) << "a request of nodal.proto needs its row in firmware/hosts/access.cpp";
+  EXPECT_EQ(listed, requests) << "a request of nodal.proto needs its row in firmware/hosts/requests.cpp";
 }
 
 TEST(RequestKinds, EveryRequestOfTheProtocol_IsInAListOfThisTest) {
@@ -116,9 +116,12 @@ TEST(RequestKinds, ChangesNeedControlAndNoListWaits) {
   for (const RequestKind& kind : request_kinds()) {
     SCOPED_TRACE(kind.name);
     const bool view = kind.access == Access::kView;
-    EXPECT_FALSE(view && kind.changes == Holds::kAlways);
-    EXPECT_TRUE(kind.changes != Holds::kByValues || kind.control == Holds::kByValues);
-    const bool installs = kind.slow_stage == CommandStage::kKeeper && kind.changes == Holds::kAlways;
+    const bool changes = kind.command && kind.command->changes;
+    EXPECT_TRUE(kind.command || kind.answer) << "nothing carries it out";
+    EXPECT_EQ(kind.command && kind.answer, kind.command && kind.by_values) << "nothing chooses between the two";
+    EXPECT_FALSE(view && changes && !kind.by_values);
+    EXPECT_FALSE(kind.command && kind.important) << "a command's own row says so";
+    const bool installs = changes && kind.command->stage == CommandStage::kKeeper;
     EXPECT_EQ(installs, kind.turn == Turn::kCalibrations) << "the keeper takes one change at a time";
     EXPECT_TRUE(!view || kind.turn == Turn::kFrameSets || kind.turn == Turn::kNone);
   }

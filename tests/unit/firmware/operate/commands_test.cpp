@@ -5,7 +5,10 @@
 
 #include <cstdint>
 #include <limits>
+#include <set>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "firmware/calibration/trial.h"
 #include "firmware/hosts/access.h"
@@ -125,7 +128,7 @@ TEST(Commands, OfTheGenlock_ArePulsesShorterThanAFrameAtRatesThatAreAllowed) {
 }
 
 TEST(Commands, EveryRequestThatAStageCarriesOut_IsACommandOfThatStageUnderItsOwnName) {
-  std::vector<wire::Request> all(7);
+  std::vector<wire::Request> all(16);
   all[0].mutable_head_set();
   all[1].mutable_exposure()->set_locked(true);
   all[2].mutable_genlock()->set_action(wire::GenlockRequest::STOP);
@@ -133,16 +136,33 @@ TEST(Commands, EveryRequestThatAStageCarriesOut_IsACommandOfThatStageUnderItsOwn
   all[4].mutable_calibration_get();
   all[5].mutable_calibration_use();
   all[6].mutable_trial_end();
+  all[7].mutable_calibration_rollback();
+  all[8].mutable_take_start();
+  all[9].mutable_take_stop();
+  all[10].mutable_take_mark();
+  all[11].mutable_take_list();
+  all[12].mutable_take_delete();
+  all[13].mutable_take_protect();
+  all[14].mutable_disk_test();
+  all[15].mutable_disk_eject();
+  std::set<std::string_view> tried{"upload_commit"};  // below, since its document is not in the request
+  for (const wire::Request& request : all) tried.insert(kind_of(request).name);
+  for (const RequestKind& kind : request_kinds()) {
+    EXPECT_TRUE(!kind.command || tried.contains(kind.name)) << kind.name;
+  }
   for (const wire::Request& request : all) {
     const auto command = command_of(request, two_heads(), 7);
     ASSERT_TRUE(command) << kind_of(request).name;
-    EXPECT_EQ(command_name(*command), kind_of(request).name);
-    EXPECT_EQ(changes_rig(*command), changes_rig(request)) << kind_of(request).name;
-    EXPECT_EQ(stage_of(*command), kind_of(request).slow_stage.value_or(CommandStage::kCapture))
-        << kind_of(request).name;
+    ASSERT_NE(command_kind(request), nullptr) << kind_of(request).name;
+    EXPECT_EQ(command_kind(request)->name, kind_of(request).name);
+    EXPECT_EQ(kind_of(*command).name, kind_of(request).name);
+    EXPECT_EQ(kind_of(*command).changes, changes_rig(request)) << kind_of(request).name;
+    EXPECT_EQ(kind_of(*command).important, is_important(request)) << kind_of(request).name;
+    EXPECT_EQ(kind_of(*command).stage, command_kind(request)->stage) << kind_of(request).name;
+    EXPECT_EQ(command->index(), static_cast<std::size_t>(kind_of(*command).stage)) << kind_of(request).name;
   }
   const Command install(CalibrationCommand(CalibrationRequest::Install{"", Duration::seconds(1), ""}));
-  EXPECT_EQ(command_name(install), "upload_commit");
+  EXPECT_EQ(kind_of(install).name, "upload_commit");
   EXPECT_TRUE(check(install, two_heads()));
   for (const Duration trial :
        {Duration::milliseconds(999), Duration::seconds(24 * 3600 + 1), Duration::milliseconds(-1)}) {
