@@ -2,134 +2,21 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <charconv>
 #include <chrono>
-#include <cmath>
 #include <filesystem>
 #include <optional>
 
+#include "host_tool/commands/film_request.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/overwriting.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/film/film_join.h"
+#include "host_tool/film/head_clocks.h"
 #include "host_tool/film/segments.h"
-#include "host_tool/film/sound_times.h"
-#include "host_tool/input/calibration_file.h"
-#include "host_tool/output/layout_name.h"
 #include "protocol/base/try.h"
-#include "stitch/offline/offline_blend.h"
 
 namespace nodal::host {
 namespace {
-
-namespace fs = std::filesystem;
-
-constexpr int kWidestUsual = 4096;  // px: what players decode as H.264
-
-struct SegmentRange {
-  std::uint64_t first = 0, last = 0;
-};
-
-/// "3", or "0-9". Errors: kBadValue.
-Result<SegmentRange> parse_segments(const std::string& text) {
-  SegmentRange range;
-  const char* const end = text.data() + text.size();
-  auto [at, error] = std::from_chars(text.data(), end, range.first);
-  range.last = range.first;
-  if (error == std::errc() && at != end && *at == '-') {
-    const auto [after, wrong] = std::from_chars(at + 1, end, range.last);
-    at = after;
-    error = wrong;
-  }
-  if (error == std::errc() && at == end && range.first <= range.last) return range;
-  return fail(Errc::kBadValue,
-              fmt::format("'{}': write a segment's number, or the first and the last one, such as 0-9", text));
-}
-
-tl::unexpected<Error> not_for_films(const std::string& option, const std::string& why) {
-  return fail(Errc::kUnsupported, fmt::format("{}: {}; leave it out", option, why));
-}
-
-/// The films in the order of the heads: by their names if these are the heads' names, else as they are given.
-Result<std::vector<std::string>> films_of(const Calibration& calibration, const std::vector<std::string>& inputs,
-                                          std::vector<std::string>& notes) {
-  const std::vector<std::string> films(inputs.begin() + 1, inputs.end());
-  if (films.size() != calibration.heads.size()) {
-    return fail(Errc::kHeadMismatch,
-                fmt::format("{}: the calibration has {}, and there are {}; give one film for each "
-                            "head, in its order",
-                            inputs.front(), counted(calibration.heads.size(), "head"), counted(films.size(), "film")));
-  }
-  std::vector<std::string> ordered;
-  for (const HeadCalibration& head : calibration.heads) {
-    const auto film =
-        std::ranges::find_if(films, [&](const std::string& path) { return fs::path(path).stem() == head.name; });
-    if (film != films.end()) ordered.push_back(*film);
-  }
-  if (ordered.size() != films.size()) return films;
-  if (ordered != films) notes.emplace_back("the films have the heads' names, and are taken by these");
-  return ordered;
-}
-
-Result<film::FilmRequest> make_request(Console& console, const StitchArgs& args, const FilmArgs& words,
-                                       std::vector<std::string>& notes) {
-  if (!args.nominal.rig.empty() || film::is_film_name(args.inputs.front())) {
-    return fail(Errc::kMissingField,
-                "a film needs a calibration in front of the films. Find one in pictures of the same "
-                "instant: nodal stitch PICTURE... -o s.jpg writes s.rig.json");
-  }
-  if (args.bits == 16) return not_for_films("--bits 16", "films have 8 bits");
-  if (args.crop != "auto" && args.crop != "none") return not_for_films("--crop", "a film has the whole sphere");
-  if (args.up != "auto") return not_for_films("--up", "a film's sphere stands as the calibration says");
-  film::FilmRequest request;
-  NODAL_TRY_ASSIGN(request.calibration, read_calibration(args.inputs.front(), console));
-  if (args.distance > 0) {
-    request.calibration.distance = args.distance;
-    if (const Status good = check_calibration(request.calibration); !good) return fail(good.error().in("--distance"));
-  }
-  NODAL_TRY_ASSIGN(const auto films, films_of(request.calibration, args.inputs, notes));
-  for (const std::string& path : films) request.films.push_back(fs::absolute(path).string());
-  for (const std::string& text : words.offsets) {
-    NODAL_TRY_ASSIGN(film::HeadTime time, film::parse_head_time(text));
-    request.times.push_back(std::move(time));
-  }
-  request.times_by = words.times;
-  const auto is_head = [&](const HeadCalibration& head) { return head.name == words.sound; };
-  request.sound = words.sound;
-  const bool word = words.sound == "auto" || words.sound == "none";
-  if (!word && std::ranges::none_of(request.calibration.heads, is_head)) {
-    std::error_code error;
-    if (!fs::exists(words.sound, error)) {
-      return fail(Errc::kNotFound, fmt::format("--sound {}: there is no head and no file of this name", words.sound));
-    }
-    request.sound = fs::absolute(words.sound).string();
-  }
-  const Result<geometry::LayoutName> layout = layout_named(args.layout);
-  if (!layout) return fail(layout.error().in("--layout"));
-  NODAL_TRY_ASSIGN(const double resolution, offline::resolution_of(request.calibration));
-  const double natural = layout->width_for_resolution(resolution);
-  const geometry::RaymapSize size =
-      layout->size_for_width(args.width > 0 ? args.width : std::min<double>(natural, kWidestUsual));
-  request.raymap.layout = layout->text();
-  request.raymap.width = size.width;
-  request.raymap.height = size.height;
-  request.raymap.seam_width_deg = args.seam_width_deg;
-  request.raymap.feather = args.feather;
-  if (args.transition == "seam") request.raymap.transition = Transition::kSeam;
-  if (args.transition == "feather") request.raymap.transition = Transition::kFeather;
-  const bool placed = words.seams == "placed" && args.transition != "feather";
-  request.raymap.seams = placed ? SeamPlacement::kPlaced : SeamPlacement::kFixed;
-  if (!words.codec.empty()) request.codec = film::codec_named(words.codec);
-  request.quality = words.quality;
-  request.preset = words.preset;
-  request.container = film::container_of(args.out).value_or(film::Container::kMp4);
-  if (!layout->is_equirectangular()) {
-    notes.push_back(fmt::format("viewers are not told of the layout {}: only equirectangular films say what they are",
-                                request.raymap.layout));
-  }
-  return request;
-}
 
 /// Everything of one run.
 class FilmRun {
@@ -185,6 +72,7 @@ class FilmRun {
     }
     NODAL_TRY_ASSIGN(const film::FilmRequest timed, with_times(request, films));
     NODAL_TRY_ASSIGN(plan_, film::make_plan(timed, films, programs_, notes_));
+    plan_.times_residual_s = residual_s_;
     plan_.request = words;  // what was asked for, by which this plan is found again
     say_notes();
     if (plan_.raymap.seams == SeamPlacement::kPlaced) {
@@ -202,29 +90,27 @@ class FilmRun {
   /// The request with every head's time.
   Result<film::FilmRequest> with_times(const film::FilmRequest& request, const std::vector<film::FilmFile>& films) {
     film::FilmRequest timed = request;
-    std::vector<std::string> heads;
-    for (const HeadCalibration& head : request.calibration.heads) heads.push_back(head.name);
-    const bool heard = film::have_sound(films, heads, request.times);
-    if (request.times_by == "begin" || (request.times_by == "auto" && !heard)) {
-      if (request.times.empty() && request.times_by == "auto") {
-        notes_.emplace_back(
-            "not all films have sound, so they are taken to begin at the same instant; --offset HEAD=SECONDS says "
-            "otherwise");
-      }
-      return timed;
+    if (request.times_by == "begin") return timed;
+    film::ClockSources sources;
+    if (request.times_by != "auto") sources = *film::parse_clock_sources(request.times_by);
+    sources.readout_s = request.readout_s;
+    const std::string folder = std::filesystem::absolute(args_.out).parent_path().string();
+    std::string doing;
+    std::optional<Progress> bar;
+    auto clocks = film::find_clocks(programs_, films, request.calibration, request.times, sources, folder, notes_,
+                                    [&](const std::string& what, double part) {
+                                      if (what != doing) bar.emplace(console_, what, 100);
+                                      doing = what;
+                                      bar->update(static_cast<std::uint64_t>(100 * part), "");
+                                      return !interrupted();
+                                    });
+    if (!clocks && clocks.error().code == Errc::kNotDetermined) {
+      return fail(Errc::kNotDetermined,
+                  fmt::format("{}; or --times begin, if one signal started all cameras", clocks.error().message));
     }
-    if (!heard) {
-      return fail(Errc::kBadValue,
-                  "--times sound: the first head and all others without --offset need sound; give --offset "
-                  "HEAD=SECONDS for those without it");
-    }
-    Progress bar(console_, "comparing the films' sound", 100);
-    auto times = film::times_by_sound(programs_, films, heads, request.times, notes_, [&](double part) {
-      bar.update(static_cast<std::uint64_t>(100 * part), "");
-      return !interrupted();
-    });
-    if (!times) return fail(times.error().in("the films' times, from their sound"));
-    timed.times = std::move(*times);
+    if (!clocks) return fail(clocks.error());
+    timed.times = std::move(clocks->times);
+    residual_s_ = clocks->residual_s;
     return timed;
   }
 
@@ -301,7 +187,15 @@ class FilmRun {
     const double blending = blend_ ? blend_->seconds() : 0;
     Json heads = Json::array();
     for (const film::PlannedHead& head : plan_.heads) {
-      heads.push_back({{"head", head.name}, {"film", head.film.path}, {"farthest_ms", 1000 * head.farthest_s}});
+      const film::HeadTime& clock = head.clock;
+      heads.push_back({{"head", head.name},
+                       {"film", head.film.path},
+                       {"offset_s", clock.offset_s},
+                       {"ppm", clock.ppm},
+                       {"sigma_ms", 1000 * clock.sigma_s},
+                       {"ppm_sigma", clock.ppm_sigma},
+                       {"by", clock.by.empty() ? "begin" : clock.by},
+                       {"farthest_ms", 1000 * head.farthest_s}});
     }
     console_.document({{"out", args_.out},
                        {"frames", plan_.frames},
@@ -312,6 +206,7 @@ class FilmRun {
                        {"codec", film::name_of(plan_.coding.codec)},
                        {"sound", plan_.sound ? Json(plan_.sound->path) : Json(nullptr)},
                        {"heads", heads},
+                       {"times_residual_ms", 1000 * plan_.times_residual_s},
                        {"rendered_frames", done_},
                        {"seconds", seconds_},
                        {"blend_seconds", blending}});
@@ -330,61 +225,10 @@ class FilmRun {
   std::optional<film::FilmBlend> blend_;
   std::vector<std::string> notes_;
   std::uint64_t done_ = 0;
-  double seconds_ = 0;
+  double seconds_ = 0, residual_s_ = 0;
 };
 
 }  // namespace
-
-void add_film_options(CLI::App& command, FilmArgs& args) {
-  command
-      .add_option("--codec", args.codec,
-                  "Of a film: h264 (up to 4096 px wide when not given), h265, prores, ffv1 (lossless), or mpeg2, 15\n"
-                  "Mbit/s")
-      ->type_name("h264|h265|prores|ffv1|mpeg2")
-      ->check(CLI::IsMember({"h264", "h265", "prores", "ffv1", "mpeg2"}));
-  command.add_option("--crf", args.quality, "Of a film in h264 and h265: 0 (best) to 51 (20 and 23 when not given)")
-      ->type_name("N")
-      ->check(CLI::Range(0, 51));
-  const std::vector<std::string> presets{"ultrafast", "superfast", "veryfast", "faster",  "fast",
-                                         "medium",    "slow",      "slower",   "veryslow"};
-  command
-      .add_option("--preset", args.preset, "Of a film in h264 and h265: how long they search (medium when not given)")
-      ->type_name("ultrafast|superfast|veryfast|faster|fast|medium|slow|slower|veryslow")
-      ->check(CLI::IsMember(presets));
-  command
-      .add_option(
-          "--offset", args.offsets,
-          "Of a film: what the first head shows at a time, this head shows SECONDS later in its own film; PPM:\n"
-          "how much faster its clock runs, in millionths. Once for each head that has one")
-      ->type_name("HEAD=SECONDS[,PPM]")
-      ->allow_extra_args(false)
-      ->check(checked_by(film::parse_head_time));
-  command
-      .add_option("--times", args.times,
-                  "Of a film: sound, each head's time is found in the sound of its film; begin, all films begin at\n"
-                  "the same instant (sound if all heads have it, when not given)")
-      ->type_name("sound|begin")
-      ->check(CLI::IsMember({"sound", "begin"}));
-  command
-      .add_option("--sound", args.sound,
-                  "Of a film: a head, a file, or none (the first head that has sound when not given)")
-      ->type_name("HEAD|FILE|none");
-  command
-      .add_option("--seams", args.seams,
-                  "Of a film: placed (when not given), where the pictures agree, once in 240 frames; or fixed")
-      ->type_name("placed|fixed")
-      ->check(CLI::IsMember({"placed", "fixed"}));
-  CLI::Option* const plan = command.add_flag(
-      "--plan", args.plan, "Make the plan of a film only, in the folder OUT.parts; for several computers");
-  CLI::Option* const segments = command
-                                    .add_option("--segments", args.segments,
-                                                "Make these parts of a film only, of 240 frames each, in that folder")
-                                    ->type_name("A-B")
-                                    ->check(checked_by(parse_segments));
-  CLI::Option* const join = command.add_flag("--join", args.join, "Join the parts of a film that are there");
-  segments->excludes(plan);
-  join->excludes(plan)->excludes(segments);
-}
 
 bool makes_film(const std::string& out) { return film::container_of(out).has_value(); }
 

@@ -15,6 +15,7 @@ struct FilmArgs {
   std::string preset;
   std::vector<std::string> offsets;
   std::string times = "auto";
+  double readout_ms = 0;
   std::string sound = "auto";
   std::string seams = "placed";
   std::string segments;
@@ -22,7 +23,7 @@ struct FilmArgs {
   bool join = false;
 };
 
-/// --codec, --crf, --preset, --offset, --times, --sound, --seams, --plan, --segments, --join.
+/// --codec, --crf, --preset, --offset, --times, --readout, --sound, --seams, --plan, --segments, --join.
 void add_film_options(CLI::App& command, FilmArgs& args);
 
 /// Whether a result of this name is a film.

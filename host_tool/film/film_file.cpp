@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <string_view>
 
@@ -21,7 +23,7 @@ namespace {
 constexpr std::size_t kMaxStreams = std::size_t{1} << 20;  // ffprobe's words on a file's streams
 constexpr std::size_t kMaxPackets = std::size_t{256} << 20;
 constexpr std::size_t kMaxFrames = 10'000'000;  // 92 hours at 30 frames a second
-constexpr int kMaxSide = 16384;
+constexpr int kMaxSide = 16384, kMaxTracks = 1000;
 
 std::string text_of(const Json& object, const char* key) {
   const auto at = object.find(key);
@@ -148,6 +150,21 @@ void read_sound(FilmFile& film, const Json& stream) {
   film.sound = FilmSound{codec, static_cast<int>(number_of(stream, "sample_rate")), start_of(stream)};
 }
 
+/// "2026-11-28T14:03:09.000000Z" in seconds.
+std::optional<double> date_of(const std::string& text) {
+  int year = 0, month = 0, day = 0, hour = 0, minute = 0;
+  double second = 0;
+  if (std::sscanf(text.c_str(), "%4d-%2d-%2dT%2d:%2d:%9lf", &year, &month, &day, &hour, &minute, &second) != 6) {
+    return std::nullopt;
+  }
+  const std::chrono::year_month_day date{std::chrono::year(year), std::chrono::month(static_cast<unsigned>(month)),
+                                         std::chrono::day(static_cast<unsigned>(day))};
+  constexpr int kFirstYear = 1980;  // 1904 and 1970 are what clocks that were never set say
+  if (!date.ok() || year < kFirstYear || !(second >= 0)) return std::nullopt;
+  const auto days = std::chrono::sys_days(date).time_since_epoch().count();
+  return 86400.0 * static_cast<double>(days) + 3600.0 * hour + 60.0 * minute + second;
+}
+
 /// Lines like "3003,K__": a time, and flags, of which D says that an edit list leaves the frame out.
 Status read_times(FilmFile& film, std::string_view packets) {
   std::size_t without = 0;
@@ -222,13 +239,20 @@ Result<FilmFile> film_of(const std::string& streams_json, const std::string& pac
     const bool cover =
         disposition != stream.end() && disposition->is_object() && number_of(*disposition, "attached_pic") != 0;
     if (kind == "audio") read_sound(film, stream);
+    if (kind == "data" && text_of(stream, "codec_tag_string") == "gpmd" && !film.gpmf) {
+      film.gpmf = static_cast<int>(std::clamp<std::int64_t>(number_of(stream, "index"), 0, kMaxTracks));
+    }
     if (kind != "video" || cover || found) continue;
     NODAL_TRY(read_video(film, stream));
     found = true;
   }
   if (!found) return fail(Errc::kBadFormat, "it has no pictures");
   const auto format = document.find("format");
-  if (format != document.end() && format->is_object()) film.file_starts_s = start_of(*format);
+  if (format != document.end() && format->is_object()) {
+    film.file_starts_s = start_of(*format);
+    const auto tags = format->find("tags");
+    if (tags != format->end() && tags->is_object()) film.created_s = date_of(text_of(*tags, "creation_time"));
+  }
   NODAL_TRY(read_times(film, packets_csv));
   return film;
 }

@@ -38,8 +38,10 @@ struct FilmFile {
   std::vector<std::int64_t> times;  ///< all frames that are shown, in order, without doubles
   std::uint64_t announced = 0;      ///< frames that the file says it has; 0: it does not say
   std::optional<FilmSound> sound;
-  std::uint64_t bytes = 0;         ///< size of the file
-  std::vector<std::string> notes;  ///< whole sentences, without the file's name
+  std::optional<int> gpmf;          ///< stream with GoPro's telemetry
+  std::optional<double> created_s;  ///< when it was begun by the camera's clock, seconds of an unknown origin
+  std::uint64_t bytes = 0;          ///< size of the file
+  std::vector<std::string> notes;   ///< whole sentences, without the file's name
 
   /// Seconds after its first frame.
   double seconds(std::size_t frame) const { return seconds_of(times[frame] - times.front(), time_base); }

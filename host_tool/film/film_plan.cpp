@@ -120,7 +120,7 @@ Result<HeadTime> parse_head_time(const std::string& text) {
     return fail(Errc::kBadValue,
                 fmt::format("'{}': write HEAD=SECONDS or HEAD=SECONDS,PPM, such as cam3=-0.0417,43", text));
   }
-  HeadTime time{text.substr(0, equals), 0, 0};
+  HeadTime time{text.substr(0, equals)};
   const std::string rest = text.substr(equals + 1);
   const std::size_t comma = rest.find(',');
   const auto offset = number(std::string_view(rest).substr(0, comma));
@@ -156,6 +156,7 @@ Result<Json> words_of(const FilmRequest& request, const Programs& programs) {
               {"films", films},
               {"offsets", times},
               {"times", request.times_by},
+              {"readout", request.readout_s},
               {"layout", raymap.layout},
               {"width", raymap.width},
               {"height", raymap.height},
@@ -206,7 +207,7 @@ Result<FilmPlan> make_plan(const FilmRequest& request, const std::vector<FilmFil
   NODAL_TRY(check(plan.coding, request.container, programs));
   for (std::size_t h = 0; h < films.size(); ++h) {
     for (const std::string& note : films[h].notes) notes.push_back(fmt::format("{}: {}", films[h].path, note));
-    plan.heads.push_back({times[h].head, films[h], {}, 0});
+    plan.heads.push_back({times[h].head, films[h], {}, 0, times[h]});
     plan.heads.back().film.times.resize(1);
     plan.heads.back().film.notes.clear();
   }

@@ -23,6 +23,9 @@ struct HeadTime {
   std::string head;
   double offset_s = 0;
   double ppm = 0;
+  double sigma_s = 0;    ///< standard deviation over the film, where the clock was found
+  double ppm_sigma = 0;  ///< the rate's
+  std::string by{};      ///< what it was found in: "sound and rotation", "--offset", "reference"; empty: assumed
 };
 
 /// "cam3=-0.0417" or "cam3=1.25,43". Errors: kBadValue.
@@ -33,7 +36,8 @@ struct FilmRequest {
   Calibration calibration;         ///< heads in the order of the films
   std::vector<std::string> films;  ///< absolute paths
   std::vector<HeadTime> times;     ///< heads that are not named have no offset, or `times_by` finds it
-  std::string times_by = "auto";   ///< "auto", "sound" or "begin": how other heads' times are found
+  std::string times_by = "auto";   ///< or "begin", or sources: how other heads' times are found
+  double readout_s = 0;            ///< of the heads' sensors, for flashes; 0: not known
   RaymapConfig raymap;             ///< the pixel format is chosen by the plan
   std::optional<Codec> codec;
   int quality = -1;
@@ -50,6 +54,7 @@ struct PlannedHead {
   FilmFile film;                    ///< with one time only, of its first frame
   std::vector<std::int64_t> times;  ///< the time of the head's frame for every frame of the result
   double farthest_s = 0;            ///< how far that is from the wanted instant, at most
+  HeadTime clock{};                 ///< for reports
 };
 
 struct PlannedSound {
@@ -76,6 +81,7 @@ struct FilmPlan {
   std::vector<PlannedHead> heads;
   std::optional<PlannedSound> sound;
   std::uint64_t frames = 0;
+  double times_residual_s = 0;      ///< what is left between pairs of heads, root mean square
   std::vector<PlannedSeams> seams;  ///< ordered by frame; empty: the calibration's own seams
   std::string id;                   ///< hash of the plan; set by id_of() or read_plan()
 

@@ -99,6 +99,12 @@ Json to_json(const PlannedHead& head) {
               {"time_base", {film.time_base.num, film.time_base.den}},
               {"first", film.times.front()},
               {"farthest", head.farthest_s},
+              {"clock",
+               {{"offset", head.clock.offset_s},
+                {"ppm", head.clock.ppm},
+                {"sigma", head.clock.sigma_s},
+                {"ppm_sigma", head.clock.ppm_sigma},
+                {"by", head.clock.by}}},
               {"steps", runs_of(steps)}};
 }
 
@@ -113,6 +119,13 @@ PlannedHead head_of(const Json& json, const HeadCalibration& calibrated, std::si
   head.name = json.at("name").get<std::string>();
   if (head.name != calibrated.name) throw std::out_of_range("heads.name");
   head.farthest_s = real(json.at("farthest"), "heads.farthest");
+  const Json& clock = json.at("clock");
+  head.clock = {head.name,
+                real(clock.at("offset"), "heads.clock"),
+                real(clock.at("ppm"), "heads.clock"),
+                real(clock.at("sigma"), "heads.clock"),
+                real(clock.at("ppm_sigma"), "heads.clock"),
+                clock.at("by").get<std::string>()};
   FilmFile& film = head.film;
   film.path = json.at("film").get<std::string>();
   // The blend reads as many pixels as the calibration says.
@@ -190,6 +203,7 @@ FilmPlan read(const Json& json) {
   for (std::size_t h = 0; h < heads.size(); ++h) {
     plan.heads.push_back(head_of(heads[h], plan.calibration.heads[h], plan.frames));
   }
+  plan.times_residual_s = real(json.at("times_residual"), "times_residual");
   if (const Json& sound = json.at("sound"); !sound.is_null()) {
     plan.sound = PlannedSound{sound.at("file").get<std::string>(), sound.at("codec").get<std::string>(),
                               real(sound.at("from"), "sound.from"), real(sound.at("ppm"), "sound.ppm")};
@@ -221,6 +235,7 @@ std::string to_text(const FilmPlan& plan) {
   json["frames"] = plan.frames;
   json["heads"] = Json::array();
   for (const PlannedHead& head : plan.heads) json["heads"].push_back(to_json(head));
+  json["times_residual"] = plan.times_residual_s;
   json["sound"] = nullptr;
   if (plan.sound) {
     json["sound"] = {{"file", plan.sound->path},

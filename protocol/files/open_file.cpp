@@ -5,7 +5,9 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
+#include <string>
 
 #include "protocol/base/try.h"
 
@@ -67,6 +69,15 @@ Result<int> open_descriptor_to_write(const std::filesystem::path& file) {
   const int error = errno;
   ::close(fd);
   return refused(error);
+}
+
+Result<int> open_unnamed(const std::filesystem::path& folder) {
+  // Not O_TMPFILE, which network folders lack.
+  std::string name = (folder / ".nodal-XXXXXX").string();
+  const int fd = ::mkostemp(name.data(), O_CLOEXEC);
+  if (fd < 0) return refused(errno);
+  ::unlink(name.c_str());
+  return fd;
 }
 
 }  // namespace nodal

@@ -28,4 +28,7 @@ Result<int> open_descriptor_to_write(const std::filesystem::path& file);
 /// Makes a file that is not there yet. Errors: kExists; those of open_to_read().
 Result<FilePtr> create_to_write(const std::filesystem::path& file);
 
+/// Makes a file without a name in a folder, to write and read; it is gone when it is closed. The caller closes it.
+Result<int> open_unnamed(const std::filesystem::path& folder);
+
 }  // namespace nodal

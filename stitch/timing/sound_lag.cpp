@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "protocol/base/try.h"
 #include "stitch/timing/fourier.h"
 #include "stitch/timing/peak.h"
 #include "stitch/timing/robust_line.h"
@@ -28,13 +29,28 @@ constexpr double kFirstTolerance = 2e-3, kTolerance = 0.3e-3, kMinScatter = 0.3e
 constexpr int kMargin = 40;  // samples to each side of the line that are searched: 4 ms
 constexpr double kMinShareOnLine = 0.7;
 
-std::vector<double> piece(const SoundTrack& track, double from, double seconds) {
-  const auto first = static_cast<std::int64_t>(std::llround((from - track.start) * kBandRate));
-  const auto count = static_cast<std::int64_t>(std::llround(seconds * kBandRate));
-  const auto size = static_cast<std::int64_t>(track.samples.size());
-  const std::int64_t begin = std::clamp<std::int64_t>(first, 0, size),
-                     end = std::clamp<std::int64_t>(first + count, 0, size);
-  return {track.samples.begin() + begin, track.samples.begin() + std::max(begin, end)};
+Result<std::vector<double>> piece(const SoundTrack& track, double from, double seconds) {
+  const auto first = static_cast<std::int64_t>(std::llround((from - track.start()) * kBandRate));
+  NODAL_TRY_ASSIGN(const std::vector<float> samples, track.samples(first, std::llround(seconds * kBandRate)));
+  return std::vector<double>(samples.begin(), samples.end());
+}
+
+/// The samples of b that a chunk of a is compared with, at the places that the line says.
+Result<std::vector<double>> resampled(const SoundTrack& b, const Lag& line, double begin, std::size_t count,
+                                      const SincTable& sinc) {
+  constexpr double kBeside = 64;  // samples; a value is made of 32
+  const auto place = [&](double index) {
+    const double time = begin + (index - kMargin) / kBandRate;
+    return (time + line.value(time) - b.start()) * kBandRate;
+  };
+  const double low = std::floor(place(0) - kBeside), high = place(static_cast<double>(count)) + kBeside;
+  const auto first = std::max<std::int64_t>(0, std::llround(low));
+  NODAL_TRY_ASSIGN(const std::vector<float> samples, b.samples(first, std::llround(high) - first));
+  std::vector<double> values(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    values[i] = sinc.value(std::span<const float>(samples), place(static_cast<double>(i)) - static_cast<double>(first));
+  }
+  return values;
 }
 
 bool is_silent(const std::vector<double>& samples) {
@@ -57,14 +73,14 @@ struct FirstLags {
   int silent = 0, ambiguous = 0, unlike = 0;
 };
 
-FirstLags first_lags(const SoundTrack& a, const SoundTrack& b, double from, double to, const Search& search) {
+Result<FirstLags> first_lags(const SoundTrack& a, const SoundTrack& b, double from, double to, const Search& search) {
   FirstLags found;
   for (int i = 0; i < kFirstChunks; ++i) {
     const double at = from + (to - from - kFirstChunk) * i / (kFirstChunks - 1);
-    const auto chunk = piece(a, at, kFirstChunk);
-    const double b_from = std::max(b.start, at + search.expected - search.reach);
+    NODAL_TRY_ASSIGN(const auto chunk, piece(a, at, kFirstChunk));
+    const double b_from = std::max(b.start(), at + search.expected - search.reach);
     const double b_to = std::min(b.end(), at + kFirstChunk + search.expected + search.reach);
-    const auto other = piece(b, b_from, b_to - b_from);
+    NODAL_TRY_ASSIGN(const auto other, piece(b, b_from, b_to - b_from));
     if (chunk.empty() || other.size() < chunk.size() + kBandRate / 10) continue;
     if (is_silent(chunk) || is_silent(other)) {
       ++found.silent;
@@ -77,8 +93,8 @@ FirstLags first_lags(const SoundTrack& a, const SoundTrack& b, double from, doub
     else if (peak.second > kSecondPeak * peak.size) ++found.ambiguous;
     else {
       // Both pieces begin at a whole sample of their track.
-      const double a_begin = std::max(0.0, std::round((at - a.start) * kBandRate)) / kBandRate + a.start;
-      const double b_begin = std::max(0.0, std::round((b_from - b.start) * kBandRate)) / kBandRate + b.start;
+      const double a_begin = std::max(0.0, std::round((at - a.start()) * kBandRate)) / kBandRate + a.start();
+      const double b_begin = std::max(0.0, std::round((b_from - b.start()) * kBandRate)) / kBandRate + b.start();
       const double lag = b_begin + static_cast<double>(peak.at) / kBandRate - a_begin;
       found.points.push_back({at + kFirstChunk / 2, lag});
     }
@@ -87,16 +103,12 @@ FirstLags first_lags(const SoundTrack& a, const SoundTrack& b, double from, doub
 }
 
 /// The lag of one chunk of `a`, with `b` along `line`.
-std::optional<LagPoint> chunk_lag(const SoundTrack& a, const SoundTrack& b, const Lag& line, double at, double seconds,
-                                  const SincTable& sinc) {
-  const auto chunk = piece(a, at, seconds);
+Result<std::optional<LagPoint>> chunk_lag(const SoundTrack& a, const SoundTrack& b, const Lag& line, double at,
+                                          double seconds, const SincTable& sinc) {
+  NODAL_TRY_ASSIGN(const auto chunk, piece(a, at, seconds));
   if (chunk.empty() || is_silent(chunk)) return std::nullopt;
-  const double begin = std::round((at - a.start) * kBandRate) / kBandRate + a.start;
-  std::vector<double> other(chunk.size() + 2 * kMargin);
-  for (std::size_t i = 0; i < other.size(); ++i) {
-    const double time = begin + (static_cast<double>(i) - kMargin) / kBandRate;
-    other[i] = sinc.value(std::span<const float>(b.samples), (time + line.value(time) - b.start) * kBandRate);
-  }
+  const double begin = std::round((at - a.start()) * kBandRate) / kBandRate + a.start();
+  NODAL_TRY_ASSIGN(const auto other, resampled(b, line, begin, chunk.size() + 2 * kMargin, sinc));
   std::vector<double> likeness(2 * kMargin + 1);
   double norm_a = 0, norm_b = 0;
   for (std::size_t i = 0; i < chunk.size(); ++i)
@@ -128,11 +140,11 @@ tl::unexpected<Error> why_not(const FirstLags& first) {
 }  // namespace
 
 Result<Lag> sound_lag(const SoundTrack& a, const SoundTrack& b, const Search& search) {
-  const double from = std::max(a.start, b.start - search.expected - search.reach);
+  const double from = std::max(a.start(), b.start() - search.expected - search.reach);
   const double to = std::min(a.end(), b.end() - search.expected + search.reach);
   const std::string shortness = "the films overlap by less than 9 s, too little for their sound";
   if (to - from < kMinOverlap) return fail(Errc::kNotDetermined, shortness);
-  const FirstLags first = first_lags(a, b, from, to, search);
+  NODAL_TRY_ASSIGN(const FirstLags first, first_lags(a, b, from, to, search));
   const auto coarse = robust_line(first.points, {.tolerance = kFirstTolerance, .least_scatter = 0.3e-3});
   if (!coarse || first.ambiguous > static_cast<int>(first.points.size())) return why_not(first);
   if (coarse->used < kMinShareOnLine * static_cast<double>(first.points.size())) {
@@ -143,7 +155,7 @@ Result<Lag> sound_lag(const SoundTrack& a, const SoundTrack& b, const Search& se
   const SincTable sinc;
   Lag line = *coarse;
   for (int pass = 0; pass < 2; ++pass) {
-    const double begin = std::max(a.start, b.start - line.lag) + 0.05,
+    const double begin = std::max(a.start(), b.start() - line.lag) + 0.05,
                  end = std::min(a.end(), b.end() - line.lag) - 0.05;
     if (end - begin < kMinOverlap) return fail(Errc::kNotDetermined, shortness);
     const double seconds = std::clamp((end - begin) / 10, kMinChunk, kMaxChunk);
@@ -151,7 +163,8 @@ Result<Lag> sound_lag(const SoundTrack& a, const SoundTrack& b, const Search& se
     std::vector<LagPoint> points;
     for (int i = 0; i < chunks; ++i) {
       const double at = begin + (end - begin - seconds) * i / (chunks - 1);
-      if (const auto point = chunk_lag(a, b, line, at, seconds, sinc)) points.push_back(*point);
+      NODAL_TRY_ASSIGN(const auto point, chunk_lag(a, b, line, at, seconds, sinc));
+      if (point) points.push_back(*point);
     }
     const auto fine = robust_line(points, {.tolerance = kTolerance, .least_scatter = kMinScatter});
     if (!fine) return fail(Errc::kNotDetermined, "the two sounds have too little in common");

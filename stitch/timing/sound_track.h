@@ -3,42 +3,58 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "protocol/base/result.h"
+#include "stitch/timing/sound_store.h"
+#include "stitch/timing/whitener.h"
 
 namespace nodal::timing {
 
 /// Samples a second of a reduced track. A whole number, so that 44.1 and 48 kHz end on the same grid.
 inline constexpr int kBandRate = 10000;
 
-/// A reduced track: an hour takes 144 MB.
-struct SoundTrack {
-  double start = 0;              ///< time of the first sample, s, by the head's clock
-  std::vector<float> samples{};  ///< at kBandRate; 0 where the sound is silent
-
-  double end() const { return start + static_cast<double>(samples.size()) / kBandRate; }
-};
-
-/// Reduces one channel of sound, given in blocks of any size.
+/// A reduced track. Its samples are 0 where the sound is silent.
 ///
-/// Threading: thread-bound.
-class SoundReducer {
+/// Threading: immutable.
+class SoundTrack {
  public:
-  /// `rate`: samples a second, 11025 .. 384000.
-  static Result<SoundReducer> make(int rate);
+  SoundTrack() = default;
+  SoundTrack(double start, std::int64_t count, std::shared_ptr<const SoundStore> store)
+      : start_(start), count_(count), store_(std::move(store)) {}
 
-  /// The next samples, -1 .. 1; those that are not finite count as 0.
-  void add(std::span<const double> samples);
-  /// The track of everything that was added. `start`: time of the first sample, s.
-  SoundTrack finish(double start) &&;
+  double start() const { return start_; }  ///< time of the first sample, s, by the head's clock
+  double end() const { return start_ + static_cast<double>(count_) / kBandRate; }
+  std::int64_t count() const { return count_; }  ///< samples, at kBandRate
+  /// Samples from `first` on, as many of `count` as there are.
+  Result<std::vector<float>> samples(std::int64_t first, std::int64_t count) const;
 
  private:
-  explicit SoundReducer(int rate);
-  void resample();
+  double start_ = 0;
+  std::int64_t count_ = 0;
+  std::shared_ptr<const SoundStore> store_;
+};
+
+/// Reduces one channel of sound, given in blocks of any size. Memory does not depend on the sound's length.
+///
+/// Threading: thread-bound.
+/// Errors: those of the store.
+class SoundReducer {
+ public:
+  /// `rate`: samples a second, 11025 .. 384000. `store`: where the track is kept.
+  static Result<SoundReducer> make(int rate, std::shared_ptr<SoundStore> store = std::make_shared<MemoryStore>());
+
+  /// The next samples, -1 .. 1; those that are not finite count as 0.
+  Status add(std::span<const double> samples);
+  /// The track of everything that was added. `start`: time of the first sample, s.
+  Result<SoundTrack> finish(double start) &&;
+
+ private:
+  SoundReducer(int rate, std::shared_ptr<SoundStore> store);
+  std::vector<float> resampled();
 
   int rate_;
   int half_;                     // taps on each side of a new sample
@@ -46,12 +62,9 @@ class SoundReducer {
   std::vector<double> weights_;  // 2 * half_ for each phase
   std::vector<double> old_;      // samples from old_start_ on
   std::int64_t old_start_;       // may be before the first: zeros
-  std::vector<float> band_;
+  std::int64_t made_ = 0;        // new samples
+  Whitener whitener_;
+  std::shared_ptr<SoundStore> store_;
 };
-
-/// Makes all frequencies from 300 to 4000 Hz equally loud, and all moments, by dividing the spectra of overlapping
-/// frames, 0.4 s each, by their magnitude: the phase transform (PHAT) of both sides of a correlation. Frames below
-/// -80 dB are 0.
-void whiten(std::vector<float>& band);
 
 }  // namespace nodal::timing

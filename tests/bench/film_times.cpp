@@ -28,7 +28,7 @@ struct Film {
   double seconds = 30;
   std::string sound{};               ///< kind of sound
   std::string motion{};              ///< kind of motion
-  std::vector<SoundTrack> tracks{};  ///< empty samples: no sound
+  std::vector<SoundTrack> tracks{};  ///< of no samples: no sound
   std::vector<Rotation> rotations{};
   std::vector<Brightness> brightness{};  ///< empty: no flashes
 };
@@ -86,9 +86,9 @@ Film drawn_film(std::uint32_t seed) {
       const Clock heard{clock.offset + drawn(random, -0.25e-3, 0.25e-3), clock.ppm};
       const double own_noise = film.sound == "silence" ? 1e-6 : film.sound == "hum" ? 0.003 : noise;
       auto reducer = SoundReducer::make(kSoundRate);
-      reducer->add(recordings::recorded(sound, heard, kSoundRate, film.seconds, own_noise,
-                                        static_cast<std::uint32_t>(random())));
-      track = std::move(*reducer).finish(0);
+      (void)reducer->add(recordings::recorded(sound, heard, kSoundRate, film.seconds, own_noise,
+                                              static_cast<std::uint32_t>(random())));
+      track = *std::move(*reducer).finish(0);
     }
     film.tracks.push_back(std::move(track));
     const double rates[] = {25, 30, 60};
@@ -121,7 +121,7 @@ Lags lags_of(const Film& film, bool use_sound, bool use_rotation, bool use_flash
     for (int b = a + 1; b < heads; ++b) {
       if (heads > 4 && b - a > 2 && b - a < heads - 1) continue;
       const auto ia = static_cast<std::size_t>(a), ib = static_cast<std::size_t>(b);
-      const bool heard = !film.tracks[ia].samples.empty() && !film.tracks[ib].samples.empty();
+      const bool heard = film.tracks[ia].count() > 0 && film.tracks[ib].count() > 0;
       if (use_sound && heard) lags.add(a, b, Source::kSound, sound_lag(film.tracks[ia], film.tracks[ib], {}));
       if (use_rotation) lags.add(a, b, Source::kRotation, rotation_lag(film.rotations[ia], film.rotations[ib], {}));
       if (use_flash && !film.brightness.empty()) {

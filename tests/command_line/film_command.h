@@ -64,11 +64,12 @@ class FilmCommand : public StitchCommand {
       ffmpeg(words);
     }
   }
-  /// nodal stitch rig.json FILMS WORDS -o OUT
+  /// nodal stitch rig.json FILMS WORDS -o OUT; films without sound are of one instant, unless the words say more.
   Words stitch(const std::string& out, const Words& more = {}) const {
     Words words{"stitch", path("rig.json")};
     words.insert(words.end(), films_.begin(), films_.end());
     words.insert(words.end(), more.begin(), more.end());
+    if (!heard_ && std::ranges::find(more, "--times") == more.end()) words.insert(words.end(), {"--times", "begin"});
     words.insert(words.end(), {"-o", path(out)});
     return words;
   }
@@ -94,6 +95,7 @@ class FilmCommand : public StitchCommand {
   }
 
   Words films_;
+  bool heard_ = false;  ///< the films tell their times
 };
 
 inline const Words kLossless{"-c:v", "ffv1"};

@@ -226,51 +226,5 @@ TEST_F(Films, AFolderOfPartsThatHoldsSomethingElse_KeepsIt) {
   EXPECT_EQ(parts("s.mkv"), (std::vector<std::string>{"notes.txt", "seg-notes"}));
 }
 
-/// Films of 12 s whose sound is `source` (of ffmpeg's lavfi), from `begins[head]` seconds on.
-class FilmsWithSound : public FilmCommand {
- protected:
-  void write_heard(const std::string& source, const std::vector<std::string>& begins) {
-    write_films(120, ".mkv", kLossless, "10");
-    ffmpeg({"-f", "lavfi", "-i", source, "-c:a", "pcm_s16le", path("all.wav")});
-    for (std::size_t h = 0; h < films_.size(); ++h) {
-      const std::string heard = path(name_of(h) + "_heard.mkv");
-      ffmpeg({"-i", films_[h], "-ss", begins[h], "-t", "12", "-i", path("all.wav"), "-map", "0:v", "-map", "1:a",
-              "-c:v", "copy", "-c:a", "pcm_s16le", heard});
-      films_[h] = heard;
-    }
-  }
-  /// Seconds that a note says of a head.
-  double said(const std::string& notes, std::size_t head) const {
-    const std::string begin = "head '" + name_of(head) + "': ";
-    const std::size_t at = notes.find(begin);
-    return at == std::string::npos ? 1e9 : std::stod(notes.substr(at + begin.size()));
-  }
-};
-
-TEST_F(FilmsWithSound, CamerasThatWereStartedOneByOne_TheirTimesAreHeard) {
-  const std::vector<std::string> begins{"1.0", "1.35", "0.58", "1.0", "2.207", "0.9"};
-  write_heard("anoisesrc=c=pink:seed=7:d=16:r=48000,tremolo=f=3:d=0.8", begins);
-  const Words how{"--codec", "ffv1", "--seams", "fixed", "--width", "128"};
-  const Finished run = nodal(stitch("heard.mkv", how));
-  ASSERT_EQ(run.code, 0) << run.err;
-  for (std::size_t h = 1; h < begins.size(); ++h) {
-    EXPECT_NEAR(said(run.err, h), 1.0 - std::stod(begins[h]), 5e-4) << run.err;
-  }
-  // A head whose time is given is not asked.
-  Words given = how;
-  given.insert(given.end(), {"--offset", name_of(2) + "=0.1"});
-  const Finished some = nodal(stitch("given.mkv", given));
-  ASSERT_EQ(some.code, 0) << some.err;
-  EXPECT_EQ(said(some.err, 2), 1e9) << some.err;
-  EXPECT_NEAR(said(some.err, 4), -1.207, 5e-4) << some.err;
-}
-
-TEST_F(FilmsWithSound, SoundThatTellsNoTime_IsRefusedWithWhatToDo) {
-  // The same beat twice a second: every lag of half a second fits.
-  write_heard("aevalsrc='sin(6283*t)*lt(mod(t,0.5),0.02)':s=48000:d=16", {"1.0", "1.3", "0.5", "1.0", "2.2", "0.9"});
-  expect_no_film(stitch("beat.mkv", {"--width", "128"}), "or give --offset", "beat.mkv");
-  expect_good(stitch("begin.mkv", {"--width", "128", "--times", "begin"}));
-}
-
 }  // namespace
 }  // namespace nodal::command_line

@@ -17,9 +17,9 @@ SoundTrack track(const std::vector<double>& samples, int rate, double start = 0)
   if (!reducer) ADD_FAILURE() << reducer.error().text();
   // Blocks of odd lengths, as decoders give them.
   for (std::size_t i = 0; i < samples.size(); i += 4801) {
-    reducer->add(std::span(samples).subspan(i, std::min<std::size_t>(4801, samples.size() - i)));
+    (void)reducer->add(std::span(samples).subspan(i, std::min<std::size_t>(4801, samples.size() - i)));
   }
-  return std::move(*reducer).finish(start);
+  return *std::move(*reducer).finish(start);
 }
 
 struct Pair {
@@ -46,8 +46,61 @@ TEST(SoundReducer, AnyRate_KeepsDurationAndStart) {
   for (const int rate : {11025, 16000, 44100, 48000, 96000}) {
     const auto tone = track(recordings::recorded(recordings::speech(-1, 6, 3), {}, rate, 4, 0, 1), rate, 2.5);
     EXPECT_NEAR(tone.end(), 6.5, 0.01) << rate;
-    EXPECT_EQ(tone.start, 2.5);
+    EXPECT_EQ(tone.start(), 2.5);
   }
+}
+
+TEST(SoundReducer, BlocksOfAnySize_TheSameTrack) {
+  const auto samples = recordings::recorded(recordings::speech(-1, 6, 3), {}, 44100, 4, 0.1, 1);
+  auto whole = SoundReducer::make(44100), pieces = SoundReducer::make(44100);
+  ASSERT_TRUE(whole->add(samples));
+  for (std::size_t at = 0, size = 1; at < samples.size(); at += size, size = size * 7 % 10007) {
+    ASSERT_TRUE(pieces->add(std::span(samples).subspan(at, std::min(size, samples.size() - at))));
+  }
+  const auto a = *std::move(*whole).finish(0), b = *std::move(*pieces).finish(0);
+  ASSERT_EQ(a.count(), b.count());
+  EXPECT_EQ(*a.samples(0, a.count()), *b.samples(0, b.count()));
+  EXPECT_EQ(a.samples(-5, 10)->size(), 5u);
+  EXPECT_EQ(a.samples(a.count() - 3, 10)->size(), 3u);
+}
+
+/// Counts the samples that are asked for at once.
+class CountingStore final : public SoundStore {
+ public:
+  Status append(std::span<const float> samples) override {
+    largest_ = std::max(largest_, samples.size());
+    return store_.append(samples);
+  }
+  Status read(std::int64_t first, std::span<float> into) const override {
+    largest_ = std::max(largest_, into.size());
+    return store_.read(first, into);
+  }
+  std::size_t largest() const { return largest_; }
+
+ private:
+  MemoryStore store_;
+  mutable std::size_t largest_ = 0;
+};
+
+TEST(SoundLag, LongSound_IsReadInPieces) {
+  std::size_t largest[2] = {};
+  for (const int times : {1, 4}) {
+    const auto sound = recordings::speech(-5, 40 + 60.0 * times, 7);
+    auto store = std::make_shared<CountingStore>(), other = std::make_shared<CountingStore>();
+    const auto reduced = [&](const std::shared_ptr<SoundStore>& into, const Clock& clock) {
+      auto reducer = SoundReducer::make(16000, into);
+      const auto samples = recordings::recorded(sound, clock, 16000, 20 + 60.0 * times, 0.1, 3);
+      for (std::size_t at = 0; at < samples.size(); at += 16000) {
+        (void)reducer->add(std::span(samples).subspan(at, std::min<std::size_t>(16000, samples.size() - at)));
+      }
+      return *std::move(*reducer).finish(0);
+    };
+    const auto a = reduced(store, {}), b = reduced(other, {0.5, 50});
+    ASSERT_TRUE(sound_lag(a, b, {.expected = 0, .reach = 5}));
+    largest[times / 4] = std::max(store->largest(), other->largest());
+  }
+  EXPECT_LE(largest[0], 21u * kBandRate);
+  EXPECT_LE(largest[1], 21u * kBandRate) << "memory grows with the sound";
 }
 
 TEST(SoundLag, SpeechInNoiseAndClocksApart_LagAndRateAreTrue) {

@@ -1,0 +1,124 @@
+#include "host_tool/commands/film_request.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <filesystem>
+
+#include "host_tool/console/quantities.h"
+#include "host_tool/input/calibration_file.h"
+#include "host_tool/output/layout_name.h"
+#include "protocol/base/try.h"
+#include "stitch/offline/offline_blend.h"
+
+namespace nodal::host {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kWidestUsual = 4096;  // px: what players decode as H.264
+
+tl::unexpected<Error> not_for_films(const std::string& option, const std::string& why) {
+  return fail(Errc::kUnsupported, fmt::format("{}: {}; leave it out", option, why));
+}
+
+/// The films in the order of the heads: by their names if these are the heads' names, else as they are given.
+Result<std::vector<std::string>> films_of(const Calibration& calibration, const std::vector<std::string>& inputs,
+                                          std::vector<std::string>& notes) {
+  const std::vector<std::string> films(inputs.begin() + 1, inputs.end());
+  if (films.size() != calibration.heads.size()) {
+    return fail(Errc::kHeadMismatch,
+                fmt::format("{}: the calibration has {}, and there are {}; give one film for each "
+                            "head, in its order",
+                            inputs.front(), counted(calibration.heads.size(), "head"), counted(films.size(), "film")));
+  }
+  std::vector<std::string> ordered;
+  for (const HeadCalibration& head : calibration.heads) {
+    const auto film =
+        std::ranges::find_if(films, [&](const std::string& path) { return fs::path(path).stem() == head.name; });
+    if (film != films.end()) ordered.push_back(*film);
+  }
+  if (ordered.size() != films.size()) return films;
+  if (ordered != films) notes.emplace_back("the films have the heads' names, and are taken by these");
+  return ordered;
+}
+
+}  // namespace
+
+Result<SegmentRange> parse_segments(const std::string& text) {
+  SegmentRange range;
+  const char* const end = text.data() + text.size();
+  auto [at, error] = std::from_chars(text.data(), end, range.first);
+  range.last = range.first;
+  if (error == std::errc() && at != end && *at == '-') {
+    const auto [after, wrong] = std::from_chars(at + 1, end, range.last);
+    at = after;
+    error = wrong;
+  }
+  if (error == std::errc() && at == end && range.first <= range.last) return range;
+  return fail(Errc::kBadValue,
+              fmt::format("'{}': write a segment's number, or the first and the last one, such as 0-9", text));
+}
+
+Result<film::FilmRequest> make_request(Console& console, const StitchArgs& args, const FilmArgs& words,
+                                       std::vector<std::string>& notes) {
+  if (!args.nominal.rig.empty() || film::is_film_name(args.inputs.front())) {
+    return fail(Errc::kMissingField,
+                "a film needs a calibration in front of the films. Find one in pictures of the same "
+                "instant: nodal stitch PICTURE... -o s.jpg writes s.rig.json");
+  }
+  if (args.bits == 16) return not_for_films("--bits 16", "films have 8 bits");
+  if (args.crop != "auto" && args.crop != "none") return not_for_films("--crop", "a film has the whole sphere");
+  if (args.up != "auto") return not_for_films("--up", "a film's sphere stands as the calibration says");
+  film::FilmRequest request;
+  NODAL_TRY_ASSIGN(request.calibration, read_calibration(args.inputs.front(), console));
+  if (args.distance > 0) {
+    request.calibration.distance = args.distance;
+    if (const Status good = check_calibration(request.calibration); !good) return fail(good.error().in("--distance"));
+  }
+  NODAL_TRY_ASSIGN(const auto films, films_of(request.calibration, args.inputs, notes));
+  for (const std::string& path : films) request.films.push_back(fs::absolute(path).string());
+  for (const std::string& text : words.offsets) {
+    NODAL_TRY_ASSIGN(film::HeadTime time, film::parse_head_time(text));
+    request.times.push_back(std::move(time));
+  }
+  request.times_by = words.times;
+  request.readout_s = words.readout_ms / 1000;
+  const auto is_head = [&](const HeadCalibration& head) { return head.name == words.sound; };
+  request.sound = words.sound;
+  const bool word = words.sound == "auto" || words.sound == "none";
+  if (!word && std::ranges::none_of(request.calibration.heads, is_head)) {
+    std::error_code error;
+    if (!fs::exists(words.sound, error)) {
+      return fail(Errc::kNotFound, fmt::format("--sound {}: there is no head and no file of this name", words.sound));
+    }
+    request.sound = fs::absolute(words.sound).string();
+  }
+  const Result<geometry::LayoutName> layout = layout_named(args.layout);
+  if (!layout) return fail(layout.error().in("--layout"));
+  NODAL_TRY_ASSIGN(const double resolution, offline::resolution_of(request.calibration));
+  const double natural = layout->width_for_resolution(resolution);
+  const geometry::RaymapSize size =
+      layout->size_for_width(args.width > 0 ? args.width : std::min<double>(natural, kWidestUsual));
+  request.raymap.layout = layout->text();
+  request.raymap.width = size.width;
+  request.raymap.height = size.height;
+  request.raymap.seam_width_deg = args.seam_width_deg;
+  request.raymap.feather = args.feather;
+  if (args.transition == "seam") request.raymap.transition = Transition::kSeam;
+  if (args.transition == "feather") request.raymap.transition = Transition::kFeather;
+  const bool placed = words.seams == "placed" && args.transition != "feather";
+  request.raymap.seams = placed ? SeamPlacement::kPlaced : SeamPlacement::kFixed;
+  if (!words.codec.empty()) request.codec = film::codec_named(words.codec);
+  request.quality = words.quality;
+  request.preset = words.preset;
+  request.container = film::container_of(args.out).value_or(film::Container::kMp4);
+  if (!layout->is_equirectangular()) {
+    notes.push_back(fmt::format("viewers are not told of the layout {}: only equirectangular films say what they are",
+                                request.raymap.layout));
+  }
+  return request;
+}
+
+}  // namespace nodal::host
