@@ -46,7 +46,8 @@ Result<StreamId> Publisher::start(const Clients& clients, Client& client, const 
                                              kMaxExtraPulls));
   }
   if (request.coding() < wire::PullRequest::JPEG || request.coding() > wire::PullRequest::EVIDENCE) {
-    return fail(Errc::kUnsupported, fmt::format("this rig does not support the coding {}", request.coding()));
+    return fail(Errc::kUnsupported,
+                fmt::format("this rig does not support the coding {}", static_cast<int>(request.coding())));
   }
   const StreamPolicy policy = request.lossless() ? StreamPolicy::kLossless : StreamPolicy::kLatest;
   NODAL_TRY_ASSIGN(auto stream, client.session().open_stream(policy));

@@ -10,6 +10,7 @@
 
 #include "host_tool/commands/command.h"
 #include "host_tool/commands/command_list.h"
+#include "host_tool/commands/expected_time.h"
 #include "host_tool/commands/layout_option.h"
 #include "host_tool/commands/lens_json.h"
 #include "host_tool/commands/nominal_options.h"
@@ -86,6 +87,7 @@ void tell_notes(Console& console, RigPictures& rig) {
 /// Pictures without a calibration: one set of them, calibrated.
 Result<RigPictures> calibrated_alone(Console& console, const RegisterArgs& args, RigPictures rig, Progress& bar) {
   tell_notes(console, rig);
+  say_time(console, registration_of(rig, true));
   NODAL_TRY(interruptible(console, [&] {
     return calibrate_by_pictures(rig, parse_up(args.up).value(), [&](double done, const std::string& what) {
       bar.update(static_cast<std::uint64_t>(kMatched * done), what);
@@ -251,6 +253,7 @@ Status run_register(Context& context, const RegisterArgs& args) {
   if (input.match) {
     console.note(input.match->confidence);
   } else {
+    say_time(console, registration_of(input, false));
     NODAL_TRY(turn_up(input, parse_up(args.up).value()));
   }
   if (!args.pairs.empty()) {

@@ -211,7 +211,8 @@ Result<Stitched> stitch_sets(Console& console, StitchJob& job, Progress& bar) {
                        return encode(job, raymap, pictures.front());
                      }));
     NODAL_TRY(write_file(name, file));
-    // Later than the sphere: a full disk must not leave a report of a sphere that is not there.
+    // Later than the sphere: a full disk must not leave files that belong to a sphere that is not there.
+    if (i == 0 && job.rig.match) NODAL_TRY(write_file(beside(args.out, ".rig.json"), to_json(job.rig.calibration)));
     if (!report.empty()) NODAL_TRY(write_file(beside(args.out, ".report.html"), report));
     stitched.last = name;
     begun_with = static_cast<double>(i + 2);

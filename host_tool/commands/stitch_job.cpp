@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <thread>
 
 #include "host_tool/commands/expected_time.h"
 #include "host_tool/console/files.h"
@@ -34,18 +33,7 @@ Status check_names(const std::string& out, const std::vector<std::vector<std::st
                                            out, sets.size()));
 }
 
-/// Pixels of a picture; 0 if it cannot be read, which is an error later.
-double pixels_of(HeadPicture& picture) {
-  const Result<ImageHeader> header = picture.header();
-  return header ? static_cast<double>(header->width) * header->height : 0;
-}
-
-void say_time(Console& console, const ExpectedWork& work) {
-  const std::string time = expected_time(work, std::thread::hardware_concurrency());
-  if (!time.empty()) console.note(time);
-}
-
-/// Pictures without a calibration: finds one, and writes it beside the raymap.
+/// Pictures without a calibration: finds one.
 Status calibrate(Console& console, StitchJob& job, Progress& bar) {
   NODAL_TRY_ASSIGN(job.rig, own_pictures(job.args.inputs, parse_split(job.args.split).value()));
   RigPictures& rig = job.rig;
@@ -87,7 +75,7 @@ Status calibrate(Console& console, StitchJob& job, Progress& bar) {
   if (match.set > 0) {
     for (HeadPicture& picture : rig.sets[match.set]) picture.release();
   }
-  return write_file(beside(job.args.out, ".rig.json"), to_json(rig.calibration));
+  return {};
 }
 
 /// Linear numbers need a response. A data sheet and most projects have none, and their pictures are files for people to

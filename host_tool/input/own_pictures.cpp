@@ -117,6 +117,18 @@ std::string lens_note(const FoundLens& lens) {
       seen, text_of(lens.known), lens.family, lens.may_be_wrong_percent(), advice);
 }
 
+std::string why_left_out(const autocalibration::Misfit& misfit, const std::vector<std::string>& files) {
+  const std::string& file = files[misfit.picture];
+  if (misfit.cause == autocalibration::Misfit::Cause::kMirrored) {
+    return fmt::format("it seems to be mirrored, because its mirror image fits {}; flip it (convert {} -flop FLIPPED)",
+                       files[misfit.other], file);
+  }
+  return fmt::format(
+      "it seems to be cropped, or taken with another zoom: its focal length is about {:.2g} times that of {}; "
+      "give whole pictures of one zoom",
+      misfit.focal_ratio, files[misfit.other]);
+}
+
 /// Takes copies of other files out of `files`, with a note each.
 /// Errors: kBadValue when one file remains of several.
 Status leave_out_copies(std::vector<std::string>& files, std::vector<std::string>& notes) {
@@ -218,7 +230,15 @@ Result<RigPictures> own_pictures(const std::vector<std::string>& given, const Sp
     if (files.size() == 1) return fail(single_picture(files.front()));
     NODAL_TRY(leave_out_copies(files, own.notes));
     own.sets.resize(1);
-    for (const std::string& file : files) own.sets.front().emplace_back(file, opened.take(file));
+    for (const std::string& file : files) {
+      if (const int count = opened.count_pictures(file); count > 1) {
+        own.notes.push_back(
+            fmt::format("{} holds {} pictures, such as a burst, and only its main one is used; heif-convert takes the "
+                        "others out",
+                        file, count));
+      }
+      own.sets.front().emplace_back(file, opened.take(file));
+    }
   }
   if (sequences) own.notes.push_back(folder_per_head(arguments.size(), own.sets.size()));
   own.heads = head_names(sequences ? arguments : files);
@@ -272,10 +292,12 @@ Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const U
   for (const std::size_t n : found.placed) placed.push_back(files[n]);
   for (std::size_t n = 0; n < files.size(); ++n) {
     if (std::ranges::find(found.placed, n) != found.placed.end()) continue;
-    rig.notes.push_back(
-        fmt::format("{} is left out: too few of its points were found in the other pictures; take one more picture "
-                    "between it and its neighbour",
-                    files[n]));
+    const auto misfit = std::ranges::find(found.misfits, n, &autocalibration::Misfit::picture);
+    rig.notes.push_back(misfit == found.misfits.end()
+                            ? files[n] +
+                                  " is left out: too few of its points were found in the other pictures; take "
+                                  "one more picture between it and its neighbour"
+                            : files[n] + " is left out: " + why_left_out(*misfit, files));
   }
   if (!turned.empty()) {
     rig.notes.push_back(

@@ -13,6 +13,7 @@
 #include "host_tool/input/pictures.h"
 #include "protocol/base/try.h"
 #include "protocol/files/open_file.h"
+#include "stitch/media/heif_webp/reader.h"
 #include "stitch/media/picture_bytes.h"
 #include "stitch/media/picture_folder.h"
 #include "stitch/media/xmp/xmp.h"
@@ -43,6 +44,11 @@ Result<ImageHeader> OpenPictures::header_of(const std::string& file) {
   NODAL_TRY_ASSIGN(ImageHeader header, read_picture_header(bytes));
   if (files_.size() < kMaxOpen) files_.emplace(file, std::make_shared<media::PictureBytes>(std::move(bytes)));
   return header;
+}
+
+int OpenPictures::count_pictures(const std::string& file) const {
+  const auto found = files_.find(file);
+  return found == files_.end() ? 1 : media::count_pictures(*found->second);
 }
 
 std::shared_ptr<media::PictureBytes> OpenPictures::take(const std::string& file) {

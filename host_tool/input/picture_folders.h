@@ -23,6 +23,8 @@ class OpenPictures {
   /// Opens the file, and keeps it open if it is a picture; of many files only the first kMaxOpen.
   /// Errors: those of read_picture_header().
   Result<ImageHeader> header_of(const std::string& file);
+  /// Number of pictures in a file that is open: only the first one is read. 1 for a file that is not open.
+  int count_pictures(const std::string& file) const;
   /// Null if the file is not open.
   std::shared_ptr<media::PictureBytes> take(const std::string& file);
 

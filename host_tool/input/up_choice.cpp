@@ -1,5 +1,6 @@
 #include "host_tool/input/up_choice.h"
 
+#include <charconv>
 #include <cmath>
 #include <vector>
 
@@ -29,6 +30,20 @@ Result<std::vector<autocalibration::HeldHead>> held_heads(RigPictures& rig) {
   return heads;
 }
 
+/// "400,100", whatever their range.
+bool is_two_numbers(const std::string& text) {
+  const char *at = text.data(), *const end = text.data() + text.size();
+  for (const char* const behind : {",", ""}) {
+    double number = 0;
+    const auto [after, error] = std::from_chars(at, end, number);
+    if (after == at || std::isnan(number)) return false;
+    if (*behind == '\0') return after == end;
+    if (after == end || *after != *behind) return false;
+    at = after + 1;
+  }
+  return false;
+}
+
 }  // namespace
 
 Result<UpChoice> parse_up(const std::string& text) {
@@ -36,6 +51,10 @@ Result<UpChoice> parse_up(const std::string& text) {
   if (text == "pictures") return UpChoice{UpChoice::Kind::kPictures, 0, 0};
   const Result<NominalPlace> place = parse_place(text);
   if (!place || std::count(text.begin(), text.end(), ',') != 1) {
+    if (!place && is_two_numbers(text)) {
+      return fail(Errc::kBadValue,
+                  "'" + text + "': YAW is a number from -360 to 360 and PITCH one from -90 to 90 degrees");
+    }
     return fail(Errc::kBadValue, "'" + text +
                                      "': write auto, pictures, or the direction in the sphere that is up as YAW,PITCH: "
                                      "degrees to the right and up, such as 0,-90 for the bottom of the picture");

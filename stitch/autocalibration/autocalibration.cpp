@@ -12,6 +12,7 @@
 #include "stitch/autocalibration/image_circle.h"
 #include "stitch/autocalibration/in_common.h"
 #include "stitch/autocalibration/matches.h"
+#include "stitch/autocalibration/misfit.h"
 #include "stitch/autocalibration/overlap.h"
 #include "stitch/autocalibration/sight.h"
 #include "stitch/autocalibration/upright.h"
@@ -167,6 +168,25 @@ Error with_advice(Error error, const Repetition& repetition, bool fisheyes) {
   return error;
 }
 
+/// The error of pictures that would fit if one of them were mirrored or had another focal length.
+Error not_fitting(const Misfit& misfit, const std::vector<std::string>& files) {
+  const std::string& a = files[misfit.other];
+  const std::string& b = files[misfit.picture];
+  if (misfit.cause == Misfit::Cause::kMirrored) {
+    return {
+        Errc::kHeadMismatch,
+        fmt::format("{} and {} fit together only if one of them is mirrored; flip the one that is the wrong way round "
+                    "(convert FILE -flop FLIPPED)",
+                    a, b)};
+  }
+  return {
+      Errc::kHeadMismatch,
+      fmt::format("{} and {} show the same things at different scales: the focal length of {} is about {:.2g} times "
+                  "the other one's, so that one of them was cropped or taken with another zoom; give whole "
+                  "pictures of one zoom",
+                  a, b, misfit.focal_ratio > 1 ? b : a, std::max(misfit.focal_ratio, 1 / misfit.focal_ratio))};
+}
+
 void add_points(const Arrangement& arrangement, Found& found) {
   std::vector<std::size_t> place(arrangement.R_head_rig.size(), found.placed.size());
   for (std::size_t n = 0; n < found.placed.size(); ++n) place[found.placed[n]] = n;
@@ -224,12 +244,18 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
   const bool fisheyes = shapes.front().circle.has_value();  // if one has a circle, all have
   if (!arrangement && fisheyes && !repetition.prevails()) {
     // Overlaps may be so thin that hardly any of these features are in them.
-    sight = see_rims(pictures, shapes, workers);
-    arrangement = arranged(shapes, sight, overlaps, options.threads, Overlap::kThin, {});
+    sight = see_rims(pictures, shapes, workers, parallel::part_of(options.progress, 0.9, 0.05));
+    arrangement = arranged(shapes, sight, overlaps, options.threads, Overlap::kThin,
+                           parallel::part_of(options.progress, 0.95, 0.04));
   }
-  if (!arrangement) return fail(with_advice(arrangement.error(), repetition, fisheyes));
-  NODAL_TRY(check_different(arrangement->used, count, options.files.empty() ? names : options.files));
-  tell(0.9);
+  const std::vector<std::string>& files = options.files.empty() ? names : options.files;
+  const MisfitSearch search{pictures, shapes, small, sight, workers};
+  if (!arrangement) {
+    const std::optional<Misfit> misfit = first_misfit(search);
+    if (misfit) return fail(not_fitting(*misfit, files));
+    return fail(with_advice(arrangement.error(), repetition, fisheyes));
+  }
+  NODAL_TRY(check_different(arrangement->used, count, files));
   Found found;
   found.calibration.name = "from pictures";
   found.calibration.comment = "Lens and rotations from the pictures alone.";
@@ -245,6 +271,7 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
   if (!found.placed.empty()) found.unit_px = shapes[found.placed.front()].unit();
   add_points(*arrangement, found);
   add_doubtful(*arrangement, overlaps, found);
+  if (found.placed.size() < count) found.misfits = misfits_of(search, *arrangement);
   NODAL_TRY(check_calibration(found.calibration));
   NODAL_TRY(turn_upright(small, options.up, found));
   tell(1);

@@ -16,6 +16,7 @@
 #include "protocol/calibration_limits.h"
 #include "stitch/autocalibration/lens_evidence.h"
 #include "stitch/autocalibration/matches.h"
+#include "stitch/autocalibration/misfit.h"
 #include "stitch/autocalibration/stance.h"
 
 namespace nodal::autocalibration {
@@ -43,6 +44,7 @@ struct Found {
   UpBasis up = UpBasis::kLight;  ///< what decided which way is up
   LensEvidence lens;             ///< at which radii the points determine the lens
   double unit_px = 1;            ///< unit of the radii in `lens`, original pixels of the first placed picture
+  std::vector<Misfit> misfits;   ///< of the pictures that are not placed; indices of pictures
   std::vector<Match> points;     ///< matches that agree; heads are indices into `placed`
 };
 
@@ -50,7 +52,8 @@ struct Found {
 ///
 /// Threading: thread-safe; starts `threads` of its own.
 /// Errors: kBadValue for fewer than two pictures, or for more than kMaxPictures; kNoCoverage if no two pictures have
-///   enough in common, or if what they have in common contradicts itself; kHeadMismatch for two equal pictures.
+///   enough in common, or if what they have in common contradicts itself; kHeadMismatch for two equal pictures, and
+///   for two that would fit if one of them were mirrored or had another focal length.
 Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std::vector<std::string>& names,
                             const Options& options);
 

@@ -116,14 +116,18 @@ Sight seen(const std::vector<DecodedImage>& pictures, const std::vector<Shape>& 
 
 }  // namespace
 
+std::vector<Feature> features_of(const DecodedImage& picture, const Shape& shape) {
+  return features_of(picture, shape, Effort{});
+}
+
 Sight see(const std::vector<DecodedImage>& pictures, const std::vector<Shape>& shapes, const parallel::Workers& workers,
           const std::function<void(double)>& progress) {
   return seen(pictures, shapes, {}, workers, progress);
 }
 
 Sight see_rims(const std::vector<DecodedImage>& pictures, const std::vector<Shape>& shapes,
-               const parallel::Workers& workers) {
-  return seen(pictures, shapes, {kRimSide, kRimFeatures, kRimFrom}, workers, {});
+               const parallel::Workers& workers, const std::function<void(double)>& progress) {
+  return seen(pictures, shapes, {kRimSide, kRimFeatures, kRimFrom}, workers, progress);
 }
 
 }  // namespace nodal::autocalibration

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "protocol/base/file_ending.h"
@@ -26,9 +27,8 @@ constexpr std::string_view kMaskEnding = ".mask.png";
 class LeftOut {
  public:
   void add(std::string_view one, std::string_view many, std::string_view advice, const std::string& file) {
-    Kind& kind = kinds_[std::string(one)];
+    Kind& kind = kinds_[{std::string(one), std::string(advice)}];
     kind.many = many;
-    kind.advice = advice;
     kind.files.push_back(printable(fs::path(file).filename().string(), kMaxName));
   }
 
@@ -36,7 +36,8 @@ class LeftOut {
   std::string text() const {
     constexpr std::size_t kMaxNames = 3;
     std::string all;
-    for (const auto& [one, kind] : kinds_) {
+    for (const auto& [named, kind] : kinds_) {
+      const auto& [one, advice] = named;
       std::vector<std::string> names = kind.files;
       std::ranges::sort(names);
       std::string listed;
@@ -44,7 +45,7 @@ class LeftOut {
       if (names.size() > kMaxNames) listed += fmt::format(" and {} more", names.size() - kMaxNames);
       all += fmt::format("{}{} ({}){}{}", all.empty() ? "" : "; ",
                          names.size() == 1 ? one : fmt::format("{} {}", names.size(), kind.many), listed,
-                         kind.advice.empty() ? "" : ": ", kind.advice);
+                         advice.empty() ? "" : ": ", advice);
     }
     return all;
   }
@@ -52,10 +53,10 @@ class LeftOut {
  private:
   static constexpr std::size_t kMaxName = 100;  // bytes
   struct Kind {
-    std::string many, advice;
+    std::string many;
     std::vector<std::string> files;
   };
-  std::map<std::string, Kind> kinds_;
+  std::map<std::pair<std::string, std::string>, Kind> kinds_;  ///< by its name and advice
 };
 
 /// What the first bytes of a file say.
@@ -70,6 +71,12 @@ Looked look_at(const fs::path& file) {
   std::vector<std::uint8_t> head(kFileKindBytes);
   head.resize(std::fread(head.data(), 1, head.size(), in->get()));
   return {file_kind(head, file.string()), begins_like_tiff(head)};
+}
+
+/// The message of a reader without the name of the file.
+std::string why(const Error& error, const std::string& file) {
+  const std::string name = "picture '" + file + "': ";
+  return error.message.starts_with(name) ? error.message.substr(name.size()) : error.message;
 }
 
 }  // namespace
@@ -90,7 +97,7 @@ Result<PictureFolder> pictures_in(const fs::path& folder, const HeaderReader& he
       left_out.add("no regular file", "that are no regular files", "", file);
     } else if (is_mask_name(file)) {
       masks.push_back(file);
-    } else if (header(file)) {
+    } else if (const Result<ImageHeader> its = header(file)) {
       pictures.files.push_back(file);
     } else {
       Looked looked = look_at(file);
@@ -101,6 +108,8 @@ Result<PictureFolder> pictures_in(const fs::path& folder, const HeaderReader& he
         left_out.add(looked.kind->one, looked.kind->many, looked.kind->advice, file);
       } else if (looked.tiff && !tiff) {
         left_out.add("a TIFF", "TIFFs", "convert it to PNG (convert FILE.tif FILE.png)", file);
+      } else if (its.error().code == Errc::kUnsupported) {
+        left_out.add("a picture that is not read", "pictures that are not read", why(its.error(), file), file);
       } else {
         left_out.add("a broken picture", "broken pictures", "copy it from the camera again", file);
       }

@@ -54,6 +54,9 @@ TEST_F(StitchCommand, Up_IsADirectionOfTheSphereOrHowThePicturesAreHeld) {
   EXPECT_LT(difference(sphere("rig.json", "17,90"), level), 0.5) << "up is up already";
   for (const char* nonsense : {"", "up", "nan,0", "0,inf", "0,91", "361,0", "0,0,0", "0", "1e999,0"})
     expect_refused({path("rig.json"), path("pictures"), "-o", path("bad.png"), "--up", nonsense}, "--up");
+  for (const char* beyond : {"400,100", "0,-91", "-361,0", "1e999,0"})
+    expect_refused({path("rig.json"), path("pictures"), "-o", path("bad.png"), "--up", beyond},
+                   "YAW is a number from -360 to 360 and PITCH one from -90 to 90");
 }
 
 }  // namespace

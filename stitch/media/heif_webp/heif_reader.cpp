@@ -171,6 +171,11 @@ Result<ImageHeader> heif_header(std::span<const std::uint8_t> bytes, const std::
   return header_of(file.primary.get(), name);
 }
 
+int count_heif_pictures(std::span<const std::uint8_t> bytes) {
+  const Result<File> file = opened(bytes, "");
+  return file ? heif_context_get_number_of_top_level_images(file->context.get()) : 0;
+}
+
 Result<DecodedImage> decode_heif(std::span<const std::uint8_t> bytes, const ImageHeader& header,
                                  const std::string& name) {
   NODAL_TRY_ASSIGN(const Pixels pixels, pixels_of(bytes, heif_chroma_interleaved_RGB, header, name));

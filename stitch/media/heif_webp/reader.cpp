@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <span>
 #include <string>
 
@@ -52,6 +53,12 @@ bool is_turned(PictureBytes& file) {
 Result<ImageHeader> heif_or_webp_header(PictureBytes& file) {
   NODAL_TRY_ASSIGN(const auto bytes, all_of(file));
   return checked(is_webp(bytes) ? webp_header(bytes, file.name()) : heif_header(bytes, file.name()), file.name());
+}
+
+int count_pictures(PictureBytes& file) {
+  if (!is_turned(file) || !is_heif_or_webp(file)) return 1;
+  const auto bytes = all_of(file);
+  return bytes ? std::max(1, count_heif_pictures(*bytes)) : 1;
 }
 
 Result<DecodedImage> decode_heif_or_webp(PictureBytes& file) {

@@ -19,6 +19,10 @@ bool is_heif_or_webp(PictureBytes& file);
 /// Whether decoding turns the picture upright, whatever its Exif says: in HEIF, but not in WebP.
 bool is_turned(PictureBytes& file);
 
+/// Number of pictures in a file, of which the primary one is read: several in an HEIF file with a burst; 1 in other
+/// files, and in those that are broken.
+int count_pictures(PictureBytes& file);
+
 /// RGB24; alpha is left out. Of an HEIF file the primary picture, turned, mirrored and cut as the file says: the
 /// orientation in its Exif is no longer true. An animated WebP is refused.
 ///

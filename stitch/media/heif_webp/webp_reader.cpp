@@ -51,7 +51,7 @@ Result<ImageHeader> webp_header(std::span<const std::uint8_t> bytes, const std::
     return fail(broken(status, name));
   if (about.has_animation != 0) {
     return fail(Errc::kUnsupported, "picture '" + name +
-                                        "': is an animated WebP; give its pictures one by one (webpmux -get frame 1 "
+                                        "': it is an animated WebP; give its pictures one by one (webpmux -get frame 1 "
                                         "FILE.webp -o picture.webp)");
   }
   ImageHeader header;

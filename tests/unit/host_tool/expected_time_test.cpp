@@ -14,6 +14,8 @@ TEST(ExpectedTime, OnlyWhatIsLongerThanTenSeconds_IsSaidInRoundNumbers) {
       << "48 s on one core";
   EXPECT_EQ(expected_time({.placed = 50, .picture_px = 1e6}, 1), "this takes about a minute on this computer");
   EXPECT_EQ(expected_time({.blended_px = 80e6}, 2), "this takes about 2 minutes on this computer") << "114 s";
+  EXPECT_EQ(expected_time({.picture_px = 1e6, .registered = 10}, 1), "this takes about 20 s on this computer")
+      << "18 s";
 }
 
 TEST(ExpectedTime, PicturesLargerThanFeaturesNeed_TakeNoLonger) {

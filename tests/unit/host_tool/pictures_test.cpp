@@ -11,6 +11,7 @@
 #include "protocol/base/file_ending.h"
 #include "run_nodal.h"
 #include "stitch/media/raymap/raymap_file.h"
+#include "tests/support/coded_files.h"
 #include "tests/support/pictures.h"
 
 namespace nodal::host {
@@ -44,6 +45,7 @@ TEST_F(FolderOfPictures, WhatIsNoPicture_IsNamedByItsKindAndCounted) {
   write("d.AVIF", kAvif);
   write("e.AVIF", kAvif);
   write("g.HEIC", kBrokenHeic);
+  test::write_bytes(folder_ / "photos/moving.webp", test::animated_webp());
   write("notes.txt", "Tuesday\n");
   write("film.MP4", "\0\0\0\x18"s + "ftypisom\0\0\2\0"s);
   write("f.png", "\x89PNG\r\n\x1a\n"s + "broken");
@@ -55,7 +57,8 @@ TEST_F(FolderOfPictures, WhatIsNoPicture_IsNamedByItsKindAndCounted) {
   const std::string& text = pictures->left_out;
   for (const char* words :
        {"2 pictures are read", "an empty file (c.jpg)", "2 AVIF files (d.AVIF, e.AVIF): convert it to JPEG or PNG",
-        "a film (film.MP4): take its pictures out first", "2 broken pictures (f.png, g.HEIC)", "a folder (raw)"}) {
+        "a film (film.MP4): take its pictures out first", "2 broken pictures (f.png, g.HEIC)", "a folder (raw)",
+        "a picture that is not read (moving.webp): it is an animated WebP; give its pictures one by one"}) {
     EXPECT_TRUE(says(text, words)) << words << " is not in: " << text;
   }
   EXPECT_TRUE(says(text, "(notes.txt)")) << text;

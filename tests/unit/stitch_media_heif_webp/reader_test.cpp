@@ -130,10 +130,18 @@ TEST_F(CodedFile, Heif_IsThePictureTurnedAsItSays) {
 TEST_F(CodedFile, HeifOfABurst_IsItsPrimaryPicture) {
   if (!test::can_code_heif()) GTEST_SKIP() << "libheif has no encoder of HEVC here";
   const CodedPicture told = picture();
-  const auto image = decoded(test::heif_of(told, 1, {picture(32, 32, 2), picture(64, 48, 3)}));
+  const auto bytes = test::heif_of(told, 1, {picture(32, 32, 2), picture(64, 48, 3)});
+  const auto image = decoded(bytes);
   ASSERT_TRUE(image) << image.error().text();
   ASSERT_EQ(image->width, 64);
   EXPECT_GT(test::psnr(image->bytes, told.rgb), 38);
+  const auto count = [&](const std::vector<std::uint8_t>& one) {
+    PictureBytes file = open(one);
+    return count_pictures(file);
+  };
+  EXPECT_EQ(count(bytes), 3);
+  EXPECT_EQ(count(test::heif_of(told)), 1);
+  EXPECT_EQ(count(test::webp_of(told)), 1);
 }
 
 TEST_F(CodedFile, HeifsProfile_IsKept) {
