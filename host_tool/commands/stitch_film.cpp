@@ -1,6 +1,7 @@
 #include "host_tool/commands/stitch_film.h"
 
 #include <fmt/format.h>
+#include <sys/resource.h>
 
 #include <chrono>
 #include <filesystem>
@@ -17,6 +18,19 @@
 
 namespace nodal::host {
 namespace {
+
+/// Processor seconds of this process and of the ffmpegs that have ended.
+double processor_seconds() {
+  double sum = 0;
+  for (const int who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
+    rusage usage{};
+    ::getrusage(who, &usage);
+    for (const timeval& part : {usage.ru_utime, usage.ru_stime}) {
+      sum += static_cast<double>(part.tv_sec) + 1e-6 * static_cast<double>(part.tv_usec);
+    }
+  }
+  return sum;
+}
 
 /// Everything of one run.
 class FilmRun {
@@ -144,14 +158,18 @@ class FilmRun {
     }
     const std::uint64_t begin = plan_.begin_of(range.first), end = plan_.end_of(range.last);
     std::uint64_t kept = 0;
+    const auto needed = [&](std::uint64_t segment) { return !parts_.has(plan_, segment); };
+    for (std::uint64_t segment = range.first; segment <= range.last && !blend_; ++segment) {
+      if (needed(segment)) NODAL_TRY(make_blend());
+    }
     const auto begun = std::chrono::steady_clock::now();
+    const double processor = processor_seconds();
     std::optional<Progress> bar;
     for (std::uint64_t segment = range.first; segment <= range.last; ++segment) {
-      if (parts_.has(plan_, segment)) {
+      if (!needed(segment)) {
         kept += plan_.end_of(segment) - plan_.begin_of(segment);
         continue;
       }
-      NODAL_TRY(make_blend());
       if (!bar) bar.emplace(console_, "stitching", end - begin);
       const std::uint64_t before = plan_.begin_of(segment) - begin;
       auto rendered = film::render_segment(plan_, segment, parts_, *blend_, programs_, [&](std::uint64_t frame) {
@@ -164,6 +182,7 @@ class FilmRun {
       notes_.insert(notes_.end(), rendered->notes.begin(), rendered->notes.end());
     }
     seconds_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+    processor_seconds_ = processor_seconds() - processor;
     bar.reset();
     console_.finish_progress();
     say_notes();
@@ -209,6 +228,7 @@ class FilmRun {
                        {"times_residual_ms", 1000 * plan_.times_residual_s},
                        {"rendered_frames", done_},
                        {"seconds", seconds_},
+                       {"processor_seconds", processor_seconds_},
                        {"blend_seconds", blending}});
     console_.line(fmt::format("{}: {} of {}x{}, {:.2f} a second, {}, {}, from {} ({:.1f} s)", args_.out,
                               counted(plan_.frames, "frame"), plan_.raymap.width, plan_.raymap.height, hertz,
@@ -225,7 +245,7 @@ class FilmRun {
   std::optional<film::FilmBlend> blend_;
   std::vector<std::string> notes_;
   std::uint64_t done_ = 0;
-  double seconds_ = 0, residual_s_ = 0;
+  double seconds_ = 0, processor_seconds_ = 0, residual_s_ = 0;
 };
 
 }  // namespace
