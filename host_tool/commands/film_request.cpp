@@ -27,10 +27,11 @@ tl::unexpected<Error> not_for_films(const std::string& option, const std::string
 Result<std::vector<std::string>> films_of(const Calibration& calibration, const std::vector<std::string>& inputs,
                                           std::vector<std::string>& notes) {
   const std::vector<std::string> films(inputs.begin() + 1, inputs.end());
+  if (films.size() == 1) return std::vector<std::string>(calibration.heads.size(), films.front());
   if (films.size() != calibration.heads.size()) {
     return fail(Errc::kHeadMismatch,
                 fmt::format("{}: the calibration has {}, and there are {}; give one film for each "
-                            "head, in its order",
+                            "head, in its order, or one film with a track for each",
                             inputs.front(), counted(calibration.heads.size(), "head"), counted(films.size(), "film")));
   }
   std::vector<std::string> ordered;
@@ -78,6 +79,7 @@ Result<film::FilmRequest> make_request(Console& console, const StitchArgs& args,
     if (const Status good = check_calibration(request.calibration); !good) return fail(good.error().in("--distance"));
   }
   NODAL_TRY_ASSIGN(const auto films, films_of(request.calibration, args.inputs, notes));
+  request.one_file = args.inputs.size() == 2 && films.size() > 1;
   for (const std::string& path : films) request.films.push_back(fs::absolute(path).string());
   for (const std::string& text : words.offsets) {
     NODAL_TRY_ASSIGN(film::HeadTime time, film::parse_head_time(text));

@@ -70,7 +70,14 @@ class FilmRun {
     }
     std::vector<film::FilmFile> films;
     for (const std::string& path : request.films) {
-      NODAL_TRY_ASSIGN(film::FilmFile film, film::probe(programs_, path));
+      const int track = request.one_file ? static_cast<int>(films.size()) : 0;
+      NODAL_TRY_ASSIGN(film::FilmFile film, film::probe(programs_, path, track));
+      if (film.tracks > 1 && !request.one_file) {
+        return fail(Errc::kUnsupported, fmt::format("{}: it has {} tracks of pictures; give it alone, for a rig of as "
+                                                    "many heads, or copy one track into a file of its own: ffmpeg -i "
+                                                    "FILE -map 0:v:0 -c copy FILE2",
+                                                    path, film.tracks));
+      }
       films.push_back(std::move(film));
     }
     for (std::size_t h = 0; h < films.size(); ++h) {

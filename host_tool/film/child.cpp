@@ -48,8 +48,19 @@ void limit(__rlimit_resource resource, rlim_t value) {
   ::setrlimit(resource, &both);
 }
 
-/// Between fork() and execv(): only calls that are safe there (signal-safety(7)).
-[[noreturn]] void become(const ChildSpec& spec, char* const* words, int in, int out, int errors, pid_t parent) {
+/// This process's, and words for malloc(): by default it gives the memory of each picture back to the kernel, which
+/// clears it again for the next one: 2 % of the processor time of an H.264 encoder.
+std::vector<char*> environment_of_children() {
+  static char keeps[] = "MALLOC_TRIM_THRESHOLD_=268435456", takes[] = "MALLOC_MMAP_THRESHOLD_=33554432";
+  std::vector<char*> all{keeps, takes};
+  for (char** word = environ; *word != nullptr; ++word) all.push_back(*word);
+  all.push_back(nullptr);
+  return all;
+}
+
+/// Between fork() and execve(): only calls that are safe there (signal-safety(7)).
+[[noreturn]] void become(const ChildSpec& spec, char* const* words, char* const* environment, int in, int out,
+                         int errors, pid_t parent) {
   ::setpgid(0, 0);
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (::getppid() != parent) ::_exit(127);
@@ -59,11 +70,12 @@ void limit(__rlimit_resource resource, rlim_t value) {
   ::sigprocmask(SIG_SETMASK, &none, nullptr);
   limit(RLIMIT_CORE, 0);
   if (!spec.writes_files) limit(RLIMIT_FSIZE, 0);
+  if (spec.memory > 0) limit(RLIMIT_AS, spec.memory);
   if (!spec.folder.empty() && ::chdir(spec.folder.c_str()) != 0) ::_exit(127);
   ::dup2(in, STDIN_FILENO);
   ::dup2(out, STDOUT_FILENO);
   ::dup2(errors, STDERR_FILENO);
-  ::execv(spec.program.c_str(), words);
+  ::execve(spec.program.c_str(), words, environment);
   ::_exit(127);
 }
 
@@ -82,12 +94,13 @@ Result<std::unique_ptr<Child>> Child::start(const ChildSpec& spec) {
   std::vector<char*> words{const_cast<char*>(spec.program.c_str())};
   for (const std::string& word : spec.arguments) words.push_back(const_cast<char*>(word.c_str()));
   words.push_back(nullptr);
+  const std::vector<char*> environment = environment_of_children();
   const pid_t parent = ::getpid();
   const pid_t pid = ::fork();
   if (pid < 0) return failed("fork");
   if (pid == 0) {
-    become(spec, words.data(), spec.input ? in.read_end : null, spec.output ? out.write_end : null, errors.write_end,
-           parent);
+    become(spec, words.data(), environment.data(), spec.input ? in.read_end : null, spec.output ? out.write_end : null,
+           errors.write_end, parent);
   }
   ::close(null);
   auto child = std::unique_ptr<Child>(new Child);

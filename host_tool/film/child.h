@@ -20,6 +20,7 @@ struct ChildSpec {
   bool input = false;                  ///< a pipe to its standard input; else that is /dev/null
   bool output = false;                 ///< a pipe from its standard output; else that is /dev/null
   bool writes_files = false;           ///< false: it may not write to any file (RLIMIT_FSIZE 0)
+  std::uint64_t memory = 0;            ///< bytes of address space that it may have (RLIMIT_AS); 0: no limit
   std::string folder{};                ///< working directory; empty: this process's
 };
 

@@ -224,14 +224,15 @@ Result<std::string> ask(const Programs& programs, const std::string& path, std::
 
 }  // namespace
 
-Result<FilmFile> film_of(const std::string& streams_json, const std::string& packets_csv) {
+Result<FilmFile> film_of(const std::string& streams_json, const std::string& packets_csv, int track) {
   FilmFile film;
   const Json document = Json::parse(streams_json, nullptr, false);
   const auto streams = document.is_object() ? document.find("streams") : document.end();
   if (!document.is_object() || streams == document.end() || !streams->is_array()) {
     return fail(Errc::kBadFormat, "ffprobe's answer is not understood");
   }
-  bool found = false;
+  film.track = track;
+  film.tracks = 0;
   for (const Json& stream : *streams) {
     if (!stream.is_object()) continue;
     const std::string kind = text_of(stream, "codec_type");
@@ -242,11 +243,15 @@ Result<FilmFile> film_of(const std::string& streams_json, const std::string& pac
     if (kind == "data" && text_of(stream, "codec_tag_string") == "gpmd" && !film.gpmf) {
       film.gpmf = static_cast<int>(std::clamp<std::int64_t>(number_of(stream, "index"), 0, kMaxTracks));
     }
-    if (kind != "video" || cover || found) continue;
+    if (kind != "video" || cover || film.tracks++ != track) continue;
     NODAL_TRY(read_video(film, stream));
-    found = true;
   }
-  if (!found) return fail(Errc::kBadFormat, "it has no pictures");
+  if (film.tracks == 0) return fail(Errc::kBadFormat, "it has no pictures");
+  if (film.tracks <= track) {
+    return fail(Errc::kBadFormat,
+                fmt::format("it has {} of pictures, and head {} wants another one",
+                            film.tracks == 1 ? "1 track" : fmt::format("{} tracks", film.tracks), track + 1));
+  }
   const auto format = document.find("format");
   if (format != document.end() && format->is_object()) {
     film.file_starts_s = start_of(*format);
@@ -257,7 +262,7 @@ Result<FilmFile> film_of(const std::string& streams_json, const std::string& pac
   return film;
 }
 
-Result<FilmFile> probe(const Programs& programs, const std::string& path) {
+Result<FilmFile> probe(const Programs& programs, const std::string& path, int track) {
   std::error_code error;
   if (!std::filesystem::exists(path, error))
     return fail(Errc::kNotFound, fmt::format("{}: there is no such file", path));
@@ -265,10 +270,12 @@ Result<FilmFile> probe(const Programs& programs, const std::string& path) {
     return fail(Errc::kBadFormat, fmt::format("{}: it is no file", path));
   const auto streams = ask(programs, path, {"-show_streams", "-show_format", "-of", "json"}, kMaxStreams);
   if (!streams) return fail(streams.error().in(path));
-  const auto packets = ask(
-      programs, path, {"-select_streams", "V:0", "-show_entries", "packet=pts,flags", "-of", "csv=p=0"}, kMaxPackets);
+  const auto packets =
+      ask(programs, path,
+          {"-select_streams", fmt::format("V:{}", track), "-show_entries", "packet=pts,flags", "-of", "csv=p=0"},
+          kMaxPackets);
   if (!packets) return fail(packets.error().in(path));
-  auto film = film_of(*streams, *packets);
+  auto film = film_of(*streams, *packets, track);
   if (!film) return fail(film.error().in(path));
   film->path = path;
   film->bytes = std::filesystem::file_size(path, error);

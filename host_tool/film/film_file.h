@@ -23,6 +23,8 @@ struct FilmSound {
 
 struct FilmFile {
   std::string path;
+  int track = 0;   ///< which of its tracks of pictures; the first one is 0
+  int tracks = 1;  ///< how many it has, covers not counted
   int width = 0;
   int height = 0;
   std::string coded_format;    ///< ffmpeg's name of the pixel format: "yuvj420p"
@@ -49,10 +51,11 @@ struct FilmFile {
 
 /// Reads a film's streams and the times of its frames. The whole file is read, but nothing is decoded.
 /// Errors: with the file: kNotFound, kBadFormat (no film, or damaged), kUnsupported (HLG and PQ), kTooLarge.
-Result<FilmFile> probe(const Programs& programs, const std::string& path);
+/// `track`: which of its tracks of pictures.
+Result<FilmFile> probe(const Programs& programs, const std::string& path, int track = 0);
 
 /// The same of ffprobe's two answers, without `path`, `bytes`.
-Result<FilmFile> film_of(const std::string& streams_json, const std::string& packets_csv);
+Result<FilmFile> film_of(const std::string& streams_json, const std::string& packets_csv, int track = 0);
 
 /// The first sound track of a file. Errors: as probe(); kBadFormat if it has none.
 Result<FilmSound> probe_sound(const Programs& programs, const std::string& path);

@@ -13,6 +13,7 @@
 
 #include "host_tool/console/files.h"
 #include "host_tool/console/overwriting.h"
+#include "host_tool/film/attempts.h"
 #include "host_tool/film/child.h"
 #include "host_tool/film/film_encoder.h"
 #include "host_tool/film/spherical_mp4.h"
@@ -129,7 +130,8 @@ Status join(const FilmPlan& plan, const PartsFolder& parts, const std::string& o
     return fail(Errc::kNotReady,
                 fmt::format("{}: segments are missing or damaged: {}; make them with --segments", parts.path, missing));
   }
-  const std::string name = fmt::format("{}.part-{}", out, ::getpid());
+  remove_dead_attempts(out);
+  const std::string name = attempt_name(out);
   const Temporary list(fmt::format("{}/join-{}.ffconcat", parts.path, ::getpid()));
   const Temporary joined(name + ".joined");
   Temporary whole(name);

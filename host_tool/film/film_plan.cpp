@@ -142,6 +142,11 @@ Result<Json> words_of(const FilmRequest& request, const Programs& programs) {
   Json films = Json::array(), times = Json::array();
   for (const std::string& path : request.films) {
     NODAL_TRY_ASSIGN(Json film, identity_of(path));
+    const auto same = std::ranges::find_if(films, [&](const Json& other) { return other["ends"] == film["ends"]; });
+    if (same != films.end() && !request.one_file) {
+      return fail(Errc::kBadValue, fmt::format("{}: it is the same film as {}; give each head its own", path,
+                                               (*same)["file"].get<std::string>()));
+    }
     films.push_back(std::move(film));
   }
   for (const HeadTime& time : request.times) times.push_back({time.head, time.offset_s, time.ppm});

@@ -35,6 +35,7 @@ Result<HeadTime> parse_head_time(const std::string& text);
 struct FilmRequest {
   Calibration calibration;         ///< heads in the order of the films
   std::vector<std::string> films;  ///< absolute paths
+  bool one_file = false;           ///< all heads are tracks of one file, which `films` repeats
   std::vector<HeadTime> times;     ///< heads that are not named have no offset, or `times_by` finds it
   std::string times_by = "auto";   ///< or "begin", or sources: how other heads' times are found
   double readout_s = 0;            ///< of the heads' sensors, for flashes; 0: not known

@@ -22,10 +22,19 @@ std::vector<std::string> decoder_words(const FilmFile& film, std::optional<doubl
   const std::vector<std::string> rules = input_rules();
   words.insert(words.end(), rules.begin(), rules.end());
   if (from_s) words.insert(words.end(), {"-ss", fmt::format("{:.6f}", *from_s)});
-  words.insert(words.end(), {"-i", file_url(film.path), "-map", "0:V:0", "-fps_mode", "passthrough", "-enc_time_base",
-                             fmt::format("{}/{}", film.time_base.num, film.time_base.den), "-c:v", "rawvideo",
-                             "-pix_fmt", film.decoded_format, "-f", "nut", "pipe:1"});
+  words.insert(words.end(),
+               {"-i", file_url(film.path), "-map", fmt::format("0:V:{}", film.track), "-fps_mode", "passthrough",
+                "-enc_time_base", fmt::format("{}/{}", film.time_base.num, film.time_base.den), "-c:v", "rawvideo",
+                "-pix_fmt", film.decoded_format, "-f", "nut", "pipe:1"});
   return words;
+}
+
+/// Libraries, stacks and arenas of threads, and 64 pictures: H.264 and H.265 keep up to 16 for reference, and each thread
+/// has its own. A file that makes the decoder want more is refused by its own words instead of taking all memory.
+std::uint64_t decoder_memory(const FilmFile& film) {
+  constexpr std::uint64_t kOwn = std::uint64_t{3} << 30, kPictures = 64, kLargestSample = 8;  // bytes a pixel
+  const auto pixels = static_cast<std::uint64_t>(film.width) * static_cast<std::uint64_t>(film.height);
+  return kOwn + kPictures * kLargestSample * pixels;
 }
 
 Result<std::unique_ptr<HeadFilm>> HeadFilm::open(const Programs& programs, const FilmFile& film, std::int64_t from) {
@@ -33,7 +42,10 @@ Result<std::unique_ptr<HeadFilm>> HeadFilm::open(const Programs& programs, const
   std::optional<double> seek;
   const double after_first = seconds_of(from - film.times.front(), film.time_base);
   if (after_first > kMarginSeconds) seek = seconds_of(from, film.time_base) - film.file_starts_s - kMarginSeconds;
-  auto child = Child::start({.program = programs.ffmpeg, .arguments = decoder_words(film, seek), .output = true});
+  auto child = Child::start({.program = programs.ffmpeg,
+                             .arguments = decoder_words(film, seek),
+                             .output = true,
+                             .memory = decoder_memory(film)});
   if (!child) return fail(child.error().in(film.path));
   head->decoder_ = std::move(*child);
   head->reader_ = std::thread([raw = head.get()] { raw->read_ahead(); });

@@ -66,4 +66,7 @@ class HeadFilm {
 /// The words of that decoder, for tests. `from_s`: seconds after the file's start to seek to; empty: no seek.
 std::vector<std::string> decoder_words(const FilmFile& film, std::optional<double> from_s);
 
+/// Bytes of address space that it may have.
+std::uint64_t decoder_memory(const FilmFile& film);
+
 }  // namespace nodal::film

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "host_tool/film/child.h"
+#include "host_tool/film/head_film.h"
 #include "host_tool/film/nut_reader.h"
 #include "protocol/base/try.h"
 #include "stitch/media/gpmf/gyro.h"
@@ -27,7 +28,7 @@ std::vector<std::string> small_words(const FilmFile& film, int width, int height
   const std::vector<std::string> rules = input_rules();
   words.insert(words.end(), rules.begin(), rules.end());
   if (from_s > 0) words.insert(words.end(), {"-ss", fmt::format("{:.6f}", from_s)});
-  words.insert(words.end(), {"-i", file_url(film.path), "-map", "0:V:0", "-vf",
+  words.insert(words.end(), {"-i", file_url(film.path), "-map", fmt::format("0:V:{}", film.track), "-vf",
                              fmt::format("scale={}:{}:flags=area", width, height), "-fps_mode", "passthrough",
                              "-enc_time_base", fmt::format("{}/{}", film.time_base.num, film.time_base.den), "-c:v",
                              "rawvideo", "-pix_fmt", "gray", "-f", "nut", "pipe:1"});
@@ -48,7 +49,8 @@ class Watch {
     const auto decoder = Child::start(
         {.program = programs.ffmpeg,
          .arguments = small_words(film_, width_, height_, from_s > 0 ? first + from_s - film_.file_starts_s : 0),
-         .output = true});
+         .output = true,
+         .memory = decoder_memory(film_)});
     if (!decoder) return fail(decoder.error().in(film_.path));
     NutReader nut([&](std::span<std::uint8_t> into) { return (*decoder)->read(into); });
     const Status read = read_frames(nut, from_s, to_s, go_on);

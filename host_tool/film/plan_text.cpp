@@ -14,7 +14,8 @@ namespace {
 
 constexpr const char* kFormat = "nodal film plan 1";
 constexpr std::int64_t kMaxTime = std::int64_t{1} << 60;  // sums of two fit 64 bits
-constexpr std::int64_t kMaxUnitTerm = INT32_MAX;          // ffmpeg's
+constexpr std::int64_t kMaxTrack = 255;
+constexpr std::int64_t kMaxUnitTerm = INT32_MAX;  // ffmpeg's
 constexpr std::size_t kMapPixels = std::size_t{sets::kSeamMapWidth} * sets::kSeamMapWidth / 2;
 
 /// Pairs of a value and how often it comes; of times, of their differences.
@@ -89,6 +90,7 @@ Json to_json(const PlannedHead& head) {
   const FilmFile& film = head.film;
   return Json{{"name", head.name},
               {"film", film.path},
+              {"track", film.track},
               {"width", film.width},
               {"height", film.height},
               {"format", pixel_format_name(film.format)},
@@ -128,6 +130,7 @@ PlannedHead head_of(const Json& json, const HeadCalibration& calibrated, std::si
                 clock.at("by").get<std::string>()};
   FilmFile& film = head.film;
   film.path = json.at("film").get<std::string>();
+  film.track = static_cast<int>(whole(json.at("track"), "heads.track", 0, kMaxTrack));
   // The blend reads as many pixels as the calibration says.
   film.width = static_cast<int>(whole(json.at("width"), "heads.width", calibrated.width, calibrated.width));
   film.height = static_cast<int>(whole(json.at("height"), "heads.height", calibrated.height, calibrated.height));

@@ -4,13 +4,13 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <memory>
 
 #include "host_tool/console/files.h"
+#include "host_tool/film/attempts.h"
 #include "host_tool/film/film_encoder.h"
 #include "host_tool/film/head_film.h"
 #include "protocol/base/sha256.h"
@@ -46,13 +46,6 @@ Result<Content> content_of(const std::string& path, bool sync) {
   if (!good) return fail(Errc::kIo, fmt::format("{}: {}", path, std::strerror(error)));
   content.sha256 = to_hex(hash.finish());
   return content;
-}
-
-/// A name that no other attempt has, on this machine or another.
-std::string attempt_name(const std::string& file) {
-  std::array<char, 65> host{};
-  ::gethostname(host.data(), host.size() - 1);
-  return fmt::format("{}.part-{}-{}", file, host.data(), ::getpid());
 }
 
 /// Removes the attempt's file unless it was renamed.
@@ -126,6 +119,7 @@ Result<FilmPlan> store_plan(const PartsFolder& parts, const FilmPlan& plan) {
   std::error_code error;
   fs::create_directories(parts.path, error);
   if (error) return fail(Errc::kIo, fmt::format("{}: it cannot be made: {}", parts.path, error.message()));
+  remove_dead_attempts(parts.path + "/");
   const std::string text = to_text(plan);
   const std::string file = attempt_name(parts.plan_file());
   const Attempt attempt{file};
@@ -159,6 +153,7 @@ Result<RenderedSegment> render_segment(const FilmPlan& plan, std::uint64_t segme
   const std::uint64_t begin = plan.begin_of(segment), end = plan.end_of(segment);
   const std::string file = parts.segment_file(plan, segment);
   RenderedSegment rendered;
+  remove_dead_attempts(file);
   NODAL_TRY(blend.use(plan.seams_at(segment)));
   NODAL_TRY_ASSIGN(auto heads, open_heads(plan, programs, begin));
   Attempt attempt{attempt_name(file)};

@@ -27,7 +27,7 @@ Workload two() {
   work.rig.name = work.name;
   for (int h = 0; h < 2; ++h) {
     HeadCalibration head;
-    head.name = "cam" + std::to_string(h);
+    head.name = "head" + std::to_string(h);
     head.width = head.height = 2880;
     head.center_x = head.center_y = 1440;
     head.lens = EquidistantLens{{1440 / (100 * std::numbers::pi / 180)}};

@@ -85,6 +85,7 @@ TEST(FilmPlanText, AnyFieldChanges_IsAnotherPlan) {
                                     [](FilmPlan& p) { p.heads[1].farthest_s = 0; },
                                     [](FilmPlan& p) { p.heads[1].clock.offset_s = 1; },
                                     [](FilmPlan& p) { p.heads[1].clock.ppm = 1; },
+                                    [](FilmPlan& p) { p.heads[1].film.track = 1; },
                                     [](FilmPlan& p) { p.heads[1].clock.sigma_s = 1; },
                                     [](FilmPlan& p) { p.heads[1].clock.ppm_sigma = 1; },
                                     [](FilmPlan& p) { p.heads[1].clock.by = "sound"; },
