@@ -121,8 +121,8 @@ struct Deck::State {
   std::set<std::string> noted;
 
   Fields fields_of(const std::string& path) const {
-    const auto told = fields.find(path);
-    return told == fields.end() ? Fields::kProgressive : told->second;
+    const auto named = fields.find(path);
+    return named == fields.end() ? Fields::kProgressive : named->second;
   }
 
   std::unique_ptr<Enumerator> enumerator;

@@ -279,10 +279,10 @@ Status run_register(Context& context, const RegisterArgs& args) {
     NODAL_TRY(write_file(args.rig_toml, toml));
   }
   if (!args.report.empty()) {
-    Report told = *report;
-    if (input.match && !input.match->lens.note.empty()) told.warnings.push_back(input.match->lens.note);
+    Report complete = *report;
+    if (input.match && !input.match->lens.note.empty()) complete.warnings.push_back(input.match->lens.note);
     NODAL_TRY_ASSIGN(const HtmlReport page, interruptible(console, [&] {
-                       return registration_report(input.calibration, input.frames(0), told, verdict.sentence);
+                       return registration_report(input.calibration, input.frames(0), complete, verdict.sentence);
                      }));
     NODAL_TRY(write_file(args.report, page.finish()));
   }

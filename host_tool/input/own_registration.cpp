@@ -112,8 +112,8 @@ Report Attempts::with_best_aspect(Report best, Free free) {
     const double slope = (more->objective_after - less->objective_after) / (2 * step);
     const double curvature = (more->objective_after + less->objective_after - 2 * best.objective_after) / (step * step);
     if (!(curvature > 0)) break;
-    Result<Report> there = at(std::clamp(-slope / curvature, -2 * step, 2 * step));
-    if (better(there, best)) best = std::move(*there);
+    Result<Report> lowest = at(std::clamp(-slope / curvature, -2 * step, 2 * step));
+    if (better(lowest, best)) best = std::move(*lowest);
   }
   return best;
 }

@@ -15,11 +15,11 @@ constexpr std::size_t kAsked = 400;   // features of a picture that are projecte
 /// Where the picture `to` shows what `from` shows at a pixel.
 std::optional<geometry::Pixel> shown_at(const LensRays& rays, const Shape& from, geometry::Pixel pixel, const Shape& to,
                                         const Eigen::Matrix3d& R_to_from) {
-  const geometry::Pixel center = from.center(), there = to.center();
+  const geometry::Pixel center = from.center(), other = to.center();
   const auto ray = rays.ray(Eigen::Vector2d(pixel.x - center.x, pixel.y - center.y) / from.unit());
   const auto at = ray ? rays.at(R_to_from * *ray) : std::nullopt;
   if (!at || (to.circle && at->norm() > 1)) return std::nullopt;
-  const geometry::Pixel found{there.x + at->x() * to.unit(), there.y + at->y() * to.unit()};
+  const geometry::Pixel found{other.x + at->x() * to.unit(), other.y + at->y() * to.unit()};
   const bool inside = found.x > 0 && found.y > 0 && found.x < to.width && found.y < to.height;
   return inside ? std::optional(found) : std::nullopt;
 }
@@ -45,8 +45,8 @@ double InCommon::agreeing(std::size_t a, std::size_t b, const Eigen::Matrix3d& R
   const double tolerance = kAgreeing * shapes_[b].unit();
   const auto agree =
       static_cast<double>(std::ranges::count_if(of_pair_[a * shapes_.size() + b], [&](const Match& match) {
-        const auto there = shown_at(*rays, shapes_[a], match.pixel_a, shapes_[b], R_b_a);
-        return there && std::hypot(there->x - match.pixel_b.x, there->y - match.pixel_b.y) < tolerance;
+        const auto other = shown_at(*rays, shapes_[a], match.pixel_a, shapes_[b], R_b_a);
+        return other && std::hypot(other->x - match.pixel_b.x, other->y - match.pixel_b.y) < tolerance;
       }));
   const bool much = asked > 0 && shared > kMuchShared * asked;
   const double expected = kMinMatched * shared * static_cast<double>(step);

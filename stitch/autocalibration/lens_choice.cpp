@@ -64,9 +64,9 @@ std::optional<SharedLens> lens_of_family(Family family, const SharedLens& start,
   SharedLens lens = start;
   lens.model = family_lens(family);
   const Result<LensRays> unit = LensRays::make(lens);
-  const std::optional<double> there = angle && unit ? unit->radius(*angle) : std::nullopt;
-  if (!there) return std::nullopt;
-  lens.model.focal = radius / *there;
+  const std::optional<double> expected = angle && unit ? unit->radius(*angle) : std::nullopt;
+  if (!expected) return std::nullopt;
+  lens.model.focal = radius / *expected;
   return lens;
 }
 
@@ -91,9 +91,10 @@ void find_known(const BundleFit& fit, const std::vector<const BundleFit*>& other
       unsure = 2 * std::sqrt(std::max(0.0, by.dot(fit.covariance * by)));
       for (const BundleFit* other : others) {
         const Result<LensRays> its = LensRays::make(other->state.lens);
-        const std::optional<double> there = its ? its->radius(*angle) : std::nullopt;
+        const std::optional<double> expected = its ? its->radius(*angle) : std::nullopt;
         // Any of the families that remain may be the true one.
-        unsure = std::max(unsure, there ? std::max(std::abs(*there / radius - 1), std::abs(radius / *there - 1)) : 1.0);
+        unsure = std::max(
+            unsure, expected ? std::max(std::abs(*expected / radius - 1), std::abs(radius / *expected - 1)) : 1.0);
       }
     }
 

@@ -103,11 +103,11 @@ double Overlaps::correlation(std::size_t a, std::size_t b, const Eigen::Matrix3d
       const int i = static_cast<int>(u), j = static_cast<int>(v);
       if (is_masked(in_b.masked, in_b.picture, i, j)) continue;
       const double fx = u - i, fy = v - j;
-      const double there =
+      const double light_b =
           (1 - fy) * ((1 - fx) * double{in_b.picture.at(i, j)} + fx * double{in_b.picture.at(i + 1, j)}) +
           fy * ((1 - fx) * double{in_b.picture.at(i, j + 1)} + fx * double{in_b.picture.at(i + 1, j + 1)});
-      const double here = double{in_a.picture.at(x, y)};
-      ++n, sa += here, sb += there, saa += here * here, sbb += there * there, sab += here * there;
+      const double light_a = double{in_a.picture.at(x, y)};
+      ++n, sa += light_a, sb += light_b, saa += light_a * light_a, sbb += light_b * light_b, sab += light_a * light_b;
     }
   }
   if (n < kFewest) return kCannotTell;

@@ -17,8 +17,8 @@ constexpr double kWorseHead = 1.35, kWorseHeadPx = 0.2;  // the same limit of on
 
 double distance(const geometry::Head& from, geometry::Pixel at, const geometry::Head& to, geometry::Pixel seen) {
   const auto ray = from.unproject(at);
-  const auto there = ray ? to.project(*ray) : std::nullopt;
-  return there ? std::hypot(there->x - seen.x, there->y - seen.y) : std::numeric_limits<double>::infinity();
+  const auto projected = ray ? to.project(*ray) : std::nullopt;
+  return projected ? std::hypot(projected->x - seen.x, projected->y - seen.y) : std::numeric_limits<double>::infinity();
 }
 
 }  // namespace

@@ -43,8 +43,8 @@ std::optional<TsaiLens> tsai_of(const geometry::Lens& lens, double farthest) {
   if (!made) return std::nullopt;
   for (int i = 0; i < kAngles; ++i) {
     const double angle = *edge * (i + 1) / kAngles, r = lens.radius(angle).value_or(0);
-    const std::optional<double> there = made->radius(angle);
-    if (!there || std::abs(*there - r) > kMaxDifference * r) return std::nullopt;
+    const std::optional<double> fitted = made->radius(angle);
+    if (!fitted || std::abs(*fitted - r) > kMaxDifference * r) return std::nullopt;
   }
   return tsai;
 }

@@ -114,11 +114,11 @@ void add_picture(const geometry::Head& head, const Picture& sharp, Seen& seen) {
         const double px = x + step * along.x(), py = y + step * along.y();
         const int ix = static_cast<int>(std::floor(px)), iy = static_cast<int>(std::floor(py));
         const double fx = px - ix, fy = py - iy;
-        const Eigen::Vector2d there = (1 - fy) * ((1 - fx) * slope_at(ix, iy) + fx * slope_at(ix + 1, iy)) +
-                                      fy * ((1 - fx) * slope_at(ix, iy + 1) + fx * slope_at(ix + 1, iy + 1));
-        straight =
-            straight && there.dot(slope) > kAlike * there.norm() * slope.norm() && there.norm() > slope.norm() / 2;
-        sum += there;
+        const Eigen::Vector2d farther = (1 - fy) * ((1 - fx) * slope_at(ix, iy) + fx * slope_at(ix + 1, iy)) +
+                                        fy * ((1 - fx) * slope_at(ix, iy + 1) + fx * slope_at(ix + 1, iy + 1));
+        straight = straight && farther.dot(slope) > kAlike * farther.norm() * slope.norm() &&
+                   farther.norm() > slope.norm() / 2;
+        sum += farther;
       }
       if (!straight) continue;
       sum.normalize();

@@ -104,15 +104,15 @@ Status FieldCheck::tell(std::vector<std::string>& notes) const {
   }
   if (unknown_.empty()) return {};
   std::string names;
-  std::size_t told = 0;
+  std::size_t named = 0;
   for (const auto& [key, seen] : unknown_) {
-    if (told == kMaxNamesInNote) break;
+    if (named == kMaxNamesInNote) break;
     const std::string of = owners(seen.whose, seen.count);
     const std::string place = key.substr(0, key.find('\0'));
     names +=
-        std::string(told++ == 0 ? "" : ", ") + "'" + seen.name + "' (" + place + (of.empty() ? "" : " of ") + of + ")";
+        std::string(named++ == 0 ? "" : ", ") + "'" + seen.name + "' (" + place + (of.empty() ? "" : " of ") + of + ")";
   }
-  if (unknown_.size() > told) names += fmt::format(" and {} more", unknown_.size() - told);
+  if (unknown_.size() > named) names += fmt::format(" and {} more", unknown_.size() - named);
   notes.push_back("Not known to Nodal in a file of " + std::string(format_.program) + ", and left out: " + names + ".");
   return {};
 }

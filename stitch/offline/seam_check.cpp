@@ -194,8 +194,8 @@ class Looker {
     }
     if (x == 0 && y == 0) return;
     const Vector3d right = (std::abs(axis.y()) > 0.9 ? Vector3d::UnitZ() : Vector3d::UnitY()).cross(axis).normalized();
-    const Vector3d there = (axis + kCoarsePixel * pixel * (x * right + y * axis.cross(right))).normalized();
-    add_shifts(patch, of(b, kHalfPatch + kNearShift, pixel, there), kCoarsePixel * x, kCoarsePixel * y, shifts);
+    const Vector3d direction = (axis + kCoarsePixel * pixel * (x * right + y * axis.cross(right))).normalized();
+    add_shifts(patch, of(b, kHalfPatch + kNearShift, pixel, direction), kCoarsePixel * x, kCoarsePixel * y, shifts);
   }
 
   const std::vector<HeadView>& heads_;

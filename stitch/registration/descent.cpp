@@ -103,14 +103,15 @@ class LevelProblem {
 
   bool accepts(const Trial& trial) {
     if (!refused_) promised_ = trial.promised;
-    const double here = cost(trial.here), there = cost(trial.there);  // infinite without a value: never accepted
-    if (there < here) return true;
-    if (options_.curvature != Curvature::kCommon || !(there < here * kSameObjective)) return false;
+    const double here = cost(trial.here),
+                 candidate = cost(trial.candidate);  // infinite without a value: never accepted
+    if (candidate < here) return true;
+    if (options_.curvature != Curvature::kCommon || !(candidate < here * kSameObjective)) return false;
     // The derivative treats the weights as constant, the objective does not, so near the end the zero of the derivative
     // is not exactly the minimum of the objective. There a step is accepted if it halves the predicted decrease of the
     // next step, which is 0 where the derivative is 0.
-    const Eigen::VectorXd next = step(trial.state, trial.there, trial.next_damping);
-    return promised(trial.there, next) < 0.5 * promised_;
+    const Eigen::VectorXd next = step(trial.state, trial.candidate, trial.next_damping);
+    return promised(trial.candidate, next) < 0.5 * promised_;
   }
   bool ends(const Trial& trial, bool accepted) {
     ++tried_;
@@ -118,8 +119,8 @@ class LevelProblem {
     const double turn = parameters_.largest_turn(trial.step);
     const bool still = sought_.rotation && turn < options_.turn_rad;
     if (!accepted) return still || promised_ < kGrain;
-    if (options_.accepted) options_.accepted(tried_, trial.there->normal.objective(), turn);
-    const double share = 1 - cost(trial.there) / cost(trial.here);
+    if (options_.accepted) options_.accepted(tried_, trial.candidate->normal.objective(), turn);
+    const double share = 1 - cost(trial.candidate) / cost(trial.here);
     return still || (options_.curvature == Curvature::kOwn && share < options_.gain);
   }
 

@@ -268,10 +268,10 @@ void put_right(const Lack& lack, const float* p, std::ptrdiff_t w, int count, fl
 }  // namespace
 
 Plane blurred_in_angle(const Plane& plane, int level, const HeadState& head, double sigma_rad) {
-  const double scale = 1 << level, there = level_variance(level);
+  const double scale = 1 << level, own_variance = level_variance(level);
   const double sigma2 = sigma_rad * sigma_rad / (scale * scale);
   const Stretch stretch(head);
-  const double base = std::max(sigma2 * stretch.mean() - there, 0.16), already = there + base;
+  const double base = std::max(sigma2 * stretch.mean() - own_variance, 0.16), already = own_variance + base;
   const Plane smooth = blurred(plane, std::sqrt(base));
   Lack lack;  // halved, because a blur adds half its second moment times the second derivative
   for (std::size_t k = 0; k < lack.across.size(); ++k) {

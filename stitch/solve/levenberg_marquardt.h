@@ -45,8 +45,8 @@ concept Problem = requires(P& problem, const State& state, const Evaluation& at,
 /// One step, for a problem with its own rules of acceptance.
 template <class State, class Evaluation>
 struct Trial {
-  const State& state;       ///< the state after the step
-  const Evaluation& there;  ///< its evaluation
+  const State& state;           ///< the state after the step
+  const Evaluation& candidate;  ///< its evaluation
   const Evaluation& here;
   const Eigen::VectorXd& step;
   double promised = 0;      ///< predicted share of the cost
@@ -76,13 +76,13 @@ requires Problem<P, State, Evaluation> Descent<State, Evaluation> descend_from(S
       best.settled = true;
       break;
     }
-    Evaluation there = problem.evaluate(next);
+    Evaluation candidate = problem.evaluate(next);
     ++best.tried;
     const double next_damping = std::max(damping / 10, options.least_damping);
-    const Trial<State, Evaluation> trial{next, there, best.at, step, promised, next_damping};
+    const Trial<State, Evaluation> trial{next, candidate, best.at, step, promised, next_damping};
     bool accepted = false, ends = false;
     if constexpr (requires { problem.accepts(trial); }) accepted = problem.accepts(trial);
-    else accepted = problem.cost(there) < problem.cost(best.at);
+    else accepted = problem.cost(candidate) < problem.cost(best.at);
     if constexpr (requires { problem.ends(trial, accepted); }) ends = problem.ends(trial, accepted);
     if (!accepted) {
       constexpr double kMinAfterRefusal = 1e-9;  // from almost zero, raising the damping would take many refusals
@@ -91,9 +91,9 @@ requires Problem<P, State, Evaluation> Descent<State, Evaluation> descend_from(S
       if (best.settled) break;
       continue;
     }
-    const double gain = 1 - problem.cost(there) / problem.cost(best.at);
+    const double gain = 1 - problem.cost(candidate) / problem.cost(best.at);
     best.state = std::move(next);
-    best.at = std::move(there);
+    best.at = std::move(candidate);
     ++best.steps;
     damping = next_damping;
     refusals = 0;

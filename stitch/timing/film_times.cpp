@@ -141,10 +141,10 @@ std::string sources_of(int head, std::span<const PairLag> lags, const std::vecto
 }
 
 Status check(std::span<const HeadFilm> heads, std::span<const PairLag> lags, int reference) {
-  const auto there = [&](int head) { return head >= 0 && head < static_cast<int>(heads.size()); };
-  if (!there(reference)) return fail(Errc::kBadValue, "the reference for times is not one of the heads");
+  const auto is_head = [&](int head) { return head >= 0 && head < static_cast<int>(heads.size()); };
+  if (!is_head(reference)) return fail(Errc::kBadValue, "the reference for times is not one of the heads");
   for (const PairLag& pair : lags) {
-    if (!there(pair.a) || !there(pair.b) || pair.a == pair.b) {
+    if (!is_head(pair.a) || !is_head(pair.b) || pair.a == pair.b) {
       return fail(Errc::kBadValue, "a lag is not of two heads of the film");
     }
     const Lag& l = pair.lag;

@@ -29,14 +29,14 @@ class WithSky final : public hal::sim::Scene {
   hal::sim::Light light(const hal::sim::Direction& from, double footprint_rad) const override {
     const Eigen::Vector3d d(from.x, from.y, from.z);
     const double inside = (reach_ - std::acos(std::clamp(d.dot(axis_), -1.0, 1.0))) / kEdge;
-    const hal::sim::Light there = scene_->light(from, footprint_rad);
-    if (inside <= 0) return there;
+    const hal::sim::Light seen_light = scene_->light(from, footprint_rad);
+    if (inside <= 0) return seen_light;
     const double share = inside >= 1 ? 1 : inside * inside * (3 - 2 * inside);
     const auto level = static_cast<float>(0.55 + 0.2 * d.dot(brighter_));
     const auto mixed = [&](float scene, float sky) {
       return static_cast<float>((1 - share) * static_cast<double>(scene) + share * static_cast<double>(sky));
     };
-    return {mixed(there.r, 0.8F * level), mixed(there.g, level), mixed(there.b, 1.2F * level)};
+    return {mixed(seen_light.r, 0.8F * level), mixed(seen_light.g, level), mixed(seen_light.b, 1.2F * level)};
   }
 
  private:

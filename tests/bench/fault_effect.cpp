@@ -94,10 +94,10 @@ double displacement_effect(const DrawnRig& rig, const std::vector<Head>& model, 
     for (std::size_t h = 0; h < model.size(); ++h) {
       const auto at = model[h].project_with_jacobian(Ray::towards(ray));
       if (!at || model[h].distance_to_edge(at->pixel) < kEdgePx) continue;
-      const std::optional<geometry::Pixel> there = really(h, ray);
-      if (!there) continue;
+      const std::optional<geometry::Pixel> projected = really(h, ray);
+      if (!projected) continue;
       const Eigen::Matrix<double, 3, 2> tangent = tangent_of(at->J);
-      seen.push_back({h, *at, tangent * Eigen::Vector2d(there->x - at->pixel.x, there->y - at->pixel.y),
+      seen.push_back({h, *at, tangent * Eigen::Vector2d(projected->x - at->pixel.x, projected->y - at->pixel.y),
                       tangent * columns_of(*at, ray, model[h], rig.options.free)});
     }
     if (seen.size() >= 2) rays.push_back(std::move(seen));
@@ -183,8 +183,8 @@ FaultEffect effect_of(const DrawnRig& rig) {
       double noise = 0;  // inverse variance of the best mean of the other heads
       for (std::size_t other = 0; other < heads.size(); ++other) {
         if (other == h) continue;
-        const auto there = heads[other].project(Ray::towards(ray));
-        if (!there || heads[other].distance_to_edge(*there) < kEdgePx) continue;
+        const auto projected = heads[other].project(Ray::towards(ray));
+        if (!projected || heads[other].distance_to_edge(*projected) < kEdgePx) continue;
         noise += 1 / (rig.noise[other] * rig.noise[other]);
       }
       if (noise == 0) continue;

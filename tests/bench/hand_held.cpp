@@ -115,7 +115,7 @@ std::vector<KeptPoint> kept_points(const test::Room& room, const Calibration& tr
       const Vector3d point = scene_point(room, heads[a], at);
       for (std::size_t b = 0; b < heads.size(); ++b) {
         if (b == a) continue;
-        if (const auto there = shown(room, heads[b], point)) points.push_back({a, b, at, *there});
+        if (const auto projected = shown(room, heads[b], point)) points.push_back({a, b, at, *projected});
       }
     }
   }

@@ -31,7 +31,7 @@ constexpr int kKinds = 5;  // rigs
 
 struct Planted {
   std::string fault;
-  Calibration told;  ///< what the blend believes
+  Calibration claimed;  ///< what the blend believes
   test::RenderedRig rig;
   test::Room room;
   bands::Grid raymap;
@@ -92,26 +92,26 @@ Planted planted(int number) {
   const double noise = fault == 11 ? 4 : 1;
   made.rig = test::render_rig_in(made.room, truth, hal::sim::town_square_scene(static_cast<std::uint64_t>(number) + 1),
                                  {PixelFormat::kRgb24, noise, static_cast<std::uint64_t>(number) + 1, 2});
-  made.told = truth;
-  for (HeadCalibration& head : made.told.heads) head.position = {};
+  made.claimed = truth;
+  for (HeadCalibration& head : made.claimed.heads) head.position = {};
   const double pixel = 180.0 / made.raymap.height;
-  if (fault == 1) turn(made.told.heads[0], pixel);
-  if (fault == 2) turn(made.told.heads[0], 4 * pixel);
-  if (fault == 3) turn(made.told.heads[0], 15 * pixel);
+  if (fault == 1) turn(made.claimed.heads[0], pixel);
+  if (fault == 2) turn(made.claimed.heads[0], 4 * pixel);
+  if (fault == 3) turn(made.claimed.heads[0], 15 * pixel);
   if (fault == 4)
-    for (HeadCalibration& head : made.told.heads) scale_lens(head, 1.01);
+    for (HeadCalibration& head : made.claimed.heads) scale_lens(head, 1.01);
   if (fault == 5)
-    for (HeadCalibration& head : made.told.heads) scale_lens(head, 1.05);
-  if (fault == 9) made.told.heads[0].gain.fill(2);
-  if (fault == 10) made.told.heads[0].gain.fill(std::exp2(1.0 / 3));
+    for (HeadCalibration& head : made.claimed.heads) scale_lens(head, 1.05);
+  if (fault == 9) made.claimed.heads[0].gain.fill(2);
+  if (fault == 10) made.claimed.heads[0].gain.fill(std::exp2(1.0 / 3));
   return made;
 }
 
 /// The point of the scene that a head shows where the blend believes that it sees a ray.
-std::optional<Vector3d> shown(const Planted& rig, const geometry::Head& told, const geometry::Head& is,
+std::optional<Vector3d> shown(const Planted& rig, const geometry::Head& claimed, const geometry::Head& is,
                               const Vector3d& ray) {
-  const auto at = told.project(geometry::Ray::towards(ray));
-  if (!at || !told.contains(*at)) return std::nullopt;
+  const auto at = claimed.project(geometry::Ray::towards(ray));
+  if (!at || !claimed.contains(*at)) return std::nullopt;
   const auto really = is.unproject(*at);
   if (!really) return std::nullopt;
   const Vector3d along = really->direction();
@@ -122,13 +122,13 @@ std::optional<Vector3d> shown(const Planted& rig, const geometry::Head& told, co
 /// The jump that nine of ten places of the rig's worst seam stay below, px, from the truth: at the very places that
 /// were looked at.
 double true_jump(const Planted& rig, const std::vector<SeamCheck>& seams) {
-  const auto told = geometry::make_heads(rig.told).value(), is = geometry::make_heads(rig.rig.truth).value();
+  const auto claimed = geometry::make_heads(rig.claimed).value(), is = geometry::make_heads(rig.rig.truth).value();
   double worst = 0;
   for (const SeamCheck& seam : seams) {
     SeamCheck truth{seam.a, seam.b, 0, {}, 0};
     for (const offline::SeamPlace& place : seam.places) {
       const Vector3d ray = geometry::Ray::at(place.at).direction();
-      const auto a = shown(rig, told[seam.a], is[seam.a], ray), b = shown(rig, told[seam.b], is[seam.b], ray);
+      const auto a = shown(rig, claimed[seam.a], is[seam.a], ray), b = shown(rig, claimed[seam.b], is[seam.b], ray);
       if (!a || !b) continue;
       const double angle = std::atan2(a->cross(*b).norm(), a->dot(*b));
       truth.places.push_back({place.at, angle / kPi * rig.raymap.height, true});
@@ -166,9 +166,9 @@ int run(int from, int to) {
   for (int n = from; n < to; ++n) {
     const Planted rig = planted(n);
     const std::vector<ImageView> frames = rig.rig.frames();
-    const auto board = offline::check_seams(rig.told, frames, rig.raymap, 0).value();
+    const auto board = offline::check_seams(rig.claimed, frames, rig.raymap, 0).value();
     auto blend = offline::BestBlend::make(
-        rig.told, {"equirectangular", rig.raymap.width, rig.raymap.height, PixelFormat::kRgb24}, 0);
+        rig.claimed, {"equirectangular", rig.raymap.width, rig.raymap.height, PixelFormat::kRgb24}, 0);
     std::vector<SeamCheck> best;
     if (const auto made = blend->blend(frames, &best); !made) {
       std::fprintf(stderr, "%s\n", made.error().text().c_str());

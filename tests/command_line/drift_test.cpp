@@ -54,9 +54,9 @@ class BumpedRig : public RigTest {
 
 TEST_F(BumpedRig, Drift_NamesTheHeadThatMovedAndNoOtherAndReregistrationOnTrialPutsItRight) {
   film();
-  const Finished told = nodal({"drift", "--tolerance", "0.2"});
-  EXPECT_EQ(told.code, 8) << told.err;
-  EXPECT_NE(told.err.find("moved: 'cam3' by 0."), std::string::npos) << told.err;
+  const Finished finished = nodal({"drift", "--tolerance", "0.2"});
+  EXPECT_EQ(finished.code, 8) << finished.err;
+  EXPECT_NE(finished.err.find("moved: 'cam3' by 0."), std::string::npos) << finished.err;
   const Json before = drift();
   EXPECT_TRUE(before["moved"].get<bool>());
   for (std::size_t h = 0; h < 6; ++h) {

@@ -79,17 +79,19 @@ TEST_F(PlacedSeamsTest, ATakeThatIsRendered_HasTheSeamsThatTheRigHad) {
   ASSERT_EQ(nodal({"take", "stop"}).code, 0);
   const int moved = placed() - before;
   const Json shown = nodal_json({"take", "show", path("takes/000001")}).at(0);
-  const Json& told = shown["seams"];
-  EXPECT_GE(told["changes"], 2) << told;
-  EXPECT_LE(told["changes"], moved + 1) << "and the calibration's own, once";
-  EXPECT_LE(told["placed_sets"], shown["sets"]);
-  EXPECT_GE(told["placed_sets"], shown["sets"].get<int>() - 24) << "not before the other calibration's first placement";
-  EXPECT_GE(told["first_change_ns"], 0);
-  EXPECT_LT(told["first_change_ns"], told["last_change_ns"]);
-  EXPECT_LE(told["last_change_ns"], shown["length_ns"]);
+  const Json& summary = shown["seams"];
+  EXPECT_GE(summary["changes"], 2) << summary;
+  EXPECT_LE(summary["changes"], moved + 1) << "and the calibration's own, once";
+  EXPECT_LE(summary["placed_sets"], shown["sets"]);
+  EXPECT_GE(summary["placed_sets"], shown["sets"].get<int>() - 24)
+      << "not before the other calibration's first placement";
+  EXPECT_GE(summary["first_change_ns"], 0);
+  EXPECT_LT(summary["first_change_ns"], summary["last_change_ns"]);
+  EXPECT_LE(summary["last_change_ns"], shown["length_ns"]);
   const Finished text = nodal({"take", "show", path("takes/000001")});
-  EXPECT_NE(text.out.find("placed seams in " + to_string(told["placed_sets"]) + " of "), std::string::npos) << text.out;
-  EXPECT_NE(text.out.find(", which changed " + to_string(told["changes"]) + " times, first at "), std::string::npos);
+  EXPECT_NE(text.out.find("placed seams in " + to_string(summary["placed_sets"]) + " of "), std::string::npos)
+      << text.out;
+  EXPECT_NE(text.out.find(", which changed " + to_string(summary["changes"]) + " times, first at "), std::string::npos);
   const Raymaps later = rendered();
   EXPECT_GE(compared(live, later), 70U);
   EXPECT_EQ(rendered({"--threads", "1"}), later);

@@ -288,17 +288,17 @@ TEST_F(RenderTest, Shown_HasHeadsMarksAndNothingMissing) {
   EXPECT_EQ(text.code, 0) << text.err;
   EXPECT_NE(text.out.find("96x96 I420"), std::string::npos) << text.out;
   EXPECT_NE(text.out.find("the bus, \"42\""), std::string::npos) << text.out;
-  const Json told = nodal_json({"take", "show", take()}).at(0);
-  EXPECT_GE(told["sets"], 10);
-  EXPECT_FALSE(told.contains("seams")) << "they are fixed";
-  ASSERT_EQ(told["heads"].size(), 6U);
-  for (const Json& head : told["heads"]) {
-    EXPECT_EQ(head["pictures"], told["sets"]) << head;
+  const Json document = nodal_json({"take", "show", take()}).at(0);
+  EXPECT_GE(document["sets"], 10);
+  EXPECT_FALSE(document.contains("seams")) << "they are fixed";
+  ASSERT_EQ(document["heads"].size(), 6U);
+  for (const Json& head : document["heads"]) {
+    EXPECT_EQ(head["pictures"], document["sets"]) << head;
     EXPECT_TRUE(head["placeholders"].empty()) << head;
   }
-  const std::int64_t at = told["marks"].at(0)["at_ns"];
+  const std::int64_t at = document["marks"].at(0)["at_ns"];
   EXPECT_GE(at, 0);
-  EXPECT_LE(at, told["length_ns"].get<std::int64_t>() + 40'000'000);
+  EXPECT_LE(at, document["length_ns"].get<std::int64_t>() + 40'000'000);
 }
 
 TEST_F(RenderTest, ByItsNumber_ATakeOnTheRigsDiskIsShownAndRenderedAsItsCopyIs) {

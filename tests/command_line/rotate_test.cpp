@@ -59,9 +59,9 @@ TEST_F(RotateCommand, Rotate_ShowsWhatACameraThatIsTurnedSees_InEveryLayout) {
   for (const geometry::LayoutKind& kind : geometry::layout_kinds()) {
     if (!test::holds_whole_sphere(kind)) continue;
     const std::string name(kind.name);
-    const Finished there = nodal({"convert", path("sphere.png"), "--from", "equirectangular", "--rotate", "30,-70,200",
-                                  "-o", path(name + ".png"), "--layout", name, "--width", "512"});
-    ASSERT_EQ(there.code, 0) << there.err;
+    const Finished outward = nodal({"convert", path("sphere.png"), "--from", "equirectangular", "--rotate",
+                                    "30,-70,200", "-o", path(name + ".png"), "--layout", name, "--width", "512"});
+    ASSERT_EQ(outward.code, 0) << outward.err;
     const Finished back =
         nodal({"convert", path(name + ".png"), "--from", name, "-o", path("back.png"), "--width", "256"});
     ASSERT_EQ(back.code, 0) << back.err;

@@ -84,12 +84,12 @@ TEST_F(TakeTells, OneTakeCannotBeDeleted_JsonHasItAndTheOthersToo) {
   ASSERT_EQ(nodal({"take", "protect", "1"}).code, 0);
   const Finished moved = nodal({"--json", "offload", "--new", "--delete", "--to", path("off")});
   EXPECT_NE(moved.code, 0);
-  const Json told = Json::parse(moved.out.substr(0, moved.out.find('\n')));
-  ASSERT_EQ(told["takes"].size(), 2U) << moved.out;
-  EXPECT_EQ(told["takes"][0]["deleted"], false);
-  EXPECT_EQ(told["takes"][1]["deleted"], true);
-  ASSERT_EQ(told["failed"].size(), 1U);
-  EXPECT_EQ(told["failed"][0]["take"], 1);
+  const Json document = Json::parse(moved.out.substr(0, moved.out.find('\n')));
+  ASSERT_EQ(document["takes"].size(), 2U) << moved.out;
+  EXPECT_EQ(document["takes"][0]["deleted"], false);
+  EXPECT_EQ(document["takes"][1]["deleted"], true);
+  ASSERT_EQ(document["failed"].size(), 1U);
+  EXPECT_EQ(document["failed"][0]["take"], 1);
 }
 
 TEST_F(TakeTells, ExportedToAFolderWithFilms_IsRefusedAndReplacesThemWithOverwrite) {

@@ -36,10 +36,10 @@ TEST_F(ViewCommand, ThereAndBack_IsTheSameSphere_ForEveryLayoutOfTheWholeSphere)
   for (const geometry::LayoutKind& kind : geometry::layout_kinds()) {
     if (!test::holds_whole_sphere(kind)) continue;
     const std::string name(kind.name);
-    const Json there = nodal_json({"convert", path("sphere.png"), "--from", "equirectangular", "-o",
-                                   path(name + ".png"), "--layout", name, "--width", "512"})
-                           .at(0);
-    EXPECT_EQ(there["layout"], name);
+    const Json converted = nodal_json({"convert", path("sphere.png"), "--from", "equirectangular", "-o",
+                                       path(name + ".png"), "--layout", name, "--width", "512"})
+                               .at(0);
+    EXPECT_EQ(converted["layout"], name);
     const Finished back =
         nodal({"convert", path(name + ".png"), "--from", name, "-o", path("back.png"), "--width", "256"});
     ASSERT_EQ(back.code, 0) << back.err;
@@ -245,11 +245,11 @@ TEST_F(ViewCommand, AListOfRays_IsALayoutOfItsOwn) {
   }
   write("spiral.rays", list);
   const std::string layout = "rays:" + path("spiral.rays");
-  const Json there =
+  const Json converted =
       nodal_json({"convert", path("s.png"), "--from", "equirectangular", "-o", path("r.png"), "--layout", layout})
           .at(0);
-  EXPECT_EQ(there["width"], 160);
-  const std::string name = there["layout"];
+  EXPECT_EQ(converted["width"], 160);
+  const std::string name = converted["layout"];
   EXPECT_EQ(name.size(), 21U) << name;
   const Finished back = nodal({"convert", path("r.png"), "--from", layout, "-o", path("back.png"), "--width", "128"});
   ASSERT_EQ(back.code, 0) << back.err;

@@ -308,9 +308,9 @@ TEST_F(Offload, TheRigDeletedASegmentToMakeRoom_CopiesFromBeforeStayGood) {
   ASSERT_TRUE(trimmed->has_value());
   EXPECT_FALSE(fs::exists(rig_->take(take) / "evidence-0000"));
 
-  const Finished there = offload({number, "--to", (to_ / "whole").string()});
-  ASSERT_EQ(there.code, 0) << there.err;
-  EXPECT_EQ(document(there)["takes"][0]["fetched"], 0);
+  const Finished whole_copy = offload({number, "--to", (to_ / "whole").string()});
+  ASSERT_EQ(whole_copy.code, 0) << whole_copy.err;
+  EXPECT_EQ(document(whole_copy)["takes"][0]["fetched"], 0);
   EXPECT_TRUE(fs::exists(to_ / "whole" / folder / "evidence-0000")) << "the copy keeps what the rig has no more";
   for (const std::string part : {"part", "new"}) {
     SCOPED_TRACE(part);

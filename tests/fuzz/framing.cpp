@@ -63,10 +63,10 @@ void put_right(std::vector<std::uint8_t>& bytes) {
   for (std::size_t at = 0; bytes.size() - at >= kFrameHeaderBytes;) {
     put_u32(bytes, at + 12, sequence++);
     const std::size_t length = ByteReader(std::span(bytes).subspan(at + 16, 4)).u32();
-    const std::size_t there = std::min(length, bytes.size() - at - kFrameHeaderBytes);
-    put_u32(bytes, at + 20, crc32c(std::span(bytes).subspan(at + kFrameHeaderBytes, there)));
+    const std::size_t present = std::min(length, bytes.size() - at - kFrameHeaderBytes);
+    put_u32(bytes, at + 20, crc32c(std::span(bytes).subspan(at + kFrameHeaderBytes, present)));
     put_u32(bytes, at + 24, crc32c(std::span(bytes).subspan(at, 24)));
-    at += kFrameHeaderBytes + there;
+    at += kFrameHeaderBytes + present;
   }
 }
 

@@ -81,9 +81,9 @@ TEST(Scan, OfThreeAnalogueHeadsAndAWebcam_IsARigTomlThatFilms) {
   // While nodald uses the devices, they still answer; a host gets what the board itself prints.
   const Finished here = run({NODAL_BIN_DIR "/nodald", "--scan"});
   EXPECT_NE(here.out.find("[[heads]]"), std::string::npos);
-  const Finished there = nodal({"heads", "scan"});
-  EXPECT_EQ(there.code, 0) << there.err;
-  EXPECT_EQ(there.out, here.out);
+  const Finished finished = nodal({"heads", "scan"});
+  EXPECT_EQ(finished.code, 0) << finished.err;
+  EXPECT_EQ(finished.out, here.out);
   EXPECT_EQ(Json::parse(nodal({"--json", "heads", "scan"}).out),
             Json::parse(run({NODAL_BIN_DIR "/nodald", "--scan", "--json"}).out));
   rig.signal(15);

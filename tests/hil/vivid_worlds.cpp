@@ -17,8 +17,8 @@ class VividWorld final : public HeadWorld, public HeadEnumerator {
   ClockPort& clock() override { return clock_; }
   void pass(Duration time) override { hil::wait_for(time); }
   bool sleep(const WakeUps& wake_ups, Duration at_most) override {
-    const Instant began = clock_.now();
-    return wait_for(wake_ups, began, at_most) || (wake_ups.at() && *wake_ups.at() < began + at_most);
+    const Instant start = clock_.now();
+    return wait_for(wake_ups, start, at_most) || (wake_ups.at() && *wake_ups.at() < start + at_most);
   }
   /// vivid reconnects when its last descriptor is closed.
   bool unplug() override {

@@ -215,9 +215,10 @@ TEST(Fields, EvidenceOfSeparateFields_IsToldOnceASet) {
   request.mutable_pull()->set_lossless(true);
   const StreamId stream = host.ask(request).pull().stream();
   ASSERT_TRUE(stand.run_until([&] { return host.closed.count(stream) != 0; }));
-  const std::vector<Pulled>& told = host.pulled[stream];
-  ASSERT_EQ(told.size(), 6u);
-  for (std::size_t i = 1; i < told.size(); ++i) EXPECT_EQ(told[i].header.set(), told[i - 1].header.set() + 1);
+  const std::vector<Pulled>& received = host.pulled[stream];
+  ASSERT_EQ(received.size(), 6u);
+  for (std::size_t i = 1; i < received.size(); ++i)
+    EXPECT_EQ(received[i].header.set(), received[i - 1].header.set() + 1);
 }
 
 TEST(Fields, ACalibrationComesWhileFieldsAreBlended_NoSetIsMadeByTwo) {

@@ -61,19 +61,19 @@ class Evidence {
   std::string compare(const firmware::FrameSet& set) {
     const auto found = sets_.find(set.number);
     if (found == sets_.end()) return "";
-    const take::wire::Set& told = found->second.set;
+    const take::wire::Set& recorded = found->second.set;
     std::string wrong;
     const auto same = [&](std::string_view what, auto then, auto now) {
       if (then != now && wrong.empty()) wrong = fmt::format("set {}: {} {}; now: {}", set.number, what, then, now);
     };
-    same("genlock", std::string_view(told.genlock()), firmware::genlock_state_name(set.sync.state));
-    same("mid-exposure, ns:", told.mid_exposure_ns(), set.mid_exposure.ns());
+    same("genlock", std::string_view(recorded.genlock()), firmware::genlock_state_name(set.sync.state));
+    same("mid-exposure, ns:", recorded.mid_exposure_ns(), set.mid_exposure.ns());
     // 0: no pulse belongs to the set.
-    same("pulse, counted from 1:", told.has_pulse() ? told.pulse() + 1 : 0,
+    same("pulse, counted from 1:", recorded.has_pulse() ? recorded.pulse() + 1 : 0,
          set.sync.trigger ? *set.sync.trigger + 1 : 0);
-    same("spread, ns:", static_cast<std::int64_t>(told.spread_ns()), set.sync.spread.ns());
-    same("drift, ppb:", told.drift_ppb(), set.sync.drift_ppb.value_or(0));
-    for (const take::wire::Frame& frame : told.frames()) {
+    same("spread, ns:", static_cast<std::int64_t>(recorded.spread_ns()), set.sync.spread.ns());
+    same("drift, ppb:", recorded.drift_ppb(), set.sync.drift_ppb.value_or(0));
+    for (const take::wire::Frame& frame : recorded.frames()) {
       const auto head = found->second.heads.find(frame.file());
       if (head == found->second.heads.end()) continue;
       const std::string name = fmt::format("head {}: ", head->second);

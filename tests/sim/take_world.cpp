@@ -255,25 +255,25 @@ void TakeWorld::set_clock(Daemon& daemon) {
 void TakeWorld::start(Daemon& daemon, bool waits) {
   if (waits) event_ = "a start of a take";
   Card* const card = card_in_slot();
-  std::uint64_t began = 0;
+  std::uint64_t take = 0;
   if (waits) {
     const TakeAnswer answer = daemon.stage->start();
-    if (answer.result) began = std::get<TakeAnswer::Done>(*answer.result).take;
+    if (answer.result) take = std::get<TakeAnswer::Done>(*answer.result).take;
   } else {
     const auto before = daemon.stage->report().recording;
     daemon.stage->request(daemon.stage->start_request());
     daemon.stage->run(Duration::milliseconds(1));
     daemon.stage->drop_answers();
     const auto now = daemon.stage->report().recording;
-    if (now && now != before) began = *now;
+    if (now && now != before) take = *now;
   }
   follow(daemon);
-  if (began == 0) {
+  if (take == 0) {
     ++tally_.refused;
     return;
   }
   if (!card) return fail("a take began, and no card is there");
-  daemon.take = began;
+  daemon.take = take;
   const std::string folder = take::take_folder(daemon.take);
   if (!card->used.insert(folder).second) return fail("take " + folder + " has the number of an earlier one");
   if (daemon.stage->report().recording == daemon.take) daemon.card = card;

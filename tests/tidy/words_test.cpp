@@ -3,9 +3,11 @@
 
 #include <cctype>
 #include <regex>
+#include <sstream>
 #include <string>
 #include <vector>
 
+#include "functions.h"
 #include "tree.h"
 
 namespace nodal::tidy {
@@ -61,6 +63,40 @@ TEST(Words, LimitsAreNamedMaxOrMin) {
     if (!is_source(file.path) || file.path == "tests/tidy/words_test.cpp") continue;
     for (std::size_t i = 0; i < file.lines.size(); ++i) {
       EXPECT_FALSE(std::regex_search(file.lines[i], other)) << file.path << ":" << i + 1 << ": kMax..., kMin...";
+    }
+  }
+}
+
+/// The file without comments and literals, raw ones included.
+std::string names_in(const TextFile& file) {
+  TextFile rest{file.path, {}};
+  bool raw = false;
+  for (std::string line : file.lines) {
+    const std::size_t end = raw ? line.find(")\"") : 0;
+    line = end == std::string::npos ? "" : line.substr(end);
+    const std::size_t begin = line.find("R\"(");
+    if (begin != std::string::npos) {
+      raw = line.find(")\"", begin) == std::string::npos;
+      line = line.substr(0, begin);
+    } else if (end != std::string::npos) {
+      raw = false;
+    }
+    rest.lines.push_back(line);
+  }
+  return brackets_of(rest);
+}
+
+TEST(Words, NamesAreNounsOrVerbsOfTheField) {
+  static const std::regex other(R"(\b(there|told|began|works|obeys?)\b)");
+  for (const TextFile& file : project_files()) {
+    if (!is_source(file.path)) continue;
+    std::istringstream code(names_in(file));
+    std::size_t number = 0;
+    for (std::string line; std::getline(code, line);) {
+      ++number;
+      std::smatch name;
+      EXPECT_FALSE(std::regex_search(line, name, other))
+          << file.path << ":" << number << ": '" << name.str() << "' does not say what it names";
     }
   }
 }

@@ -213,9 +213,9 @@ Result<Selected> Camera::select_scalable(const Selection& selection) {
   }
   NODAL_TRY(put(mode.place + reg::kPacket, bytes << 16, 0xFFFF'0000, packets));
   NODAL_TRY(apply(mode, reg::kError2, packets));
-  const auto told = read_at(mode.place + reg::kPacketsPerFrame, packets);
-  if (!told && told.error().code == Errc::kDeviceGone) return fail(told.error());
-  std::size_t count = told ? *told : 0;
+  const auto packet_count = read_at(mode.place + reg::kPacketsPerFrame, packets);
+  if (!packet_count && packet_count.error().code == Errc::kDeviceGone) return fail(packet_count.error());
+  std::size_t count = packet_count ? *packet_count : 0;
   const std::size_t needed = (picture + bytes - 1) / bytes;
   if (count < needed || count > 2 * needed + kPacketsPerSecond) count = needed;
   Selected selected{count * bytes, static_cast<double>(kPacketsPerSecond) / static_cast<double>(count)};

@@ -71,8 +71,8 @@ Result<Controls> Controls::find(const Device& device, std::int32_t gain_step_mdb
   };
   for (const Off& off : {Off{V4L2_CID_EXPOSURE_AUTO, V4L2_EXPOSURE_MANUAL}, Off{V4L2_CID_EXPOSURE_AUTO_PRIORITY, 0},
                          Off{V4L2_CID_AUTOGAIN, 0}, Off{V4L2_CID_AUTO_WHITE_BALANCE, 0}}) {
-    NODAL_TRY_ASSIGN(const auto there, find_range(device, off.id));
-    if (!there) continue;
+    NODAL_TRY_ASSIGN(const auto allowed, find_range(device, off.id));
+    if (!allowed) continue;
     NODAL_TRY(set_one(device, off.id, off.value));
   }
 

@@ -130,9 +130,9 @@ Result<std::string> make_ray_list_known(std::string_view text) {
   for (std::size_t k = 0; k < 8; ++k) digits = digits << 8 | digest[k];
   auto made = std::make_unique<const Known>(Known{digits, std::move(list)});
   for (std::atomic<const Known*>& slot : all_known()) {
-    const Known* there = nullptr;
-    if (slot.compare_exchange_strong(there, made.get())) there = made.release();
-    if (there->digits == digits) return "rays:" + to_hex(digest).substr(0, 16);
+    const Known* present = nullptr;
+    if (slot.compare_exchange_strong(present, made.get())) present = made.release();
+    if (present->digits == digits) return "rays:" + to_hex(digest).substr(0, 16);
   }
   return fail(Errc::kTooLarge, fmt::format("at most {} lists of rays are used at once", kMaxRayLists));
 }

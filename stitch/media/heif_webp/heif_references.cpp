@@ -61,11 +61,11 @@ Bytes add_reference(const Box& box, Bytes rest, std::size_t width, References& r
   const auto from = cursor.number(width);
   const auto count = cursor.number(2);
   for (std::uint64_t k = 0; from && count && k < *count; ++k) {
-    const auto there = cursor.number(width);
-    const std::uint64_t to = there.value_or(0);
+    const auto field = cursor.number(width);
+    const std::uint64_t to = field.value_or(0);
     if (box.type == "dimg") references[*from].push_back(to);
     if (box.type == "auxl") references[to].push_back(*from);
-    if (!there) break;
+    if (!field) break;
   }
   return cursor.rest();
 }

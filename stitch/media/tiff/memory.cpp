@@ -17,8 +17,8 @@ TiffMemory& memory_of(thandle_t handle) { return *static_cast<TiffMemory*>(handl
 
 tmsize_t read_from(thandle_t handle, void* into, tmsize_t count) {
   TiffMemory& memory = memory_of(handle);
-  const std::size_t there = memory.bytes.size() - std::min(memory.at, memory.bytes.size());
-  const std::size_t got = std::min(static_cast<std::size_t>(count), there);
+  const std::size_t rest = memory.bytes.size() - std::min(memory.at, memory.bytes.size());
+  const std::size_t got = std::min(static_cast<std::size_t>(count), rest);
   if (got > 0) std::memcpy(into, memory.bytes.data() + memory.at, got);
   memory.at += got;
   return static_cast<tmsize_t>(got);

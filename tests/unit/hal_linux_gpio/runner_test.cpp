@@ -49,10 +49,10 @@ TEST_P(RunnerTest, DestroyedWhileItSleeps_EndsAtOnce) {
 
 TEST_P(RunnerTest, Thread_TakesNoSignalsOfMain) {
   std::promise<bool> blocked;
-  const Running running = run_on_thread({"test", GetParam()}, [&, told = false](Instant) mutable {
+  const Running running = run_on_thread({"test", GetParam()}, [&, notified = false](Instant) mutable {
     sigset_t mask;
     pthread_sigmask(SIG_SETMASK, nullptr, &mask);
-    if (!std::exchange(told, true))
+    if (!std::exchange(notified, true))
       blocked.set_value(sigismember(&mask, SIGTERM) == 1 && sigismember(&mask, SIGINT) == 1);
     return kNever;
   });

@@ -23,7 +23,7 @@ class Overwriting : public testing::Test {
   void SetUp() override { set_overwriting(false); }
   void TearDown() override { set_overwriting(false); }
   /// As another program made it.
-  std::string there(const std::string& name, const std::string& text = "precious") const {
+  std::string existing(const std::string& name, const std::string& text = "precious") const {
     std::ofstream(folder_ / name) << text;
     return (folder_ / name).string();
   }
@@ -37,7 +37,7 @@ TEST_F(Overwriting, EveryOutputOfEveryCommand_IsRefusedIfItIsThere) {
   Console console(out, out);
   CommandLine line(console, add_all_commands);
   set_overwriting(false);  // whatever the environment says
-  const std::string file = there("file.jpg");
+  const std::string file = existing("file.jpg");
   int outputs = 0;
   const std::function<void(CLI::App&)> look = [&](CLI::App& app) {
     for (CLI::Option* const option : app.get_options()) {
@@ -62,7 +62,7 @@ TEST_F(Overwriting, EveryOutputOfEveryCommand_IsRefusedIfItIsThere) {
 }
 
 TEST_F(Overwriting, AFileWithOtherBytes_StaysAsItIs) {
-  const std::string file = there("x");
+  const std::string file = existing("x");
   const Status refused = write_file(file, std::string_view("other"));
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, Errc::kExists);
@@ -75,7 +75,7 @@ TEST_F(Overwriting, AFileWithOtherBytes_StaysAsItIs) {
 }
 
 TEST_F(Overwriting, AFileWithTheSameBytes_IsNoErrorAndIsNotWritten) {
-  const std::string file = there("x");
+  const std::string file = existing("x");
   const auto before = std::filesystem::last_write_time(file);
   EXPECT_TRUE(write_file(file, std::string_view("precious")));
   EXPECT_EQ(std::filesystem::last_write_time(file), before);
@@ -88,8 +88,8 @@ TEST_F(Overwriting, AFileThatThisProgramWrote_IsReplaced) {
 }
 
 TEST_F(Overwriting, AFileThatComesWhileACommandWorks_IsNotReplaced) {
-  there("x");
-  const std::string made = there("made", "result");
+  existing("x");
+  const std::string made = existing("made", "result");
   EXPECT_EQ(rename_to_free(made, path("x")), EEXIST);
   EXPECT_EQ(read_file(path("x"), 100).value(), "precious");
   EXPECT_EQ(rename_to_free(made, path("y")), 0);

@@ -112,11 +112,12 @@ TEST(RigConnection, AnswerThatTakesLong_IsWaitedForWhileTheRigSaysWhatItDoes) {
   auto connection = talk_to(rig);
   wire::Request commit;
   commit.mutable_upload_commit();
-  std::vector<std::string> told;
-  const auto reply = (*connection)->ask_long(commit, [&](const wire::RigStatus& s) { told.push_back(s.activity()); });
+  std::vector<std::string> messages;
+  const auto reply =
+      (*connection)->ask_long(commit, [&](const wire::RigStatus& s) { messages.push_back(s.activity()); });
   ASSERT_TRUE(reply) << reply.error().text();
   EXPECT_TRUE(reply->has_done());
-  EXPECT_EQ(told, (std::vector<std::string>{"compiling: 1", "compiling: 2", "compiling: 3"}));
+  EXPECT_EQ(messages, (std::vector<std::string>{"compiling: 1", "compiling: 2", "compiling: 3"}));
 }
 
 TEST(RigConnection, RigThatGoesSilentDuringALongRequest_IsATimeout) {

@@ -92,12 +92,12 @@ std::vector<UnitMatch> back_to_back(const Kind& kind, double edge_deg, double no
   for (int n = 0; n < count; ++n) {
     const double least = 180 * kRadiansPerDegree - edge, a = least + (edge - least) * unit(random),
                  turn = 2 * 180 * kRadiansPerDegree * unit(random);
-    const double there = 180 * kRadiansPerDegree - a;
+    const double opposite = 180 * kRadiansPerDegree - a;
     const auto at = [&](double angle, double sign) {
       const double r = focal * kind.radius(angle), dx = normal(random), dy = normal(random);
       return Vector2d(sign * r * std::cos(turn) + dx, r * std::sin(turn) + dy);
     };
-    const Vector2d in_a = at(a, 1), in_b = at(there, -1);
+    const Vector2d in_a = at(a, 1), in_b = at(opposite, -1);
     matches.push_back({0, 1, in_a, in_b});
   }
   return matches;

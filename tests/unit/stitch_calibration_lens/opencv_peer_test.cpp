@@ -100,9 +100,9 @@ MappingError ours(const ph::Lens& truth) {
     for (std::size_t i = 0; i < photo.grey.size(); ++i) out.luma.values[i] = static_cast<float>(photo.grey[i]) / 255.0F;
     photographs.push_back(std::move(out));
   }
-  const auto began = std::chrono::steady_clock::now();
+  const auto start = std::chrono::steady_clock::now();
   const auto result = calibrate_lens(photographs, pattern, {});
-  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - began;
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
   EXPECT_TRUE(result) << (result ? "" : result.error().text());
   if (!result) return {HUGE_VAL, HUGE_VAL};
   const auto& lens = std::get<TsaiLens>(result->head.lens);

@@ -93,8 +93,8 @@ RC_GTEST_PROP(EveryHead, Jacobian_IsTheDifferenceQuotientOfProject, ()) {
     const Ray ray = ray_at(head, a, between(-kPi, kPi));
     const std::optional<Projection> projection = head.project_with_jacobian(ray);
     RC_ASSERT(projection.has_value());
-    const Pixel there = *head.project(ray);
-    RC_ASSERT(std::hypot(projection->pixel.x - there.x, projection->pixel.y - there.y) <= 1e-9);
+    const Pixel projected = *head.project(ray);
+    RC_ASSERT(std::hypot(projection->pixel.x - projected.x, projection->pixel.y - projected.y) <= 1e-9);
     for (int axis = 0; axis < 3; ++axis) {
       const double h = 1e-6;
       const Eigen::Vector3d w = h * Eigen::Vector3d::Unit(axis);

@@ -109,9 +109,9 @@ TEST(MaskHoles, ASquareInTheMiddle_IsNamedWithItsSolidAngle) {
   const double solid = 4 * std::atan(t * t / std::sqrt(1 + 2 * t * t));
   EXPECT_NEAR(holes[0].solid_angle_sr, solid, 0.01 * solid);
   EXPECT_NEAR(holes[0].towards.theta, std::numbers::pi / 2, 0.5);
-  const std::string told = describe(holes, heads).at(0);
-  EXPECT_NE(told.find("'right'"), std::string::npos) << told;
-  EXPECT_NE(told.find(" sr ("), std::string::npos) << told;
+  const std::string description = describe(holes, heads).at(0);
+  EXPECT_NE(description.find("'right'"), std::string::npos) << description;
+  EXPECT_NE(description.find(" sr ("), std::string::npos) << description;
 }
 
 TEST(MaskHoles, WhatAnotherHeadSees_IsNone) {

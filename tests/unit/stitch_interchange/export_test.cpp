@@ -216,10 +216,10 @@ TEST(Export, Masks_GoThereAndBackByHuginAndAreNotedElsewhere) {
     for (const ExportFormat format : {ExportFormat::kPtgui, ExportFormat::kVideoStitch, ExportFormat::kOpenCv}) {
       const auto other = export_calibration(rig, format, {});
       ASSERT_TRUE(other);
-      const bool told = std::ranges::any_of(other->notes, [](const std::string& note) {
+      const bool noted = std::ranges::any_of(other->notes, [](const std::string& note) {
         return note.find("masks of head 'right'") != std::string::npos;
       });
-      EXPECT_TRUE(told);
+      EXPECT_TRUE(noted);
     }
   }
 }

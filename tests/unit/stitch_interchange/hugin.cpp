@@ -56,14 +56,14 @@ double worst_disagreement(const std::string& project, const std::vector<Head>& h
       }
     }
   }
-  const std::vector<Pixel> there = by_hugin(project, places);
-  EXPECT_EQ(there.size(), places.size());
-  if (there.size() != places.size()) return HUGE_VAL;
+  const std::vector<Pixel> pixels = by_hugin(project, places);
+  EXPECT_EQ(pixels.size(), places.size());
+  if (pixels.size() != places.size()) return HUGE_VAL;
   const auto panorama = *geometry::make_layout("equirectangular", panorama_width, panorama_width / 2);
   double worst = 0;
   for (std::size_t k = 0; k < places.size(); ++k) {
-    const double x = std::fmod(there[k].x + 0.5 + panorama_width, panorama_width);
-    const auto ray = panorama->ray(x, there[k].y + 0.5);
+    const double x = std::fmod(pixels[k].x + 0.5 + panorama_width, panorama_width);
+    const auto ray = panorama->ray(x, pixels[k].y + 0.5);
     const auto pixel = ray ? heads[places[k].image].project(*ray) : std::nullopt;
     EXPECT_TRUE(pixel) << places[k].image << ": " << places[k].pixel.x << "," << places[k].pixel.y;
     if (!pixel) return HUGE_VAL;

@@ -332,8 +332,8 @@ std::string fields_page() {
 TEST(KnownFields, FieldsPage_IsTheCodesTable) {
   const std::filesystem::path file = std::filesystem::path(NODAL_SOURCE_DIR) / "stitch/interchange/FIELDS.md";
   std::ifstream in(file);
-  const std::string there{std::istreambuf_iterator<char>(in), {}};
-  if (there == fields_page()) return;
+  const std::string written{std::istreambuf_iterator<char>(in), {}};
+  if (written == fields_page()) return;
   const std::string wanted = "FIELDS.md.wanted";
   std::ofstream(testing::TempDir() + wanted) << fields_page();
   ADD_FAILURE() << "FIELDS.md differs from the code's tables; what it must be is in " << testing::TempDir() + wanted;

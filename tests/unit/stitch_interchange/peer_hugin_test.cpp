@@ -82,13 +82,13 @@ TEST(PeerHugin, RigOfForeignLensesExported_HuginSeesItAsTheResidualSays) {
   const Calibration rig = foreign_rig();
   const auto exported = export_calibration(rig, ExportFormat::kHugin);
   ASSERT_TRUE(exported) << exported.error().text();
-  double told = 0;
-  for (const ExportedHead& head : exported->heads) told = std::max(told, head.max_px);
+  double stated = 0;
+  for (const ExportedHead& head : exported->heads) stated = std::max(stated, head.max_px);
   const double worst = worst_disagreement(exported->files.at(0).text, *geometry::make_heads(rig), 4096);
   RecordProperty("worst_px", std::to_string(worst));
-  RecordProperty("told_px", std::to_string(told));
-  EXPECT_LE(worst, told + 0.03);
-  EXPECT_LT(told, 1.0);
+  RecordProperty("told_px", std::to_string(stated));
+  EXPECT_LE(worst, stated + 0.03);
+  EXPECT_LT(stated, 1.0);
 }
 
 }  // namespace

@@ -90,9 +90,9 @@ TEST(RealProjects, PtguiRingOfFiveFisheyes_ControlPointDistancesAreThoseThatPtgu
     const ControlPoint& point = import->control_points[k];
     const auto ray = (*heads)[point.head_a].unproject(point.pixel_a);
     ASSERT_TRUE(ray);
-    const auto there = (*heads)[point.head_b].project(*ray);
-    ASSERT_TRUE(there);
-    const double distance = std::hypot(there->x - point.pixel_b.x, there->y - point.pixel_b.y);
+    const auto projected = (*heads)[point.head_b].project(*ray);
+    ASSERT_TRUE(projected);
+    const double distance = std::hypot(projected->x - point.pixel_b.x, projected->y - point.pixel_b.y);
     worst = std::max(worst, std::abs(distance - distances[k]));
   }
   std::printf("261 distances of up to 16 px: ours and PTGui's differ by at most %.6f px\n", worst);

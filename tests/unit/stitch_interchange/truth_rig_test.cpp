@@ -46,8 +46,8 @@ Difference compare(const Head& head, const ImageView& picture, const ImageView& 
   Eigen::Vector3d right = Eigen::Vector3d::Zero();
   double squares = 0, count = 0;
   const auto seen = [&](double x, double y, std::size_t c) {
-    const Pixel there = *layout.pixel(*head.unproject({x, y}));
-    return head.calibration().gain[c] * head.vignetting({x, y}) * sample(sphere, there.x, there.y, c);
+    const Pixel projected = *layout.pixel(*head.unproject({x, y}));
+    return head.calibration().gain[c] * head.vignetting({x, y}) * sample(sphere, projected.x, projected.y, c);
   };
   for (int j = 2; j < head.height() - 2; j += 3) {
     for (int i = 2; i < head.width() - 2; i += 3) {

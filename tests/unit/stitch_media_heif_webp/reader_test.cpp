@@ -40,50 +40,50 @@ class CodedFile : public testing::Test {
 };
 
 TEST_F(CodedFile, WebpWithoutLoss_IsThePictureToTheByte) {
-  CodedPicture told = picture();
-  EXPECT_EQ(decoded(test::webp_of(told))->bytes, told.rgb);
-  told.icc = {1, 2, 3, 4, 5};
-  told.exif = exif_with_orientation(6);
-  const auto image = decoded(test::webp_of(told));
+  CodedPicture coded = picture();
+  EXPECT_EQ(decoded(test::webp_of(coded))->bytes, coded.rgb);
+  coded.icc = {1, 2, 3, 4, 5};
+  coded.exif = exif_with_orientation(6);
+  const auto image = decoded(test::webp_of(coded));
   ASSERT_TRUE(image) << image.error().text();
-  EXPECT_EQ(image->bytes, told.rgb);
-  EXPECT_EQ(image->meaning.icc, told.icc);
-  EXPECT_EQ(image->metadata.exif, told.exif);
-  PictureBytes file = open(test::webp_of(told));
+  EXPECT_EQ(image->bytes, coded.rgb);
+  EXPECT_EQ(image->meaning.icc, coded.icc);
+  EXPECT_EQ(image->metadata.exif, coded.exif);
+  PictureBytes file = open(test::webp_of(coded));
   EXPECT_FALSE(is_turned(file)) << "WebP has no transformation: its Exif counts";
 }
 
 TEST_F(CodedFile, WebpWithAlpha_SaysSoAndKeepsItsColours) {
-  CodedPicture told = picture();
-  told.alpha = true;
+  CodedPicture coded = picture();
+  coded.alpha = true;
   std::vector<std::uint8_t> rgba;
-  for (std::size_t k = 0; k < told.rgb.size(); k += 3) {
-    rgba.insert(rgba.end(), {told.rgb[k], told.rgb[k + 1], told.rgb[k + 2], static_cast<std::uint8_t>(1 + k % 200)});
+  for (std::size_t k = 0; k < coded.rgb.size(); k += 3) {
+    rgba.insert(rgba.end(), {coded.rgb[k], coded.rgb[k + 1], coded.rgb[k + 2], static_cast<std::uint8_t>(1 + k % 200)});
   }
-  const std::vector<std::uint8_t> rgb = std::exchange(told.rgb, rgba);
-  const auto image = decoded(test::webp_of(told));
+  const std::vector<std::uint8_t> rgb = std::exchange(coded.rgb, rgba);
+  const auto image = decoded(test::webp_of(coded));
   ASSERT_TRUE(image) << image.error().text();
   EXPECT_TRUE(image->meaning.alpha);
   EXPECT_EQ(image->bytes, rgb);
   std::vector<std::uint8_t> alpha;
   for (std::size_t k = 3; k < rgba.size(); k += 4) alpha.push_back(rgba[k]);
-  PictureBytes file = open(test::webp_of(told));
+  PictureBytes file = open(test::webp_of(coded));
   EXPECT_EQ(decode_heif_or_webp_opacity(file)->bytes, alpha);
 }
 
 TEST_F(CodedFile, HeifWithAlpha_IsAsOpaqueAsItSays) {
   if (!test::can_code_heif()) GTEST_SKIP() << "libheif has no encoder of HEVC here";
-  CodedPicture told = picture();
-  PictureBytes plain = open(test::heif_of(told));
+  CodedPicture coded = picture();
+  PictureBytes plain = open(test::heif_of(coded));
   EXPECT_EQ(decode_heif_or_webp_opacity(plain)->bytes, std::vector<std::uint8_t>(64 * 48, 255));
-  told.alpha = true;
+  coded.alpha = true;
   std::vector<std::uint8_t> rgba;
-  for (std::size_t k = 0; k < told.rgb.size(); k += 3) {
+  for (std::size_t k = 0; k < coded.rgb.size(); k += 3) {
     const std::uint8_t opaque = k / 3 % 64 < 32 ? 0 : 255;
-    rgba.insert(rgba.end(), {told.rgb[k], told.rgb[k + 1], told.rgb[k + 2], opaque});
+    rgba.insert(rgba.end(), {coded.rgb[k], coded.rgb[k + 1], coded.rgb[k + 2], opaque});
   }
-  told.rgb = rgba;
-  PictureBytes file = open(test::heif_of(told));
+  coded.rgb = rgba;
+  PictureBytes file = open(test::heif_of(coded));
   const auto opacity = decode_heif_or_webp_opacity(file);
   ASSERT_TRUE(opacity) << opacity.error().text();
   for (int k = 0; k < 64 * 48; ++k)
@@ -99,12 +99,12 @@ TEST_F(CodedFile, AnimatedWebp_IsRefusedWithWhatToDo) {
 
 TEST_F(CodedFile, Heif_IsThePictureTurnedAsItSays) {
   if (!test::can_code_heif()) GTEST_SKIP() << "libheif has no encoder of HEVC here";
-  const CodedPicture told = picture();
-  const auto plain = decoded(test::heif_of(told));
+  const CodedPicture coded = picture();
+  const auto plain = decoded(test::heif_of(coded));
   ASSERT_TRUE(plain) << plain.error().text();
-  EXPECT_GT(test::psnr(plain->bytes, told.rgb), 38);
+  EXPECT_GT(test::psnr(plain->bytes, coded.rgb), 38);
   // Orientation 6: people see it turned clockwise by a quarter.
-  CodedPicture turned = told;
+  CodedPicture turned = coded;
   turned.exif = exif_with_orientation(6);
   const auto bytes = test::heif_of(turned, 6);
   const auto image = decoded(bytes);
@@ -114,7 +114,7 @@ TEST_F(CodedFile, Heif_IsThePictureTurnedAsItSays) {
   std::vector<std::uint8_t> expected;
   for (int y = 0; y < 64; ++y) {
     for (int x = 0; x < 48; ++x) {
-      const auto from = told.rgb.begin() + 3 * ((47 - x) * 64 + y);
+      const auto from = coded.rgb.begin() + 3 * ((47 - x) * 64 + y);
       expected.insert(expected.end(), from, from + 3);
     }
   }
@@ -129,26 +129,26 @@ TEST_F(CodedFile, Heif_IsThePictureTurnedAsItSays) {
 
 TEST_F(CodedFile, HeifOfABurst_IsItsPrimaryPicture) {
   if (!test::can_code_heif()) GTEST_SKIP() << "libheif has no encoder of HEVC here";
-  const CodedPicture told = picture();
-  const auto bytes = test::heif_of(told, 1, {picture(32, 32, 2), picture(64, 48, 3)});
+  const CodedPicture coded = picture();
+  const auto bytes = test::heif_of(coded, 1, {picture(32, 32, 2), picture(64, 48, 3)});
   const auto image = decoded(bytes);
   ASSERT_TRUE(image) << image.error().text();
   ASSERT_EQ(image->width, 64);
-  EXPECT_GT(test::psnr(image->bytes, told.rgb), 38);
+  EXPECT_GT(test::psnr(image->bytes, coded.rgb), 38);
   const auto count = [&](const std::vector<std::uint8_t>& one) {
     PictureBytes file = open(one);
     return count_pictures(file);
   };
   EXPECT_EQ(count(bytes), 3);
-  EXPECT_EQ(count(test::heif_of(told)), 1);
-  EXPECT_EQ(count(test::webp_of(told)), 1);
+  EXPECT_EQ(count(test::heif_of(coded)), 1);
+  EXPECT_EQ(count(test::webp_of(coded)), 1);
 }
 
 TEST_F(CodedFile, HeifsProfile_IsKept) {
   if (!test::can_code_heif()) GTEST_SKIP() << "libheif has no encoder of HEVC here";
-  CodedPicture told = picture();
-  told.icc = std::vector<std::uint8_t>(300, 7);
-  EXPECT_EQ(decoded(test::heif_of(told))->meaning.icc, told.icc);
+  CodedPicture coded = picture();
+  coded.icc = std::vector<std::uint8_t>(300, 7);
+  EXPECT_EQ(decoded(test::heif_of(coded))->meaning.icc, coded.icc);
 }
 
 TEST_F(CodedFile, FilesThatEndEarly_AreErrorsThatNameThem) {

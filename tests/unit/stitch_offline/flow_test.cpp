@@ -67,7 +67,7 @@ TEST(Flow, OfAMovedPicture_IsItsMove_WhateverTheShares) {
 
 TEST(Flow, OfATurnedAndScaledPicture_FollowsEachPixel) {
   const double c = 1.04 * std::cos(0.03), s = 1.04 * std::sin(0.03);
-  const auto there = [&](double x, double y) {
+  const auto expected_at = [&](double x, double y) {
     const double u = x - kAcross / 2, v = y - kDown / 2;
     return std::pair(c * u - s * v - u, s * u + c * v - v);
   };
@@ -77,7 +77,7 @@ TEST(Flow, OfATurnedAndScaledPicture_FollowsEachPixel) {
     return texture(kAcross / 2 + (c * u + s * v) / n, kDown / 2 + (-s * u + c * v) / n);
   });
   const Flow flow = flow_between(a, b, std::vector<float>(kAcross * kDown, 1.0F));
-  EXPECT_LT(worst(flow, [&](int x, int y) { return there(x, y); }), 0.2);
+  EXPECT_LT(worst(flow, [&](int x, int y) { return expected_at(x, y); }), 0.2);
 }
 
 TEST(Flow, BetweenPicturesOfDifferentBrightness_IsTheSame) {

@@ -101,8 +101,8 @@ TEST(SightGrid, AWindowAcrossTheGridsEdge_ShowsWhatTheWholeGridShows) {
     for (int i = 0; i < part.width; ++i) {
       const int x = (part.x + i) % kGrid.width, y = part.y + j;
       ASSERT_TRUE(sights.at(x, y));
-      const geometry::Pixel here = sights.at(x, y)->pixel, there = whole.at(x, y)->pixel;
-      farthest = std::max(farthest, std::hypot(here.x - there.x, here.y - there.y));
+      const geometry::Pixel here = sights.at(x, y)->pixel, expected = whole.at(x, y)->pixel;
+      farthest = std::max(farthest, std::hypot(here.x - expected.x, here.y - expected.y));
     }
   }
   EXPECT_LT(farthest, 1e-9);

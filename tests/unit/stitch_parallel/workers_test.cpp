@@ -23,17 +23,17 @@ TEST(Workers, EveryChunk_IsDoneOnce) {
 
 TEST(Workers, Progress_RisesOnTheCallersThread) {
   const std::thread::id caller = std::this_thread::get_id();
-  std::vector<double> told;
+  std::vector<double> shares;
   std::atomic<int> done{0};
   Workers(3).run(
       50, [&](int) { ++done; },
       [&](double share) {
         EXPECT_EQ(std::this_thread::get_id(), caller);
         EXPECT_LE(share, done / 50.0 + 1e-9) << "no more than is done";
-        told.push_back(share);
+        shares.push_back(share);
       });
   EXPECT_EQ(done, 50);
-  EXPECT_TRUE(std::ranges::is_sorted(told));
+  EXPECT_TRUE(std::ranges::is_sorted(shares));
   std::vector<double> alone;
   Workers(1).run(
       4, [](int) {}, [&](double share) { alone.push_back(share); });
@@ -43,11 +43,11 @@ TEST(Workers, Progress_RisesOnTheCallersThread) {
 }
 
 TEST(PartOf, AShareOfAJob_IsToldAsProgressOfTheWhole) {
-  std::vector<double> told;
-  const auto part = part_of([&](double done) { told.push_back(done); }, 0.5, 0.25);
+  std::vector<double> shares;
+  const auto part = part_of([&](double done) { shares.push_back(done); }, 0.5, 0.25);
   part(0);
   part(1);
-  EXPECT_EQ(told, (std::vector<double>{0.5, 0.75}));
+  EXPECT_EQ(shares, (std::vector<double>{0.5, 0.75}));
   EXPECT_FALSE(part_of({}, 0, 1));
 }
 

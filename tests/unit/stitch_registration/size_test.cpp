@@ -46,11 +46,11 @@ double displacement(const test::RenderedRig& rig, const Calibration& found) {
           const geometry::Pixel at{x + 0.5, y + 0.5};
           if (!is[a].contains(at)) continue;
           const auto ray = is[a].unproject(at), moved = says[a].unproject(at);
-          const auto there = ray ? is[b].project(*ray) : std::nullopt;
+          const auto projected = ray ? is[b].project(*ray) : std::nullopt;
           const auto stated = moved ? says[b].project(*moved) : std::nullopt;
-          if (!there || !stated || !is[b].contains(*there)) continue;
+          if (!projected || !stated || !is[b].contains(*projected)) continue;
           const double detail = detail_at(frames[a], x, y);
-          sum += detail * (std::pow(there->x - stated->x, 2) + std::pow(there->y - stated->y, 2));
+          sum += detail * (std::pow(projected->x - stated->x, 2) + std::pow(projected->y - stated->y, 2));
           count += detail;
         }
       }

@@ -147,9 +147,9 @@ TEST(ScatteredRaymap, HeadThatIsMissing_LeavesAsMuchOfEveryRayAsInAPicture) {
   for (int y = 0; y < 32; ++y) {
     row.sample(0, y);
     for (int x = 0; x < 64; ++x) {
-      double there = 0;
-      for (const RaySample& s : row.at(x)) there += s.head == 2 ? 0 : s.weight;
-      EXPECT_NEAR(validity[static_cast<std::size_t>(y * 64 + x)], 255 * there, 3) << x << ", " << y;
+      double weight = 0;
+      for (const RaySample& s : row.at(x)) weight += s.head == 2 ? 0 : s.weight;
+      EXPECT_NEAR(validity[static_cast<std::size_t>(y * 64 + x)], 255 * weight, 3) << x << ", " << y;
     }
   }
 }

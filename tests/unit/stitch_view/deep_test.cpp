@@ -138,10 +138,10 @@ TEST_P(Deep, ToTheSameSize_EveryLevelIsUnchanged) {
 TEST_P(Deep, ToACubeAndBack_ShowsTheSceneFinerThanALevelOf8Bits) {
   const auto sphere = layout_of("equirectangular", 640), cube = layout_of("cube", 480);
   const DecodedImage picture = deep_scene(Target::of(*sphere));
-  const DecodedImage there =
+  const DecodedImage shown =
       Resampler(*sphere, GetParam(), workers_).resample(picture.view(), Target::of(*cube), workers_);
   const DecodedImage back =
-      Resampler(*cube, GetParam(), workers_).resample(there.view(), Target::of(*sphere), workers_);
+      Resampler(*cube, GetParam(), workers_).resample(shown.view(), Target::of(*sphere), workers_);
   double sum = 0;
   int rounded = 0;
   for (std::size_t k = 0; k < samples_of(back); ++k) {

@@ -247,10 +247,10 @@ TEST_F(HeadTrouble, SettingsWithinTheStepsOfHeads_CountAsAppliedAndOthersDoNot) 
       script.frames.push_back(view);
       head.lose(*head.take_frame(), LossReason::kLate);
     }
-    const bool told = !head.report().ignores.empty();
+    const bool reported = !head.report().ignores.empty();
     script.frames.push_back(frame());
     head.lose(*head.take_frame(), LossReason::kLate);
-    return told;
+    return reported;
   };
   EXPECT_FALSE(ignored([](auto& s) { s.exposure = Exposure::microseconds(8500); }));
   EXPECT_FALSE(ignored([](auto& s) { s.exposure = Exposure::microseconds(7500); }));

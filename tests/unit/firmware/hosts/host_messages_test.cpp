@@ -25,25 +25,25 @@ TEST(HostMessages, OfTheGenlock_NameLostPulsesByTheirReasonAndHeadsThatDoNotFoll
   report.losses_of_port.late = 3;
   report.losses_of_port.jumps = 1;
   report.wired[1].state = Following::kDrifts;
-  wire::Genlock told;
-  fill_genlock(two_named_heads(), report, told);
-  ASSERT_EQ(told.pulse_losses_size(), 2);
-  EXPECT_EQ(told.pulse_losses(0).reason(), "late");
-  EXPECT_EQ(told.pulse_losses(0).pulses(), 3U);
-  EXPECT_EQ(told.pulse_losses(1).reason(), "jumped");
-  EXPECT_EQ(told.pulse_losses(1).pulses(), 1U);
-  ASSERT_EQ(told.unaligned_size(), 1);
-  EXPECT_EQ(told.unaligned(0).find("head 'right' does not follow the trigger"), 0U) << told.unaligned(0);
+  wire::Genlock filled;
+  fill_genlock(two_named_heads(), report, filled);
+  ASSERT_EQ(filled.pulse_losses_size(), 2);
+  EXPECT_EQ(filled.pulse_losses(0).reason(), "late");
+  EXPECT_EQ(filled.pulse_losses(0).pulses(), 3U);
+  EXPECT_EQ(filled.pulse_losses(1).reason(), "jumped");
+  EXPECT_EQ(filled.pulse_losses(1).pulses(), 1U);
+  ASSERT_EQ(filled.unaligned_size(), 1);
+  EXPECT_EQ(filled.unaligned(0).find("head 'right' does not follow the trigger"), 0U) << filled.unaligned(0);
 }
 
 TEST(HostMessages, OfTheExposure_GiveSharesOfTheSphereInMillionths) {
   ExposureControl::Report report;
   report.seen.solid_angle = 1 << 23;  // half of the sphere
   report.settings.target = -kStop;
-  wire::ExposureState told;
-  fill_exposure(report, 2, told);
-  EXPECT_EQ(told.sphere_ppm(), 500'000U);
-  EXPECT_EQ(told.settings().target_below(), 1000U);
+  wire::ExposureState filled;
+  fill_exposure(report, 2, filled);
+  EXPECT_EQ(filled.sphere_ppm(), 500'000U);
+  EXPECT_EQ(filled.settings().target_below(), 1000U);
 }
 
 /// The longest texts and numbers that a card can have: a take that is not complete has no manifest.
@@ -85,11 +85,11 @@ TEST(HostMessages, OfATake_GiveItsLengthAndHowLongAgoAllOfItWasDurable) {
   report.recording = 7;
   report.since = Instant::from_ns(1'000);
   report.durable = Instant::from_ns(4'000);
-  wire::Recording told;
-  fill_recording(report, Instant::from_ns(9'000), told);
-  EXPECT_EQ(told.take(), 7U);
-  EXPECT_EQ(told.length_ns(), 8'000U);
-  EXPECT_EQ(told.durable_ns(), 5'000U);
+  wire::Recording filled;
+  fill_recording(report, Instant::from_ns(9'000), filled);
+  EXPECT_EQ(filled.take(), 7U);
+  EXPECT_EQ(filled.length_ns(), 8'000U);
+  EXPECT_EQ(filled.durable_ns(), 5'000U);
   wire::Recording none;
   fill_recording(TakeReport(), Instant::from_ns(9'000), none);
   EXPECT_FALSE(none.has_take());
@@ -97,16 +97,16 @@ TEST(HostMessages, OfATake_GiveItsLengthAndHowLongAgoAllOfItWasDurable) {
 
 TEST(HostMessages, OfACommandThatIsDone_SayWhenAndWhatWillBeLost) {
   Answer answer{1, Outcome(CommandDone{Instant::from_ns(42)})};
-  wire::Reply told = reply_of(answer, two_named_heads());
-  ASSERT_TRUE(told.has_done());
-  EXPECT_EQ(told.done().at_ns(), 42U);
-  EXPECT_EQ(told.not_stored(), "");
-  EXPECT_EQ(told.not_recorded(), "");
+  wire::Reply filled = reply_of(answer, two_named_heads());
+  ASSERT_TRUE(filled.has_done());
+  EXPECT_EQ(filled.done().at_ns(), 42U);
+  EXPECT_EQ(filled.not_stored(), "");
+  EXPECT_EQ(filled.not_recorded(), "");
   answer.not_stored = "no space";
   answer.not_recorded = "the disk is gone";
-  told = reply_of(answer, two_named_heads());
-  EXPECT_EQ(told.not_stored(), "no space");
-  EXPECT_EQ(told.not_recorded(), "the disk is gone");
+  filled = reply_of(answer, two_named_heads());
+  EXPECT_EQ(filled.not_stored(), "no space");
+  EXPECT_EQ(filled.not_recorded(), "the disk is gone");
   EXPECT_TRUE(reply_of({1, Outcome(CommandDone{})}, two_named_heads()).has_done()) << "of a change without a time";
   const wire::Reply refused = reply_of({1, fail(Errc::kBusy, "try again")}, two_named_heads());
   EXPECT_EQ(refused.error().message(), "try again");

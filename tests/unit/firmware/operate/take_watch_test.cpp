@@ -107,11 +107,11 @@ TEST_F(TakeWatchTest, ATake_GetsEachCalibrationThatTheBlendAdoptsOnce) {
   adopt(2, 90);
   step(1);
   step(2);
-  const auto told = calibrations_.pop();
-  ASSERT_TRUE(told);
-  EXPECT_EQ(told->first_set, 90u);
-  EXPECT_EQ(told->id, marked(2));
-  EXPECT_EQ(told->json, "document 2");
+  const auto notice = calibrations_.pop();
+  ASSERT_TRUE(notice);
+  EXPECT_EQ(notice->first_set, 90u);
+  EXPECT_EQ(notice->id, marked(2));
+  EXPECT_EQ(notice->json, "document 2");
   EXPECT_FALSE(calibrations_.pop());
 }
 
@@ -129,9 +129,9 @@ TEST_F(TakeWatchTest, TheCalibrationBefore_IsToldAlsoWhenTheNextIsInForceAlready
   step(2);
   adoption_.publish({95, marked(1)});
   step(3);
-  const auto told = calibrations_.pop();
-  ASSERT_TRUE(told);
-  EXPECT_EQ(told->json, "document 1");
+  const auto notice = calibrations_.pop();
+  ASSERT_TRUE(notice);
+  EXPECT_EQ(notice->json, "document 1");
 }
 
 }  // namespace

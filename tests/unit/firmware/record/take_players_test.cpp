@@ -105,11 +105,11 @@ class TakePlayers : public testing::TestWithParam<Mode> {
 
 TEST_P(TakePlayers, Mkvtoolnix_ReadsItWithoutAWarning) {
   if (!installed("mkvmerge")) GTEST_SKIP() << "mkvtoolnix is not installed";
-  const test::Finished told = test::Process({"mkvinfo", "--all", file_.string()}).wait();
-  EXPECT_EQ(told.code, 0) << told.out << told.err;
+  const test::Finished listed = test::Process({"mkvinfo", "--all", file_.string()}).wait();
+  EXPECT_EQ(listed.code, 0) << listed.out << listed.err;
   std::size_t blocks = 0;
-  for (std::size_t at = 0; (at = told.out.find("Simple block: ", at)) != std::string::npos; ++at) ++blocks;
-  EXPECT_EQ(blocks, kFrames) << told.out;
+  for (std::size_t at = 0; (at = listed.out.find("Simple block: ", at)) != std::string::npos; ++at) ++blocks;
+  EXPECT_EQ(blocks, kFrames) << listed.out;
   // Its exit status is 1 after a warning.
   const test::Finished copied =
       test::Process({"mkvmerge", "-o", (folder_ / "copy.mkv").string(), file_.string()}).wait();

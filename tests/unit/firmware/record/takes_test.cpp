@@ -78,7 +78,7 @@ TEST(Takes, PowerCutWhileTheThumbnailIsWritten_ItIsWholeOrNotThere) {
   made.rows[0].raymaps[0].jpeg = raymap;
   hal::sim::SimDisk counted;
   record(counted, made, true);
-  int there = 0, torn = 0;
+  int complete = 0, torn = 0;
   for (std::uint64_t k = 0; k < counted.operations(); ++k) {
     hal::sim::SimDisk disk(k);
     disk.die_at(k);
@@ -96,10 +96,10 @@ TEST(Takes, PowerCutWhileTheThumbnailIsWritten_ItIsWholeOrNotThere) {
     }
     const auto after = left->read("000042/" + take::kThumbFile, 1 << 20);
     if (!after) continue;
-    ++there;
+    ++complete;
     EXPECT_TRUE(media::decode_image(*after, "thumb.jpg")) << "operation " << k;
   }
-  EXPECT_GT(there, 0);
+  EXPECT_GT(complete, 0);
   EXPECT_GT(torn, 0) << "no power cut tore the thumbnail";
 }
 
