@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -160,6 +161,7 @@ Answer Sphere::answer(const Wanted& wanted) {
     const std::optional<int> k = whole_number(wanted, "envelope", 0, static_cast<int>(options_.envelopes.size()) - 1);
     return k ? mesh(static_cast<std::size_t>(*k)) : Answer::text(400, "There is no such envelope.");
   }
+  if (wanted.name == "eye") return eye(wanted);
   if (film_ != nullptr && wanted.name == "times.json") return times();
   if (film_ != nullptr && wanted.name == "frame") {
     const std::optional<int> k = whole_number(wanted, "k", 0, static_cast<int>(film_->times().size()) - 1);
@@ -221,6 +223,24 @@ Answer Sphere::mesh(std::size_t envelope) {
   const Answer answer{200, "model/gltf-binary", std::make_shared<const std::vector<std::uint8_t>>(*std::move(bytes))};
   meshes_.emplace(envelope, answer);
   return answer;
+}
+
+Answer Sphere::eye(const Wanted& wanted) const {
+  const std::optional<int> k = whole_number(wanted, "envelope", 0, static_cast<int>(options_.envelopes.size()) - 1);
+  if (!k) return Answer::text(400, "There is no such envelope.");
+  constexpr double kFarthest = 1e6;  // as `nodal view --eye` takes it
+  const std::optional<double> x = number(wanted, "x"), y = number(wanted, "y"), z = number(wanted, "z");
+  if (!x || !y || !z || std::max({std::abs(*x), std::abs(*y), std::abs(*z)}) > kFarthest) {
+    return Answer::text(400, "Give x, y and z as numbers from -1000000 to 1000000: right, down and ahead.");
+  }
+  const geometry::Envelope& envelope = options_.envelopes[static_cast<std::size_t>(*k)].envelope;
+  const double distance = std::hypot(*x, *y, *z);
+  if (distance > 0 && distance > envelope.rho(geometry::Ray::towards({*x, *y, *z}))) {
+    return Answer::text(409,
+                        "There the eye would be outside of the shape. Move it less, or choose \"Seen from outside\".");
+  }
+  const Status seen = envelope.check_eye({*x, *y, *z});
+  return seen ? Answer::text(200, "") : Answer::text(409, seen.error().message);
 }
 
 Answer Sphere::frame(std::size_t k) {

@@ -38,6 +38,7 @@ inline constexpr std::int64_t kMaxScatteredRays = 500'000;
 ///   scene.json                   what is shown: name, layout, size, notes, envelopes, words for `nodal view`
 ///   picture?side=N               the raymap, PNG or JPEG, its longer side at most N px
 ///   mesh.glb?envelope=K          the triangles on the Kth envelope, as glTF
+///   eye?envelope=K&x=X&y=Y&z=Z   whether an eye there sees the Kth envelope's inner side only; otherwise why not
 ///   times.json                   of a film: ms from each picture to the next
 ///   frame?k=N                    of a film: picture N, JPEG
 ///
@@ -67,6 +68,7 @@ class Sphere {
   Answer scene() const;
   Answer picture(int side);
   Answer mesh(std::size_t envelope);
+  Answer eye(const Wanted& wanted) const;
   Answer frame(std::size_t k);
   Answer times() const;
 

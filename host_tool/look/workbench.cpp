@@ -40,6 +40,25 @@ Json rows_for_graphics(const HeadCalibration& head) {
   return rows;
 }
 
+/// The outlines of a head's masks as directions; edges are straight in the picture, so there are several an edge.
+Json masks_json(const Region& region, const geometry::Head& head) {
+  constexpr int kStepsAnEdge = 8;
+  Json all = Json::array();
+  for (const std::vector<Region::Point>& corners : region.masks) {
+    Json outline = Json::array();
+    for (std::size_t k = 0; k < corners.size(); ++k) {
+      const Region::Point &from = corners[k], &to = corners[(k + 1) % corners.size()];
+      for (int step = 0; step < kStepsAnEdge; ++step) {
+        const double share = double{1.0 * step} / kStepsAnEdge;
+        const auto ray = head.unproject({from.x + share * (to.x - from.x), from.y + share * (to.y - from.y)});
+        if (ray) outline.push_back(axes_of(ray->direction()));
+      }
+    }
+    all.push_back(outline);
+  }
+  return all;
+}
+
 /// Of each pair: the rays of both heads, and the angle between them. `fit`: what the pairs would give; null: nothing.
 Json pairs_json(const std::vector<registration::PointPair>& pairs, const std::vector<geometry::Head>& heads,
                 const registration::PairFit* fit) {
@@ -170,6 +189,7 @@ Answer Workbench::state() const {
     const Eigen::Vector3d twice(turned(2, 1) - turned(1, 2), turned(0, 2) - turned(2, 0), turned(1, 0) - turned(0, 1));
     heads.push_back({{"name", head.name},
                      {"axes", rows_for_graphics(head)},
+                     {"masks", masks_json(head.region, heads_[k])},
                      {"yaw", is.yaw},
                      {"pitch", is.pitch},
                      {"roll", is.roll},

@@ -33,6 +33,8 @@ namespace nodal::host::look {
 ///   level {points}                 two or more directions on the horizon
 ///   upright {points}               two or more directions on one vertical line
 ///   add_pair {a, x, y, b, bx, by}, remove_pair {index}
+///   mask {head, points}            a polygon of three or more directions, which the head is not used for
+///   unmask {head}                  without any
 ///   fit                            rotations by the pairs
 ///   register {free}                "rotations", "focals" or "lens": by the pictures, on a thread of its own
 ///   undo, redo

@@ -89,6 +89,24 @@ Result<registration::PointPair> pair_of(const Json& words, const std::vector<geo
   return pair;
 }
 
+/// The pixels at which a head sees the corners of a mask.
+Result<std::vector<Region::Point>> mask_of(const Json& words, const geometry::Head& head) {
+  NODAL_TRY_ASSIGN(const std::vector<Eigen::Vector3d> points, directions_of(words));
+  if (points.size() < 3) return fail(Errc::kBadValue, "A mask has three corners or more.");
+  std::vector<Region::Point> corners;
+  for (const Eigen::Vector3d& point : points) {
+    const auto pixel = head.project(geometry::Ray::towards(point.x(), -point.y(), -point.z()));
+    if (!pixel) {
+      return fail(Errc::kBadValue,
+                  fmt::format("A corner of the mask is beyond what the lens of head {} sees; click nearer "
+                              "to its picture.",
+                              head.name()));
+    }
+    corners.push_back({pixel->x, pixel->y});
+  }
+  return corners;
+}
+
 Json report_json(const registration::Report& report) {
   Json heads = Json::array();
   for (const registration::HeadReport& head : report.heads) {
@@ -156,6 +174,17 @@ Result<Workbench::Step> Workbench::changed(const std::string& what, const Json& 
     NODAL_TRY_ASSIGN(const std::vector<Eigen::Vector3d> points, directions_of(words));
     NODAL_TRY_ASSIGN(step.calibration,
                      what == "level" ? levelled(step.calibration, points) : upright(step.calibration, points));
+    return step;
+  }
+  if (what == "mask" || what == "unmask") {
+    NODAL_TRY_ASSIGN(const std::size_t head, index_of(words, "head", heads_.size()));
+    auto& masks = step.calibration.heads[head].region.masks;
+    if (what == "unmask") {
+      masks.clear();
+      return step;
+    }
+    NODAL_TRY_ASSIGN(std::vector<Region::Point> corners, mask_of(words, heads_[head]));
+    masks.push_back(std::move(corners));
     return step;
   }
   Pairs pairs = *step.pairs;

@@ -1,11 +1,18 @@
 // What the page looks at: inside or outside, where to, how wide, in which projection. No drawing, no document.
 
-import { focalLength, metSphere, projections, rayAt, turnTo, turned, wrapped } from "./projection.js";
+import { focalLength, metSphere, projections, rayAt, turnTo, turned, unturned, wrapped } from "./projection.js";
 
 const kNarrowest = 2; // degrees
 const kOutside = 42; // degrees across the shorter side, the usual field of view from outside
 const kHome = { inside: { yaw: 0, pitch: 0 }, outside: { yaw: -30, pitch: -20 } }; // outside, so that edges are seen
 const kDistance = 3; // of the eye outside, in radii
+
+const number = (value) => String(Number(value.toFixed(4)) || 0);
+
+/// An eye as `nodal view --eye` takes it: x right, y down, z ahead.
+export function eyeWords([x, y, z]) {
+  return [x, -y, -z].map(number).join(",");
+}
 
 export class Camera {
   constructor() {
@@ -17,6 +24,7 @@ export class Camera {
 
   reset() {
     Object.assign(this, kHome[this.side]);
+    this.eye = [0, 0, 0]; // inside, in the sphere's axes and the envelope's unit; from outside it is on the axis
     this.fov = this.usualFov();
   }
 
@@ -55,6 +63,11 @@ export class Camera {
     return this.side === "outside" ? kDistance : 0;
   }
 
+  /// Where the eye would be after steps to the right, up and ahead as the view stands.
+  eyeAfter(right, up, ahead) {
+    return turned([right, up, -ahead], this.yaw, this.pitch).map((step, k) => this.eye[k] + step);
+  }
+
   zoom(factor) {
     this.fov = Math.max(kNarrowest, Math.min(projections[this.projection].widest, this.fov * factor));
   }
@@ -76,6 +89,16 @@ export class Camera {
     return vector && turned(vector, this.yaw, this.pitch);
   }
 
+  /// The pixel at which a direction is seen; null where it is not.
+  pixelOf(direction) {
+    const [x, y, z] = unturned(direction, this.yaw, this.pitch);
+    const beside = Math.hypot(x, y), angle = Math.atan2(beside, -z);
+    const { distance, widest } = projections[this.projection];
+    if (angle >= (Math.min(widest, 359) * Math.PI) / 360) return null;
+    const scale = beside > 0 ? (this.focal * distance(angle)) / beside : 0;
+    return [this.width / 2 + scale * x, this.height / 2 - scale * y];
+  }
+
   /// Turns so that what was grabbed is at a pixel.
   drag(grabbed, x, y) {
     const vector = this.vectorAt(x, y);
@@ -87,15 +110,14 @@ export class Camera {
 
   /// The words of `nodal view` for this view.
   command(scene, envelope, radius) {
-    const number = (value) => String(Number(value.toFixed(4)));
     const quoted = (word) => (/^[\w./:,=-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
     const words = ["nodal", "view", quoted(scene.file)];
     if (scene.from) words.push("--from", quoted(scene.from));
     words.push("-o", "view.png", "--camera", this.projection, "--yaw", number(this.yaw), "--pitch", number(this.pitch));
     words.push("--fov", number(this.fov), "--size", `${Math.round(this.width)}x${Math.round(this.height)}`);
-    if (this.distance > 0) {
-      const [x, y, z] = turned([0, 0, this.distance * radius], this.yaw, this.pitch);
-      words.push("--envelope", quoted(envelope.option), "--eye", [x, -y, -z].map(number).join(","));
+    const eye = this.distance > 0 ? turned([0, 0, this.distance * radius], this.yaw, this.pitch) : this.eye;
+    if (eye.some((value) => value !== 0)) {
+      words.push("--envelope", quoted(envelope.option), "--eye", eyeWords(eye));
     }
     return words.join(" ");
   }

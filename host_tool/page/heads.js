@@ -12,10 +12,11 @@ const kPoll = 300; // ms, while a registration runs
 const kLargest = 2048; // px, of a head's picture: enough to place it
 const kArrow = Math.PI / 1800; // 0.1 degrees
 const kRoll = Math.PI / 900; // by px
+const kSamePlace = 12; // px, between a click and the first corner of a mask that it closes
 let view = null, scene = null, state = null, waiting = false;
 let slide = null; // a drag of heads: where it began, and the rotation since
 let pair = null; // the first click of a pair
-let points = []; // of the horizon, or of a vertical line
+let points = []; // of the horizon, of a vertical line, or corners of a mask
 
 function say(text) {
   message.textContent = text;
@@ -69,6 +70,7 @@ function take(made) {
   state.heads.forEach((head, k) => view.turnHead(k, head.axes));
   view.setPairs(state.pairs.filter((one) => one.ray_a)
     .map((one) => ({ a: one.ray_a, b: one.ray_b, colour: colourOf(one) })));
+  showMasks();
   at("undo").disabled = !state.undo;
   at("redo").disabled = !state.redo;
   const name = (k) => scene.heads[k].name, deg = (value) => `${value.toFixed(3)}°`;
@@ -183,6 +185,31 @@ async function mark(direction, tool) {
   if (done) say("The rig is level now.");
 }
 
+/// Draws a mask of the chosen head, corner by corner.
+async function clickMask(direction, event) {
+  if (view.chosen.size !== 1) return say("Choose one head below; the mask is drawn on it.");
+  const first = points.length > 2 ? camera.pixelOf(points[0]) : null;
+  const [x, y] = place(event);
+  if (first && Math.hypot(first[0] - x, first[1] - y) < kSamePlace) return closeMask();
+  points.push(direction);
+  showMasks();
+  say(points.length < 3 ? `${3 - points.length} more to click.` : "Click the first corner again, or press Enter.");
+}
+
+async function closeMask() {
+  if (at("tool").value !== "mask" || points.length < 3) return;
+  const [head] = view.chosen, corners = points;
+  points = [];
+  if (await change("mask", { head, points: corners })) say(`Head ${scene.heads[head].name} is not used inside the mask.`);
+  else showMasks();
+}
+
+function showMasks() {
+  const closed = state.heads.flatMap((head) => head.masks.map((outline) => [...outline, outline[0]]));
+  view.setOutlines(at("tool").value === "mask" ? [...closed, points] : closed);
+  changed();
+}
+
 async function press(event) {
   const tool = at("tool").value;
   if (tool === "look" || event.button !== 0) return;
@@ -192,6 +219,7 @@ async function press(event) {
   if (!from) return;
   try {
     if (tool === "pair") return await clickPair(from);
+    if (tool === "mask") return await clickMask(from, event);
     if (tool !== "slide") return await mark(from, tool);
     slide = { from, x: event.clientX, about: [0, 0, 0], last: event };
     if (view.chosen.size === 0) {
@@ -234,6 +262,13 @@ function arrows(event) {
   change("turn", { heads: [...view.chosen], about: about.map((v) => v * kArrow) });
 }
 
+function forget() {
+  pair = null;
+  points = [];
+  showMasks();
+  say("");
+}
+
 function connect() {
   canvas.addEventListener("pointerdown", press);
   canvas.addEventListener("pointermove", move);
@@ -241,9 +276,14 @@ function connect() {
   canvas.addEventListener("keydown", arrows);
   listen(canvas, camera, changed, {
     Home: () => camera.reset(), z: () => change("undo"), y: () => change("redo"),
-    Escape: () => { pair = null; points = []; say(""); },
+    Escape: forget, Enter: closeMask,
   });
-  at("tool").addEventListener("change", () => { pair = null; points = []; say(""); });
+  at("tool").addEventListener("change", forget);
+  at("unmask").addEventListener("click", () => {
+    if (view.chosen.size !== 1) return say("Choose one head below; its masks are removed.");
+    const [head] = view.chosen;
+    change("unmask", { head });
+  });
   at("mode").addEventListener("change", () => { view.mode = at("mode").value; changed(); });
   at("projection").addEventListener("change", () => { camera.look("inside", at("projection").value); changed(); });
   for (const what of ["undo", "redo", "fit"]) at(what).addEventListener("click", () => change(what));

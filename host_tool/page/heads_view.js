@@ -5,6 +5,7 @@ import { SphereView } from "./sphere_view.js";
 
 export const kColours = ["#ff5d5d", "#4fc3f7", "#ffd54f", "#81c784", "#ba68c8", "#ff8a65", "#4db6ac", "#f06292",
   "#aed581", "#9fa8da"];
+const kMask = "#ff00ff";
 const kFeather = 0.12; // of the picture, at its edges, where overlaps are blended
 
 const kVertex = `precision highp float;
@@ -74,6 +75,7 @@ export class HeadsView extends SphereView {
     this.mode = "blend";
     this.chosen = new Set();
     this.marks = [];
+    this.outlines = [];
     const size = { value: [1, 1] };
     this.targets = [0, 1].map(() => new three.WebGLRenderTarget(1, 1));
     this.compare = new three.RawShaderMaterial({
@@ -133,6 +135,18 @@ export class HeadsView extends SphereView {
     this.cubeIsNew = false;
   }
 
+  /// `outlines`: lists of directions, each drawn as one line.
+  setOutlines(outlines) {
+    for (const outline of this.outlines) this.scene.remove(outline);
+    this.outlines = outlines.map((points) => lines(points.slice(1).flatMap((point, k) =>
+      [...points[k], ...point].map((v) => 0.97 * v)), kMask));
+    for (const outline of this.outlines) {
+      outline.renderOrder = 1000;
+      this.scene.add(outline);
+    }
+    this.cubeIsNew = false;
+  }
+
   /// Which heads are drawn, the chosen ones last, so that they are on top.
   arrange(shown, opacity, feather) {
     this.heads.forEach(({ mesh, base, border }, k) => {
@@ -161,14 +175,14 @@ export class HeadsView extends SphereView {
       target.setSize(width, height);
       this.arrange((k) => this.chosen.has(k) === (n === 0), () => 1, 0);
       for (const { border } of this.heads) border.visible = false;
-      for (const mark of this.marks) mark.visible = false;
+      for (const mark of [...this.marks, ...this.outlines]) mark.visible = false;
       this.renderer.setRenderTarget(target);
       this.renderer.setClearAlpha(0);
       super.draw(camera);
     }
     this.renderer.setClearAlpha(background);
     this.renderer.setRenderTarget(null);
-    for (const mark of this.marks) mark.visible = true;
+    for (const mark of [...this.marks, ...this.outlines]) mark.visible = true;
     this.renderer.render(this.compared, this.flatEye);
   }
 }

@@ -1,6 +1,6 @@
 // The page: asks the program what is shown, and connects the camera, the drawing and the controls.
 
-import { Camera } from "./camera.js";
+import { Camera, eyeWords } from "./camera.js";
 import { connectFilm } from "./film_controls.js";
 import { kKeyZoom, listen } from "./input.js";
 import { watchRig } from "./live.js";
@@ -10,6 +10,7 @@ import { SphereView } from "./sphere_view.js";
 const at = (id) => document.getElementById(id);
 const canvas = at("view"), stage = at("stage"), message = at("message"), flat = at("flat");
 const camera = new Camera();
+const kStepOfEye = 0.05; // by key, of the envelope's radius
 let view = null, scene = null, waiting = false, filmKeys = {};
 
 function say(text) {
@@ -40,7 +41,9 @@ function show() {
   const degrees = (value) => `${(Math.round(value * 10) / 10).toFixed(1)}°`;
   at("where").textContent = `yaw ${degrees(camera.yaw)}, pitch ${degrees(camera.pitch)}, ${degrees(camera.fov)} wide`;
   Object.assign(at("where").dataset, { yaw: camera.yaw, pitch: camera.pitch, fov: camera.fov });
-  if (scene.pictures === 1) at("command").textContent = camera.command(scene, scene.envelopes[at("envelope").selectedIndex], view.radius);
+  if (scene.pictures > 1) return;
+  at("command").textContent = isLoose() ? "nodal view has no soup of triangles; choose another shape"
+    : camera.command(scene, scene.envelopes[at("envelope").selectedIndex], view.radius);
 }
 
 function changed() {
@@ -66,12 +69,44 @@ function look() {
   changed();
 }
 
+/// Whether the triangles of the first envelope are shown, each at a distance of its own.
+const isLoose = () => at("envelope").selectedIndex === scene.envelopes.length;
+
+/// Moves the eye inside, or says why it cannot be there: an opaque envelope must be seen from its inner side only.
+async function moveEye(eye) {
+  const moved = eye.some((value) => value !== 0);
+  stage.setAttribute("aria-busy", "true");
+  try {
+    if (moved && isLoose()) throw new Error("Loose triangles fit together from the nodal point only. Choose another shape.");
+    const [x, y, z] = eyeWords(eye).split(",");
+    if (moved) await ask(`eye?envelope=${at("envelope").selectedIndex}&x=${x}&y=${y}&z=${z}`);
+    camera.eye = eye;
+    if (!message.dataset.gone) say("");
+  } catch (error) {
+    say(error.message);
+  }
+  stage.removeAttribute("aria-busy");
+  at("eye").value = eyeWords(camera.eye);
+  changed();
+}
+
+let eyeMoves = Promise.resolve(); // one after another, each from where the one before has ended
+function step(right, up, ahead) {
+  if (camera.side === "outside") return;
+  const length = kStepOfEye * view.radius;
+  stage.setAttribute("aria-busy", "true");
+  eyeMoves = eyeMoves.then(() => moveEye(camera.eyeAfter(right * length, up * length, ahead * length)));
+}
+
 async function setEnvelope() {
   at("stage").setAttribute("aria-busy", "true");
   try {
-    const answer = await ask(`mesh.glb?envelope=${at("envelope").selectedIndex}`);
-    await view.setMesh(await answer.arrayBuffer());
+    const answer = await ask(`mesh.glb?envelope=${isLoose() ? 0 : at("envelope").selectedIndex}`);
+    await view.setMesh(await answer.arrayBuffer(), isLoose());
     if (!message.dataset.gone) say("");
+    const eye = camera.eye;
+    camera.eye = [0, 0, 0];
+    await moveEye(eye);
   } catch (error) {
     say(error.message);
   }
@@ -117,15 +152,23 @@ function fullScreen() {
 
 function connectControls() {
   for (const { title } of scene.envelopes) at("envelope").append(new Option(title));
+  at("envelope").append(new Option("soup of triangles"));
   for (const id of ["side", "projection"]) at(id).addEventListener("change", look);
   at("envelope").addEventListener("change", setEnvelope);
-  const reset = () => camera.reset();
+  const reset = () => { camera.reset(); moveEye(camera.eye); };
+  at("eye").addEventListener("change", () => {
+    const [x, y, z] = at("eye").value.split(",").map(Number);
+    if ([x, y, z].every(Number.isFinite)) moveEye([x, -y, -z]);
+    else say("Give the eye as three numbers: right, down, ahead, such as 0.1,0,0.2.");
+  });
   const button = (id, action) => at(id).addEventListener("click", () => { action(); changed(); });
   button("closer", () => camera.zoom(1 / kKeyZoom));
   button("farther", () => camera.zoom(kKeyZoom));
   button("reset", reset);
   button("full", fullScreen);
   listen(canvas, camera, changed, {
+    w: () => step(0, 0, 1), s: () => step(0, 0, -1), a: () => step(-1, 0, 0), d: () => step(1, 0, 0),
+    r: () => step(0, 1, 0), v: () => step(0, -1, 0),
     Home: reset, i: () => next("side"), p: () => next("projection"), e: () => next("envelope"), f: fullScreen,
     ...filmKeys,
     k: connectPath(camera, at, () => (scene.pictures > 1 ? Number(at("time").dataset.shown) : null)),

@@ -44,3 +44,14 @@ export function split(points, textures) {
   }
   return { points, textures };
 }
+
+/// Moves each triangle along the rays of its corners to 0.7 to 1.3 times its distance, at random but always alike:
+/// a soup of triangles. `points`: nine numbers a triangle.
+export function scatter(points) {
+  let state = 1;
+  for (let at = 0; at < points.length; at += 9) {
+    state = (Math.imul(state, 1664525) + 1013904223) >>> 0; // Numerical Recipes' generator
+    const factor = 0.7 + (0.6 * state) / 2 ** 32;
+    for (let k = 0; k < 9; ++k) points[at + k] *= factor;
+  }
+}

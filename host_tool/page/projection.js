@@ -35,6 +35,14 @@ export function turned([x, y, z], yaw, pitch) {
   return [level[0] * cy - level[2] * sy, level[1], level[0] * sy + level[2] * cy];
 }
 
+/// A vector of the sphere's axes in the camera's.
+export function unturned([x, y, z], yaw, pitch) {
+  const cp = Math.cos(pitch * kDegree), sp = Math.sin(pitch * kDegree);
+  const cy = Math.cos(yaw * kDegree), sy = Math.sin(yaw * kDegree);
+  const level = [x * cy + z * sy, y, -x * sy + z * cy];
+  return [level[0], level[1] * cp + level[2] * sp, -level[1] * sp + level[2] * cp];
+}
+
 /// The yaw and pitch by which a camera's vector becomes `goal`, as near to `pitch` as there is one; where there is
 /// none, the one that comes nearest.
 export function turnTo(vector, goal, pitch) {

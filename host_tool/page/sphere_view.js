@@ -1,7 +1,7 @@
 // Draws the raymap's triangles as the camera sees them, with three.js.
 
 import * as three from "./vendor/viewer.js";
-import { split } from "./mesh_split.js";
+import { scatter, split } from "./mesh_split.js";
 import { projections } from "./projection.js";
 
 // A perspective view is drawn directly. Other projections bend straight lines, so the surroundings of the eye are drawn
@@ -51,7 +51,7 @@ export class SphereView {
     this.whole.add(plane);
     this.flatEye = new three.OrthographicCamera(-1, 1, 1, -1, 0, 1);
     this.cube = null;
-    this.cubeIsNew = false;
+    this.cubeIsNew = false; // as seen from cube.position
   }
 
   get largestPicture() {
@@ -88,12 +88,14 @@ export class SphereView {
     return texture;
   }
 
-  /// `bytes`: a .glb.
-  async setMesh(bytes) {
+  /// `bytes`: a .glb. `loose`: each triangle is moved along its rays to a distance of its own, so that from the nodal
+  /// point nothing changes.
+  async setMesh(bytes, loose = false) {
     const model = await new three.GLTFLoader().parseAsync(bytes, "");
     let geometry = null;
     model.scene.traverse((part) => (geometry ??= part.geometry ?? null));
-    if (geometry.index.count < kFewCorners) geometry = this.smallTriangles(geometry);
+    if (loose) geometry = this.looseTriangles(geometry);
+    else if (geometry.index.count < kFewCorners) geometry = this.smallTriangles(geometry);
     if (this.mesh) {
       this.scene.remove(this.mesh);
       this.mesh.geometry.dispose();
@@ -118,6 +120,12 @@ export class SphereView {
     return made;
   }
 
+  looseTriangles(geometry) {
+    const apart = geometry.toNonIndexed();
+    scatter(apart.getAttribute("position").array);
+    return apart;
+  }
+
   resize(width, height) {
     this.renderer.setPixelRatio(Math.min(2, globalThis.devicePixelRatio || 1));
     this.renderer.setSize(width, height); // also as CSS has it
@@ -128,7 +136,8 @@ export class SphereView {
     const distance = camera.distance * this.radius;
     this.eye.rotation.order = "YXZ";
     this.eye.rotation.set((camera.pitch * Math.PI) / 180, (-camera.yaw * Math.PI) / 180, 0);
-    this.eye.position.set(0, 0, distance).applyEuler(this.eye.rotation);
+    if (distance > 0) this.eye.position.set(0, 0, distance).applyEuler(this.eye.rotation);
+    else this.eye.position.fromArray(camera.eye);
     this.eye.near = this.radius * 0.001;
     this.eye.far = distance + 2 * this.radius;
     if (camera.projection === "perspective") {
@@ -159,7 +168,7 @@ export class SphereView {
       this.cube = new three.CubeCamera(0.001, 100, new three.WebGLCubeRenderTarget(side));
       this.cubeIsNew = false;
     }
-    if (this.cubeIsNew && camera.distance === 0) return;
+    if (this.cubeIsNew && this.cube.position.equals(this.eye.position)) return;
     for (const face of this.cube.children) {
       face.near = this.eye.near;
       face.far = this.eye.far;
@@ -167,6 +176,6 @@ export class SphereView {
     }
     this.cube.position.copy(this.eye.position);
     this.cube.update(this.renderer, this.scene);
-    this.cubeIsNew = camera.distance === 0;
+    this.cubeIsNew = true;
   }
 }

@@ -41,7 +41,7 @@ std::optional<Vector3d> LensRays::ray(const Vector2d& at) const {
 std::optional<Vector2d> LensRays::at(const Vector3d& ray) const {
   const double side = std::hypot(ray.x(), ray.y());
   const std::optional<double> r = radius(std::atan2(side, ray.z()));
-  if (!r) return std::nullopt;
+  if (!r || (side == 0 && ray.z() < 0)) return std::nullopt;
   const double s = side > 0 ? *r / side : 0;
   return Vector2d(s * ray.x() + shared_.shift.x(), s * ray.y() * shared_.aspect + shared_.shift.y());
 }

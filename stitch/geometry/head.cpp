@@ -48,7 +48,11 @@ std::optional<Pixel> Head::project(const Ray& rig_ray) const {
   const double s = std::hypot(d.x(), d.y());
   const std::optional<double> r = lens_.radius(std::atan2(s, d.z()));
   if (!r) return std::nullopt;
-  if (s == 0) return Pixel{calibration_.center_x, calibration_.center_y};
+  if (s == 0) {
+    // Exactly behind the head, a lens that sees so far shows a circle and not a pixel.
+    if (d.z() < 0) return std::nullopt;
+    return Pixel{calibration_.center_x, calibration_.center_y};
+  }
   const double q = *r / s;
   return Pixel{calibration_.center_x + q * d.x(), calibration_.center_y + calibration_.aspect * q * d.y()};
 }
@@ -63,6 +67,7 @@ std::optional<Projection> Head::project_with_jacobian(const Ray& rig_ray) const 
   Eigen::Matrix<double, 2, 3> J;
   double q = slope;
   if (s < 1e-12) {
+    if (d.z() < 0) return std::nullopt;
     J << slope, 0, 0, 0, slope, 0;
   } else {
     // u = q x, v = q y with q = r / s; ds = (x dx + y dy) / s, da = z ds - s dz on the unit sphere.

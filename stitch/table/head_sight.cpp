@@ -20,9 +20,10 @@ std::optional<HeadSight> see(const geometry::Head& head, const TabledLens& lens,
                              double depth_per_px) {
   const double sine = std::sqrt(d.x() * d.x() + d.y() * d.y());
   const std::optional<TabledLens::Radius> r = lens.radius(sine, d.z());
-  if (!r) return std::nullopt;
+  constexpr double kOnAxis = 1e-9;
+  if (!r || (sine <= kOnAxis && d.z() < 0)) return std::nullopt;  // exactly behind it is a circle, not a pixel
   const HeadCalibration& c = head.calibration();
-  const double across = sine > 1e-9 ? r->radius / sine : r->slope;  // its limit on the axis is the slope
+  const double across = sine > kOnAxis ? r->radius / sine : r->slope;  // its limit on the axis is the slope
   const double x = across * d.x();
   const double y = c.aspect * across * d.y();
   HeadSight seen{{c.center_x + x, c.center_y + y}, c.aspect * r->slope * across, 1e30, 1};

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cmath>
 #include <fstream>
 #include <numbers>
@@ -75,6 +76,45 @@ TEST_F(HeadsPage, ADraggedHead_KeepsThePointUnderThePointer) {
   EXPECT_TRUE(arrow.isApprox(Eigen::AngleAxisd(0.1 * kRadians, Eigen::Vector3d::UnitY()).toRotationMatrix(), 1e-9));
   EXPECT_EQ(seen[5]["heads"], before["heads"]) << "both are undone";
   EXPECT_EQ(seen[6], Json::array()) << "axe-core's violations";
+}
+
+TEST_F(HeadsPage, AMaskDrawnByClicks_IsInTheSavedCalibration) {
+  const Json mask{"select", "tool", 5};
+  const std::vector<Json> seen = drive(write_rig(0), {size_,
+                                                      {"open"},
+                                                      {"state"},
+                                                      mask,
+                                                      {"click", 500, 400},
+                                                      {"state"},
+                                                      {"press", "#head0"},
+                                                      {"click", 450, 350},
+                                                      {"click", 550, 350},
+                                                      {"click", 550, 450},
+                                                      {"click", 450, 450},
+                                                      {"shot", "open.png", "page"},
+                                                      {"click", 452, 353},  // near the first corner
+                                                      {"heads"},
+                                                      {"shot", "mask.png", "page"},
+                                                      {"press", "#save"},
+                                                      {"until", "Saved as"},
+                                                      {"axe"}});
+  ASSERT_EQ(seen.size(), 5u);
+  EXPECT_NE(seen[2]["message"].get<std::string>().find("Choose one head"), std::string::npos) << seen[2];
+  ASSERT_EQ(seen[3]["heads"][0]["masks"].size(), 1u);
+  const Json& outline = seen[3]["heads"][0]["masks"][0];
+  const std::array<std::array<double, 2>, 4> corners{{{450, 350}, {550, 350}, {550, 450}, {450, 450}}};
+  ASSERT_EQ(outline.size() % 4, 0u);
+  for (std::size_t k = 0; k < 4; ++k) {
+    const Eigen::Vector3d clicked = ray(seen[1], corners[k][0], corners[k][1]);
+    const Json& is = outline[k * outline.size() / 4];
+    EXPECT_LT((Eigen::Vector3d(is[0], is[1], is[2]) - clicked).norm(), 1e-4) << k;
+  }
+  EXPECT_EQ(seen[4], Json::array()) << "axe-core's violations";
+  std::ifstream file(path("placed.json"));
+  const Calibration placed =
+      parse_calibration(std::string(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>())).value();
+  EXPECT_EQ(placed.heads[0].region.masks.size(), 1u);
+  EXPECT_EQ(placed.heads[0].region.masks.at(0).size(), 4u);
 }
 
 TEST_F(HeadsPage, RegistrationAndSave_FindTheTruth) {

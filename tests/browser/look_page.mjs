@@ -27,7 +27,10 @@ const drawn = () => page.evaluate(() => new Promise((done) =>
 const box = async () => (await page.$("#view")).boundingBox();
 
 const steps = {
-  size: (width, height) => page.setViewport({ width, height, deviceScaleFactor: 1 }),
+  size: async (width, height) => {
+    await page.setViewport({ width, height, deviceScaleFactor: 1 });
+    if (page.url().startsWith("http")) await drawn(); // the page notices its new size a frame later
+  },
   // What graphics there are: "none", or graphics that take pictures of no more than `largest` px.
   graphics: (kind, largest) => page.evaluateOnNewDocument((what, most) => {
     const real = HTMLCanvasElement.prototype.getContext;
@@ -94,6 +97,7 @@ const steps = {
     for (const held of words) await page.keyboard.down(held);
     await page.keyboard.press(last);
     for (const held of words) await page.keyboard.up(held);
+    await page.waitForFunction(() => !document.getElementById("stage").hasAttribute("aria-busy"), { timeout: 60000 });
     await drawn();
   },
   loseGraphics: async () => {

@@ -158,13 +158,13 @@ TEST_F(LookPage, FromOutside_TheSameDragTurnsTheOtherWay) {
 TEST_F(LookPage, EveryEnvelope_LooksTheSameFromTheNodalPoint) {
   write_sphere("sphere.png", 1024);
   Json steps{size_, {"open"}, {"select", "projection", 1}};
-  for (int k = 0; k < 6; ++k) {
+  for (int k = 0; k < 7; ++k) {  // the last is the soup of triangles
     steps.push_back({"select", "envelope", k});
     steps.push_back({"shot", "envelope" + std::to_string(k) + ".png"});
   }
   drive({path("sphere.png"), "--from", "equirectangular"}, steps);
   const DecodedImage sphere = media::read_image(path("envelope0.png"), PixelFormat::kRgb24).value();
-  for (int k = 1; k < 6; ++k) {
+  for (int k = 1; k < 7; ++k) {
     const DecodedImage other =
         media::read_image(path("envelope" + std::to_string(k) + ".png"), PixelFormat::kRgb24).value();
     double sum = 0;
@@ -195,6 +195,27 @@ TEST_F(LookPage, EachProjection_IsTheViewOfNodalView_AlsoOfAnOwnEnvelope) {
   EXPECT_GE(psnr_with_view(seen[3], "projection2.png"), 40);
   EXPECT_NE(seen[4]["command"].get<std::string>().find("own.obj"), std::string::npos);
   EXPECT_GE(psnr_with_view(seen[4], "own.png", 4), 30) << "edges between faces are nearly the same";
+}
+
+TEST_F(LookPage, TheEyeMoves_AsNodalViewHasItAndWithinTheShapeOnly) {
+  write_sphere("sphere.png", 1024);
+  const Json cube{"select", "envelope", 1}, fisheye{"select", "projection", 1}, drag{"drag", 400, 300, 430, 380};
+  const Json ahead{"key", "w"}, left{"key", "a"}, up{"key", "r"}, state{"state"};
+  const Json away{"press", "#name"}, focus{"drag", 400, 300, 400, 300};  // what has the focus has a frame in pictures
+  Json steps{size_, {"open"}, cube, drag, ahead, ahead, left, up, state, away, {"shot", "moved.png"}};
+  for (const Json& step : {fisheye, state, Json{"shot", "moved_fisheye.png"}, focus}) steps.push_back(step);
+  for (int k = 0; k < 40; ++k) steps.push_back(left);
+  for (const Json& step : {state, Json{"select", "envelope", 6}, state, focus, Json{"key", "Home"}, state}) {
+    steps.push_back(step);
+  }
+  const std::vector<Json> seen = drive({path("sphere.png"), "--from", "equirectangular"}, steps);
+  ASSERT_EQ(seen.size(), 6u);
+  EXPECT_NE(seen[1]["command"].get<std::string>().find("--eye"), std::string::npos);
+  EXPECT_GE(psnr_with_view(seen[1], "moved.png"), 40) << seen[1];
+  EXPECT_GE(psnr_with_view(seen[2], "moved_fisheye.png"), 38) << "by way of a cube around the eye";
+  EXPECT_NE(seen[3]["message"].get<std::string>().find("outside of the shape"), std::string::npos) << seen[3];
+  EXPECT_NE(seen[4]["message"].get<std::string>().find("Loose triangles"), std::string::npos) << seen[4];
+  EXPECT_EQ(seen[5]["message"], "");
 }
 
 TEST_F(LookPage, KeysWheelAndPinch_TurnAndZoom) {

@@ -62,8 +62,10 @@ class FisheyeLayout final : public RaymapLayout {
     const double sign = back ? -1 : 1, side = std::hypot(ray.x(), ray.y());
     const double angle = std::atan2(side, sign * ray.z());
     if (angle > max_angle_) return std::nullopt;
-    const double scale = side > 0 ? angle * density_ / side : 0;
     const Pixel middle = middle_of(back);
+    // Straight behind a picture of 360 degrees is its whole rim.
+    if (side == 0 && angle > 0) return Pixel{middle.x + angle * density_, middle.y};
+    const double scale = side > 0 ? angle * density_ / side : 0;
     return Pixel{middle.x + sign * ray.x() * scale, middle.y + ray.y() * scale};
   }
 

@@ -55,6 +55,34 @@ TEST_F(LookedAt, APngOrJpegInSrgb_IsGivenAsItIs) {
   EXPECT_EQ(scene["flat"], "");
 }
 
+TEST_F(LookedAt, AnEye_MayBeWhereItSeesInnerSidesOnly) {
+  // A cube with a hollow in one face: an eye beside the hollow sees one of its sides from behind.
+  const std::string dented =
+      "v -1 1 -1\nv 1 1 -1\nv 1 1 1\nv -1 1 1\nv -1 -1 -1\nv 1 -1 -1\nv 1 -1 1\nv -1 -1 1\nv 0 -0.3 0\n"
+      "f 1 2 3 4\nf 1 5 6 2\nf 2 6 7 3\nf 3 7 8 4\nf 4 8 5 1\nf 5 9 6\nf 6 9 7\nf 7 9 8\nf 8 9 5\n";
+  std::vector<NamedEnvelope> envelopes = usual_envelopes();
+  const Result<geometry::Envelope> own = geometry::Envelope::from_obj(dented);
+  ASSERT_TRUE(own) << own.error().message;
+  envelopes.push_back({"own", "own.obj", *own});
+  const auto sphere = Sphere::read({write_png("a.png", 64, 32), "equirectangular", envelopes, 1}).value();
+  const auto eye = [&](int envelope, const std::string& x, const std::string& y, const std::string& z) {
+    return sphere->answer({"eye", {{"envelope", std::to_string(envelope)}, {"x", x}, {"y", y}, {"z", z}}});
+  };
+  const auto text = [](const Answer& answer) { return std::string(answer.body->begin(), answer.body->end()); };
+  EXPECT_EQ(eye(0, "0.5", "-0.5", "0.5").status, 200U) << "0.87 from the centre of a sphere of radius 1";
+  EXPECT_EQ(eye(0, "0.6", "-0.6", "0.6").status, 409U) << "1.04 from it";
+  EXPECT_EQ(eye(6, "0", "0.5", "0").status, 200U);
+  // Planes of the hollow's faces: through (0, -0.3, 0), with a slope of 0.7. At x, the kernel is above -0.3 + 0.7 x.
+  EXPECT_EQ(eye(6, "0.1", "-0.2", "0").status, 200U);
+  EXPECT_EQ(eye(6, "0.1", "-0.25", "0").status, 409U);
+  const Answer hidden = eye(6, "0.95", "-0.8", "0");
+  EXPECT_EQ(hidden.status, 409U);
+  EXPECT_NE(text(hidden).find("face of line"), std::string::npos) << text(hidden);
+  for (const char* wrong : {"nan", "inf", "1e7", "", "0,1"}) EXPECT_EQ(eye(0, wrong, "0", "0").status, 400U) << wrong;
+  EXPECT_EQ(eye(7, "0", "0", "0").status, 400U);
+  EXPECT_EQ(sphere->answer({"eye", {{"envelope", "0"}}}).status, 400U);
+}
+
 TEST_F(LookedAt, TheFileVanishes_NothingChanges) {
   const std::string png = write_png("a.png", 256, 128);
   const auto sphere = read(png, "equirectangular");

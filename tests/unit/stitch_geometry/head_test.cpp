@@ -56,6 +56,19 @@ TEST(Head, RayBehindAFisheye_FallsWhereItsAngleSays) {
   EXPECT_NEAR(pixel->y, 233.9, 1e-10);
 }
 
+/// A lens that sees so far shows this direction as a circle, of which no pixel is more right than another; its centre
+/// shows the opposite direction.
+TEST(Head, RayExactlyBehindAFisheye_FallsNowhere) {
+  HeadCalibration calibration = head_with(EquidistantLens{{100}});
+  calibration.R_head_rig = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  const Head head = head_of(calibration);
+  EXPECT_FALSE(head.project(Ray::towards(0, 0, -1)));
+  EXPECT_FALSE(head.project_with_jacobian(Ray::towards(0, 0, -1)));
+  ASSERT_TRUE(head.project(Ray::towards(1e-6, 0, -1)));
+  EXPECT_NEAR(head.project(Ray::towards(1e-6, 0, -1))->x, 362.3 + 100 * kPi, 1e-3);
+  EXPECT_EQ(head.project(Ray::towards(0, 0, 1))->x, 362.3);
+}
+
 RC_GTEST_PROP(EveryHead, UnprojectOfProject_IsTheRay, ()) {
   for (const auto& [name, model] : every_kind_of_lens()) {
     const Head head = head_of(head_with(model));

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "stitch/table/head_sight.h"
+
 namespace nodal::table {
 namespace {
 
@@ -43,6 +45,21 @@ TEST(TabledLens, EveryModelOverItsWholeDomain_IsTheLensItself) {
       }
     }
   }
+}
+
+TEST(TabledLens, ExactlyBehindAFisheye_AHeadSeesNothing) {
+  HeadCalibration calibration;
+  calibration.name = "head";
+  calibration.width = calibration.height = 200;
+  calibration.center_x = calibration.center_y = 100;
+  calibration.region = {0, 0, 200, 200, {}};
+  calibration.lens = EquidistantLens{{100}};  // sees every direction, the last one as a circle
+  calibration.R_head_rig = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  const geometry::Head head = geometry::Head::make(calibration).value();
+  const TabledLens tabled(head.lens(), 3.2);
+  EXPECT_TRUE(see(head, tabled, {0, 0, 1}, 0.1));
+  EXPECT_FALSE(see(head, tabled, {0, 0, -1}, 0.1));
+  EXPECT_FALSE(see(head, tabled, {1e-12, 0, -1}, 0.1));
 }
 
 }  // namespace
