@@ -45,12 +45,12 @@ TEST_F(FilmsWithSound, CamerasThatWereStartedOneByOne_TheirTimesAreHeard) {
   for (std::size_t h = 1; h < begins.size(); ++h) {
     EXPECT_NEAR(said(run.err, h), 1.0 - std::stod(begins[h]), 5e-4) << run.err;
   }
-  const Json told = Json::parse(nodal(stitch_json("told.mkv", how)).out);
+  const Json times = Json::parse(nodal(stitch_json("times.mkv", how)).out);
   for (std::size_t h = 1; h < begins.size(); ++h) {
-    EXPECT_NEAR(told["heads"][h]["offset_s"], 1.0 - std::stod(begins[h]), 5e-4);
-    EXPECT_EQ(told["heads"][h]["by"], "sound");
-    EXPECT_GT(told["heads"][h]["sigma_ms"], 0.01);
-    EXPECT_LE(told["heads"][h]["farthest_ms"], 50.1);
+    EXPECT_NEAR(times["heads"][h]["offset_s"], 1.0 - std::stod(begins[h]), 5e-4);
+    EXPECT_EQ(times["heads"][h]["by"], "sound");
+    EXPECT_GT(times["heads"][h]["sigma_ms"], 0.01);
+    EXPECT_LE(times["heads"][h]["farthest_ms"], 50.1);
   }
   // A head whose time is given is not asked.
   Words given = how;
