@@ -75,6 +75,27 @@ TEST_F(FilmsWithSound, SoundThatTellsNoTime_IsRefusedWithWhatToDo) {
   expect_good(stitch("begin.mkv", {"--width", "128", "--times", "begin"}));
 }
 
+TEST_F(FilmsWithSound, ClockThatRunsFaster_ItsSoundLastsAsLongAsThePicture) {
+  // Bursts at 0.5, 1.5, ... 10.5 s of the first head's clock, which runs 0.5 % fast.
+  write_heard("aevalsrc='0.8*sin(6283*t)*lt(mod(t+0.5,1),0.002)':s=48000:d=16", {"0", "0", "0", "0", "0", "0"});
+  const Words how{"--codec", "ffv1",    "--seams", "fixed",    "--width",
+                  "128",     "--times", "begin",   "--offset", name_of(0) + "=0,5000"};
+  expect_good(stitch("s.mkv", how));
+  ffmpeg({"-i", path("s.mkv"), "-map", "0:a:0", "-ac", "1", "-f", "s16le", path("pcm")});
+  const std::string pcm = read("pcm");
+  std::vector<double> bursts;
+  for (std::size_t k = 0; 2 * k + 1 < pcm.size(); ++k) {
+    const auto level = static_cast<std::int16_t>(static_cast<std::uint8_t>(pcm[2 * k]) |
+                                                 static_cast<std::uint8_t>(pcm[2 * k + 1]) << 8);
+    const double time = static_cast<double>(k) / 48000;
+    if (std::abs(level) > 8000 && (bursts.empty() || time > bursts.back() + 0.5)) bursts.push_back(time);
+  }
+  ASSERT_GE(bursts.size(), 11u);
+  for (std::size_t k = 1; k < 11; ++k) {
+    EXPECT_NEAR(bursts[k] - bursts[0], static_cast<double>(k) / 1.005, 0.3e-3) << k;
+  }
+}
+
 /// A town that is turned: frames of 160 px by ffmpeg's v360, which shares no code with Nodal.
 class FilmsInMotion : public FilmsWithSound {
  protected:
