@@ -124,8 +124,9 @@ std::string why_left_out(const autocalibration::Misfit& misfit, const std::vecto
                        files[misfit.other], file);
   }
   return fmt::format(
-      "it seems to be cropped, or taken with another zoom: its focal length is about {:.2g} times that of {}; "
-      "give whole pictures of one zoom",
+      "it seems to be cropped, a panorama already, or taken with another zoom: its focal length is about {:.2g} times "
+      "that of {}; "
+      "give whole photographs of one zoom",
       misfit.focal_ratio, files[misfit.other]);
 }
 

@@ -156,8 +156,9 @@ void HtmlReport::paragraph(std::string_view text) { body_ += "<p>" + html_escape
 void HtmlReport::warning(std::string_view text) { body_ += "<p class=\"warning\">" + html_escaped(text) + "</p>\n"; }
 
 void HtmlReport::table(const std::vector<std::string>& titles, const std::vector<std::vector<std::string>>& rows) {
-  body_ += "<div class=\"table\"><table><tr>";
-  for (const std::string& title : titles) body_ += "<th>" + html_escaped(title) + "</th>";
+  // A table that is wider than the window is scrolled, by keys, too.
+  body_ += "<div class=\"table\" tabindex=\"0\"><table><tr>";
+  for (const std::string& title : titles) body_ += title.empty() ? "<td></td>" : "<th>" + html_escaped(title) + "</th>";
   body_ += "</tr>\n";
   for (const auto& row : rows) {
     body_ += "<tr>";

@@ -138,6 +138,18 @@ void add_advice(const StitchedSphere& sphere, HtmlReport& page) {
       "The seams count at the size of this sphere: in a smaller one (--width) the same jump is smaller, too.");
 }
 
+std::string capitalized(std::string text) {
+  if (!text.empty() && text.front() >= 'a' && text.front() <= 'z') text.front() = static_cast<char>(text.front() - 32);
+  return text;
+}
+
+/// A note as a sentence: with a capital letter, if it does not begin with a name.
+std::string sentence(const std::string& note) {
+  const std::string word = note.substr(0, note.find(' '));
+  const bool plain = std::ranges::all_of(word, [](char c) { return c >= 'a' && c <= 'z'; });
+  return (plain ? capitalized(note) : note) + '.';
+}
+
 void add_table(const StitchedSphere& sphere, HtmlReport& page) {
   std::vector<std::vector<std::string>> rows;
   for (const SeamCheck& seam : sphere.verdict.seams) {
@@ -161,15 +173,17 @@ void add_table(const StitchedSphere& sphere, HtmlReport& page) {
 }  // namespace
 
 HtmlReport stitch_report(const StitchedSphere& sphere) {
-  HtmlReport page(fmt::format("Sphere of {} pictures", sphere.heads.size()), sphere.verdict.sentence);
-  for (const std::string& note : sphere.notes) page.warning(note);
+  HtmlReport page(fmt::format("Sphere of {} pictures", sphere.heads.size()),
+                  capitalized(sphere.verdict.sentence) + ".");
   const Pictures pictures(sphere);
   if (std::vector<std::uint8_t> picture = pictures.of(whole(sphere)); !picture.empty()) {
-    page.sphere(picture, "the sphere", part_of(sphere));
+    page.sphere(picture, "The sphere", part_of(sphere));
   }
   add_crops(sphere, pictures, page);
   add_advice(sphere, page);
-  if (!sphere.confidence.empty()) page.paragraph(sphere.confidence + ".");
+  if (!sphere.confidence.empty() || !sphere.notes.empty()) page.heading("What was found");
+  if (!sphere.confidence.empty()) page.paragraph(capitalized(sphere.confidence) + ".");
+  for (const std::string& note : sphere.notes) page.warning(sentence(note));
   add_table(sphere, page);
   return page;
 }

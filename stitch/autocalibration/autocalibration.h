@@ -44,7 +44,7 @@ struct Found {
   UpBasis up = UpBasis::kLight;  ///< what decided which way is up
   LensEvidence lens;             ///< at which radii the points determine the lens
   double unit_px = 1;            ///< unit of the radii in `lens`, original pixels of the first placed picture
-  std::vector<Misfit> misfits;   ///< of the pictures that are not placed; indices of pictures
+  std::vector<Misfit> misfits;   ///< why pictures are not placed; indices of pictures
   std::vector<Match> points;     ///< matches that agree; heads are indices into `placed`
 };
 

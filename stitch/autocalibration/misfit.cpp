@@ -22,7 +22,7 @@ constexpr double kClearly = 2;              // times as many matches agree as wi
 constexpr double kRatioStep = 1.04;         // ratio of focal lengths that are tried one after the other
 constexpr double kMaxRatio = 5;             // features are hardly found again at a larger one
 constexpr double kMinRatio = 1.2;           // smaller ones may be an inexact lens
-constexpr std::size_t kPairFeatures = 500;  // of each picture, to choose the pairs that are compared
+constexpr std::size_t kPairFeatures = 500;  // by which the pairs that are compared are chosen
 constexpr std::size_t kComparedPairs = 3;   // pairs that are compared for each picture
 constexpr std::size_t kMaxUnplaced = 8;     // pictures that are looked at, if some are placed
 

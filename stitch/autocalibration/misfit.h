@@ -18,8 +18,7 @@ namespace nodal::autocalibration {
 struct Misfit {
   enum class Cause : std::uint8_t { kMirrored, kFocal } cause = Cause::kMirrored;
   std::size_t picture = 0, other = 0;
-  double focal_ratio =
-      1;  ///< kFocal: the focal length of `picture`, in units of its radius, divided by that of `other`
+  double focal_ratio = 1;  ///< kFocal: focal length of `picture`, units of its radius, divided by that of `other`
 };
 
 /// Everything that the search reads; all must outlive it.
@@ -31,12 +30,12 @@ struct MisfitSearch {
   const parallel::Workers& workers;
 };
 
-/// Compares pictures that could not be placed with those that could, by the lens of the latter. At most one misfit for a
-/// picture.
+/// Compares pictures that could not be placed with those that could, by the lens of the latter. At most one misfit for
+/// a picture.
 std::vector<Misfit> misfits_of(const MisfitSearch& search, const Arrangement& arrangement);
 
-/// The first pair of pictures that would fit if one of them were mirrored or had another focal length, for pictures none
-/// of which could be placed. At most kMaxCompared pictures are compared.
+/// The first pair of pictures that would fit if one of them were mirrored or had another focal length, if no picture
+/// could be placed. At most kMaxCompared pictures are compared.
 std::optional<Misfit> first_misfit(const MisfitSearch& search);
 
 inline constexpr std::size_t kMaxCompared = 20;

@@ -18,7 +18,9 @@ using Eigen::Vector3d;
 // Largest difference between a head's angle to the ring's axis and that of the ring.
 constexpr double kFlat = 3 * kRadiansPerDegree;
 constexpr double kAlongAxis = 30 * kRadiansPerDegree;  // a head that is closer to the axis does not belong to the ring
-constexpr double kSameAxis = 10 * kRadiansPerDegree;   // two rings whose axes differ by less have the same axis
+// Sine of the largest pitch of a ring's heads: pictures of an arc are on a steep cone by chance.
+constexpr double kSteepest = 0.65;
+constexpr double kSameAxis = 10 * kRadiansPerDegree;  // two rings whose axes differ by less have the same axis
 constexpr double kOneSided = 0.4;     // largest length of the mean axis of a ring's heads, across the ring's axis
 constexpr double kOnTheirSide = 0.3;  // mean upward component below which pictures lie on their side
 constexpr double kRollSigma = 5;      // degrees, of how heads are held
@@ -76,6 +78,7 @@ std::optional<Vector3d> ring_up(const std::vector<HeldHead>& heads, const Vector
   const auto consider = [&](const Vector3d& normal, const HeldHead& one, bool cone) {
     if (normal.norm() < std::sin(kFlat)) return;
     const Vector3d axis = normal.normalized();
+    if (cone && std::abs(one.forward.dot(axis)) > kSteepest) return;
     const std::vector<std::size_t> members = on_cone(heads, axis, cone ? one.forward.dot(axis) : 0);
     if (members.size() < (cone ? 4U : 3U) || !is_ring(heads, members, axis)) return;
     rings.push_back({fitted_axis(heads, members, cone, axis), members.size()});

@@ -29,12 +29,17 @@ std::vector<PageDriver::Json> PageDriver::drive(Words words, const Json& steps) 
   EXPECT_TRUE(test::wait_until([&] { return look.said().find("/\n") != std::string::npos; })) << look.complained();
   std::string link = look.said();
   link.resize(std::min(link.size(), link.find('\n')));
-  const Finished driver =
-      Process({"node", NODAL_SOURCE_DIR "/tests/browser/look_page.mjs", link, folder_.path().string(), steps.dump()})
-          .wait(std::chrono::seconds(180));
-  EXPECT_EQ(driver.code, 0) << driver.err;
+  std::vector<Json> printed = run_script({"look_page.mjs", link, folder_.path().string(), steps.dump()});
   look.signal(SIGINT);
   EXPECT_EQ(look.wait().code, 0) << "Ctrl-C is its usual end";
+  return printed;
+}
+
+std::vector<PageDriver::Json> PageDriver::run_script(Words words) const {
+  words.front() = NODAL_SOURCE_DIR "/tests/browser/" + words.front();
+  words.insert(words.begin(), "node");
+  const Finished driver = Process(words).wait(std::chrono::seconds(180));
+  EXPECT_EQ(driver.code, 0) << driver.err;
   std::vector<Json> printed;
   std::istringstream lines(driver.out);
   for (std::string line; std::getline(lines, line);) printed.push_back(Json::parse(line));

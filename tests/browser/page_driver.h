@@ -23,6 +23,8 @@ class PageDriver : public testing::Test {
   static test::Finished nodal(Words words);
   /// What the steps print, of a page that `nodal look WORDS` shows.
   std::vector<Json> drive(Words words, const Json& steps) const;
+  /// What a script of this folder prints, a JSON document a line.
+  std::vector<Json> run_script(Words words) const;
   /// Copies screenshots to NODAL_KEEP_SHOTS.
   void keep_shots() const;
 

@@ -226,7 +226,7 @@ TEST_F(FirstSession, EveryCommandOfTheTutorial_WorksInItsOrder) {
   const std::size_t picture = page.find(";base64,");
   ASSERT_NE(picture, std::string::npos);
   const std::size_t word = page.find("<p class=\"summary\">") + std::string("<p class=\"summary\">").size();
-  EXPECT_TRUE(page.substr(word, 4) == "good" || page.substr(word, 6) == "usable" || page.substr(word, 7) == "look at")
+  EXPECT_TRUE(page.substr(word, 4) == "Good" || page.substr(word, 6) == "Usable" || page.substr(word, 7) == "Look at")
       << page.substr(word, 80);
   EXPECT_LT(word, picture);
   EXPECT_LT(picture, page.find("<summary>How the pictures were registered</summary>"))

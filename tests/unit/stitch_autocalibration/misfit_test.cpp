@@ -1,5 +1,5 @@
-// Pictures that would fit if they were mirrored or had another focal length: five heads that look to the right, one after
-// the other.
+// Pictures that would fit if they were mirrored or had another focal length: five heads that look to the right, one
+// after the other.
 #include "stitch/autocalibration/misfit.h"
 
 #include <gtest/gtest.h>

@@ -54,6 +54,13 @@ TEST(RingUp, AHeadLooksUpAndTheOthersLookABitDown_TheAxisOfTheCone) {
   EXPECT_LT(off_deg(*up, kTilt * kUp), 0.1);
 }
 
+TEST(RingUp, ASteepCone_IsNoRing) {
+  std::vector<HeldHead> heads;
+  for (int k = 0; k < 5; ++k) heads.push_back(looking(72.0 * k, 50, 0));
+  for (int k = 0; k < 3; ++k) heads.push_back(looking(120.0 * k, 70, 0));
+  EXPECT_FALSE(ring_up(turned(heads, kTilt), {0, 0, 1}));
+}
+
 TEST(RingUp, PicturesOnTheirSide_TheLightTellsWhichEndOfTheAxisIsUp) {
   std::vector<HeldHead> heads;
   for (int k = 0; k < 6; ++k) heads.push_back(looking(60.0 * k, 0, 90));
