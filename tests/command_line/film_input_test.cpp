@@ -163,10 +163,11 @@ TEST_F(FilmInput, WhatKilledRunsLeft_IsRemovedAndNothingElseIs) {
 TEST_F(FilmInput, DecoderThatWantsAllMemory_IsStoppedByItsLimit) {
   write_films(4, ".mp4", kH264);
   std::filesystem::create_directories(path("bin"));
-  // Address space of 64 GB, which no machine needs to have: only the limit refuses it.
+  // Address space of 64 GB, without memory behind it: only the limit refuses it.
   write("bin/ffmpeg",
         "#!/bin/sh\ncase \"$*\" in *pipe:1*)\n"
-        "  python3 -c 'import mmap; mmap.mmap(-1, 64 << 30)' 2>/dev/null || { echo no memory >&2; exit 9; };;\nesac\n"
+        "  python3 -c 'from mmap import *; mmap(-1, 64 << 30, MAP_PRIVATE | MAP_ANONYMOUS, PROT_READ)' 2>/dev/null || "
+        "{ echo no memory >&2; exit 9; };;\nesac\n"
         "exec /usr/bin/ffmpeg \"$@\"\n");
   std::filesystem::permissions(path("bin/ffmpeg"), std::filesystem::perms::all);
   environment_["NODAL_CONFINE"] = "off";  // the stand-in is a script
