@@ -38,7 +38,7 @@ struct FilmRequest {
   bool one_file = false;           ///< all heads are tracks of one file, which `films` repeats
   std::vector<HeadTime> times;     ///< heads that are not named have no offset, or `times_by` finds it
   std::string times_by = "auto";   ///< or "begin", or sources: how other heads' times are found
-  double readout_s = 0;            ///< of the heads' sensors, for flashes; 0: not known
+  double readout_s = 0;            ///< readout of the heads' sensors, used for flashes; 0: not known
   RaymapConfig raymap;             ///< the pixel format is chosen by the plan
   std::optional<Codec> codec;
   int quality = -1;
@@ -55,7 +55,7 @@ struct PlannedHead {
   FilmFile film;                    ///< with one time only, of its first frame
   std::vector<std::int64_t> times;  ///< the time of the head's frame for every frame of the result
   double farthest_s = 0;            ///< how far that is from the wanted instant, at most
-  HeadTime clock{};                 ///< for reports
+  HeadTime clock{};                 ///< as reports show it
 };
 
 struct PlannedSound {

@@ -22,7 +22,7 @@ namespace {
 constexpr double kPerPpm = 1e6;  // millionths of one
 constexpr double kReach = 60;    // s; cameras that people start one by one. More costs time, and finds more by chance
 constexpr double kContainerReach = 12;  // s: four sigma of the times in files, which cameras' owners set by hand
-constexpr std::size_t kAllPairs = 4;    // of more heads, each is compared with the next two
+constexpr std::size_t kAllPairs = 4;    // with more heads, each is compared with the next two
 
 using GoOn = std::function<bool(const std::string&, double)>;
 using timing::Source;
@@ -32,7 +32,7 @@ struct HeadEvidence {
   std::optional<timing::SoundTrack> sound;
   std::optional<timing::Rotation> rotation;
   std::optional<timing::Brightness> brightness;
-  bool gyro = false;  ///< that is what `rotation` is from
+  bool gyro = false;  ///< whether `rotation` comes from a gyro
 };
 
 /// GoPro's telemetry has no time for each sample, only for each second's payload, in ms, and the payloads are not

@@ -15,7 +15,7 @@ namespace nodal::film {
 struct ClockSources {
   bool sound = true;
   bool gyro = true;
-  bool rotation = true;  ///< of the pictures
+  bool rotation = true;  ///< rotation of the pictures is used
   bool flash = true;
   /// Whether the user named them. Otherwise pictures are decoded only where sound and gyro do not decide, and a result
   /// that is far from the times in the files is refused.

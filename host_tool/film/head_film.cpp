@@ -29,8 +29,9 @@ std::vector<std::string> decoder_words(const FilmFile& film, std::optional<doubl
   return words;
 }
 
-/// Libraries, stacks and arenas of threads, and 64 pictures: H.264 and H.265 keep up to 16 for reference, and each thread
-/// has its own. A file that makes the decoder want more is refused by its own words instead of taking all memory.
+/// Libraries, stacks and arenas of threads, and 64 pictures: H.264 and H.265 keep up to 16 for reference, and each
+/// thread has its own. A file that makes the decoder want more is refused by its own words instead of taking all
+/// memory.
 std::uint64_t decoder_memory(const FilmFile& film) {
   constexpr std::uint64_t kOwn = std::uint64_t{3} << 30, kPictures = 64, kLargestSample = 8;  // bytes a pixel
   const auto pixels = static_cast<std::uint64_t>(film.width) * static_cast<std::uint64_t>(film.height);

@@ -18,7 +18,7 @@ namespace nodal::film {
 namespace {
 
 constexpr int kSmallSide = 160;                   // px: the longer side
-constexpr std::size_t kMaxBands = 64;             // of rows, for flashes
+constexpr std::size_t kMaxBands = 64;             // bands of rows in which flashes are looked for
 constexpr std::size_t kMaxTelemetry = 128 << 20;  // bytes; GoPro writes 10 to 20 kB a second
 
 /// The words of a decoder of small grey pictures, from `from_s` after the file's start on.

@@ -28,7 +28,7 @@ class Whitener {
   Fourier fourier_;
   std::vector<double> window_;
   std::vector<float> waiting_;  // samples of frames to come; the first frame begins half a frame before the sound
-  std::vector<float> sum_;      // of the two frames that cover each sample
+  std::vector<float> sum_;      // sum of the two frames that cover each sample
   std::vector<float> ready_;
   std::int64_t added_ = 0, given_ = 0;
   bool first_ = true;

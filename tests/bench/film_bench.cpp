@@ -19,7 +19,7 @@ namespace nodal::bench {
 namespace {
 
 constexpr int kOwnFrames = 8;  // frames that are rendered; longer films go back and forth through them
-constexpr double kTurn = 0.3 * std::numbers::pi / 180;  // of the rig, from frame to frame
+constexpr double kTurn = 0.3 * std::numbers::pi / 180;  // rotation of the rig from frame to frame
 
 /// Two fisheyes of 200 degrees, back to back, into 5760x2880 I420: what 360-degree cameras have.
 Workload two() {
@@ -114,8 +114,8 @@ double processor() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-/// Processor seconds a frame of the blend alone, as `nodal stitch` blends films: pictures and raymap in memory. The lower
-/// quartile of many.
+/// Processor seconds a frame of the blend alone, as `nodal stitch` blends films: pictures and raymap in memory. The
+/// lower quartile of many.
 double blend_seconds(const Workload& work, int threads) {
   film::FilmPlan plan;
   plan.calibration = work.rig;

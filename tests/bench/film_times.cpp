@@ -28,7 +28,7 @@ struct Film {
   double seconds = 30;
   std::string sound{};               ///< kind of sound
   std::string motion{};              ///< kind of motion
-  std::vector<SoundTrack> tracks{};  ///< of no samples: no sound
+  std::vector<SoundTrack> tracks{};  ///< a track without samples: no sound
   std::vector<Rotation> rotations{};
   std::vector<Brightness> brightness{};  ///< empty: no flashes
 };
