@@ -251,7 +251,8 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
   const std::vector<std::string>& files = options.files.empty() ? names : options.files;
   const MisfitSearch search{pictures, shapes, small, sight, workers};
   if (!arrangement) {
-    const std::optional<Misfit> misfit = first_misfit(search);
+    // What repeats, such as tiles, also fits its mirror image, and itself at another scale.
+    const std::optional<Misfit> misfit = repetition.prevails() ? std::nullopt : first_misfit(search);
     if (misfit) return fail(not_fitting(*misfit, files));
     return fail(with_advice(arrangement.error(), repetition, fisheyes));
   }
@@ -271,7 +272,7 @@ Result<Found> autocalibrate(const std::vector<DecodedImage>& pictures, const std
   if (!found.placed.empty()) found.unit_px = shapes[found.placed.front()].unit();
   add_points(*arrangement, found);
   add_doubtful(*arrangement, overlaps, found);
-  if (found.placed.size() < count) found.misfits = misfits_of(search, *arrangement);
+  if (found.placed.size() < count && !repetition.prevails()) found.misfits = misfits_of(search, *arrangement);
   NODAL_TRY(check_calibration(found.calibration));
   NODAL_TRY(turn_upright(small, options.up, found));
   tell(1);

@@ -57,6 +57,13 @@ SharedLens changed(SharedLens lens, int unknown, double by) {
   return lens;
 }
 
+TEST(LensRays, ExactlyBehindALensThatSeesSoFar_IsNowhere) {
+  const LensRays lens = *LensRays::make({family_lens(Family::kEquidistant)});
+  ASSERT_TRUE(lens.at({1e-6, 0, -1}));
+  EXPECT_FALSE(lens.at({0, 0, -1}));
+  EXPECT_TRUE(lens.at({0, 0, 1}));
+}
+
 TEST(LensRays, Slopes_AreThoseOfDifferences) {
   constexpr double kStep = 1e-6;
   const LensRays lens = *LensRays::make(odd_lens());

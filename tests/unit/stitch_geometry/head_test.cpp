@@ -8,6 +8,7 @@
 
 #include "examples.h"
 #include "protocol/base/angles.h"
+#include "stitch/geometry/raymap/fisheye_picture.h"
 
 namespace nodal::geometry {
 namespace {
@@ -67,6 +68,14 @@ TEST(Head, RayExactlyBehindAFisheye_FallsNowhere) {
   ASSERT_TRUE(head.project(Ray::towards(1e-6, 0, -1)));
   EXPECT_NEAR(head.project(Ray::towards(1e-6, 0, -1))->x, 362.3 + 100 * kPi, 1e-3);
   EXPECT_EQ(head.project(Ray::towards(0, 0, 1))->x, 362.3);
+}
+
+TEST(FisheyePicture, RayExactlyBehindOneOf360Degrees_IsOnItsRim) {
+  const auto layout = FisheyePicture{false, 360}.layout({200, 200});
+  const std::optional<Pixel> behind = layout->pixel(Ray::towards(0, 0, -1));
+  ASSERT_TRUE(behind);
+  EXPECT_NEAR(std::hypot(behind->x - 100, behind->y - 100), 100, 1e-9);
+  EXPECT_NEAR(layout->pixel(Ray::towards(0, 0, 1))->x, 100, 1e-9);
 }
 
 RC_GTEST_PROP(EveryHead, UnprojectOfProject_IsTheRay, ()) {
