@@ -21,7 +21,7 @@ namespace nodal::firmware {
 using Command = std::variant<CaptureCommand, CalibrationCommand, TakeCommand>;
 enum class CommandStage : std::uint8_t { kCapture, kKeeper, kTakes };
 
-/// A kind of command, whoever gives it.
+/// What holds for all commands of one type: of hosts, of the button, and of the rig itself.
 struct CommandKind {
   std::string_view name;  ///< name in nodal.proto and in the audit log
   CommandStage stage = CommandStage::kCapture;

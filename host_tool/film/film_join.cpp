@@ -194,9 +194,12 @@ Status join(const FilmPlan& plan, const PartsFolder& parts, const std::string& o
 }
 
 void remove_parts(const PartsFolder& parts) {
-  const auto is_own = [](const std::string& name) {
-    return name == "plan.json" || name.starts_with("plan.json.part-") ||
-           (name.starts_with("seg-") && name.size() > 9 && name[9] == '.') ||
+  const auto is_segment = [](const std::string& name) {  // "seg-00012.", and then more
+    const std::size_t end = name.starts_with("seg-") ? name.find_first_not_of("0123456789", 4) : std::string::npos;
+    return end != std::string::npos && end >= 9 && name[end] == '.';
+  };
+  const auto is_own = [&](const std::string& name) {
+    return name == "plan.json" || name.starts_with("plan.json.part-") || is_segment(name) ||
            (name.starts_with("join-") && name.find(".ffconcat") != std::string::npos);
   };
   std::error_code error;

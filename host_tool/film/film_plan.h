@@ -25,7 +25,7 @@ struct HeadTime {
   double ppm = 0;
   double sigma_s = 0;    ///< standard deviation over the film, where the clock was found
   double ppm_sigma = 0;  ///< the rate's
-  std::string by{};      ///< what it was found in: "sound and rotation", "--offset", "reference"; empty: assumed
+  std::string by{};      ///< "sound and rotation", "--offset" or "reference": what it was found in; empty: assumed
 };
 
 /// "cam3=-0.0417" or "cam3=1.25,43". Errors: kBadValue.
@@ -55,7 +55,7 @@ struct PlannedHead {
   FilmFile film;                    ///< with one time only, of its first frame
   std::vector<std::int64_t> times;  ///< the time of the head's frame for every frame of the result
   double farthest_s = 0;            ///< how far that is from the wanted instant, at most
-  HeadTime clock{};                 ///< as reports show it
+  HeadTime clock{};                 ///< offset and rate of the head's clock, with their errors
 };
 
 struct PlannedSound {
@@ -82,7 +82,7 @@ struct FilmPlan {
   std::vector<PlannedHead> heads;
   std::optional<PlannedSound> sound;
   std::uint64_t frames = 0;
-  double times_residual_s = 0;      ///< what is left between pairs of heads, root mean square
+  double times_residual_s = 0;      ///< difference between the lags of pairs of heads and the result, root mean square
   std::vector<PlannedSeams> seams;  ///< ordered by frame; empty: the calibration's own seams
   std::string id;                   ///< hash of the plan; set by id_of() or read_plan()
 

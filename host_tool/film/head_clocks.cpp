@@ -280,8 +280,8 @@ Result<HeadClocks> find_clocks(const Programs& programs, const std::vector<FilmF
                                 head.ppm_sigma, head.sources));
   }
   if (found.residual > 0) {
-    notes.push_back(
-        fmt::format("what is left between pairs of heads: {:.2f} ms (root mean square)", 1000 * found.residual));
+    notes.push_back(fmt::format("the times of pairs of heads differ from these by {:.2f} ms (root mean square)",
+                                1000 * found.residual));
   }
   return clocks;
 }

@@ -27,7 +27,7 @@ Result<ClockSources> parse_clock_sources(const std::string& text);
 
 struct HeadClocks {
   std::vector<HeadTime> times;  ///< one for each head
-  double residual_s = 0;        ///< root mean square of what is left between pairs of heads; 0 without loops
+  double residual_s = 0;        ///< root mean square of how far the times of pairs differ from these; 0 without loops
 };
 
 /// The heads' times against the first head's: those of `given` as they are, all others from the sources, solved

@@ -8,8 +8,7 @@
 
 namespace nodal::film {
 
-/// 16 bits a sample: 72 MB an hour. Samples are -1 .. 1; 0 stays 0, which is how silence is told, and nothing else
-/// becomes 0.
+/// 16 bits a sample: 72 MB an hour. Samples are -1 .. 1; 0 stays 0 and means silence; nothing else becomes 0.
 ///
 /// Threading: as SoundStore.
 /// Errors: kDiskFull, kIo, naming the folder.

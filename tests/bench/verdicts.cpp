@@ -31,7 +31,7 @@ constexpr int kKinds = 5;  // rigs
 
 struct Planted {
   std::string fault;
-  Calibration claimed;  ///< what the blend believes
+  Calibration claimed;  ///< the calibration that the blend uses
   test::RenderedRig rig;
   test::Room room;
   bands::Grid raymap;

@@ -1,20 +1,10 @@
 // Drives the page of `nodal look` in headless Chromium:  node look_page.mjs LINK FOLDER STEPS
 // STEPS is a list as JSON; each step is a list of a name and its arguments. What "state", "axe" and "requests" find is
 // printed as one JSON document a line. Pictures go into FOLDER.
-import { createRequire } from "node:module";
-import { readFileSync } from "node:fs";
 import { join } from "node:path";
+import { axe, browser, drawn as drawnBy } from "./chromium.mjs";
 
 const [link, folder, stepsText] = process.argv.slice(2);
-const modules = join(import.meta.dirname, "../../build/browser/node_modules/");
-const require = createRequire(modules);
-const puppeteer = require("puppeteer-core");
-const axe = readFileSync(join(modules, "axe-core/axe.min.js"), "utf8");
-
-const browser = await puppeteer.launch({
-  executablePath: "/usr/bin/chromium",
-  args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars"],
-});
 const page = await browser.newPage();
 const requests = [], errors = [];
 page.on("request", (request) => requests.push(request.url()));
@@ -22,8 +12,7 @@ page.on("console", (line) => { if (line.type() === "error") errors.push(line.tex
 page.on("pageerror", (error) => errors.push(String(error)));
 
 const print = (document) => console.log(JSON.stringify(document));
-const drawn = () => page.evaluate(() => new Promise((done) =>
-  requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done, 0)))));
+const drawn = () => drawnBy(page);
 const box = async () => (await page.$("#view")).boundingBox();
 
 const steps = {

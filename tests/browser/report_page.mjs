@@ -2,21 +2,11 @@
 // For each width of the window, prints as one JSON document: how far the page is wider than the window, axe-core's
 // violations (all details open), whether the sphere turns when it is dragged, and the pictures that the page shows.
 // Pictures of the page go into FOLDER.
-import { createRequire } from "node:module";
-import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { pathToFileURL } from "node:url";
+import { axe, browser, drawn as drawnBy } from "./chromium.mjs";
 
 const [file, folder, ...widths] = process.argv.slice(2);
-const modules = join(import.meta.dirname, "../../build/browser/node_modules/");
-const require = createRequire(modules);
-const puppeteer = require("puppeteer-core");
-const axe = readFileSync(join(modules, "axe-core/axe.min.js"), "utf8");
-
-const browser = await puppeteer.launch({
-  executablePath: "/usr/bin/chromium",
-  args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars"],
-});
 
 async function look(width, scheme) {
   const page = await browser.newPage();
@@ -28,8 +18,7 @@ async function look(width, scheme) {
   await page.setViewport({ width, height: 900, deviceScaleFactor: 1 });
   await page.goto(pathToFileURL(file).href);
   await page.waitForSelector("figure.sphere[data-ready] canvas", { timeout: 60000 });
-  const drawn = () => page.evaluate(() => new Promise((done) =>
-    requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done, 0)))));
+  const drawn = () => drawnBy(page);
   const canvas = await page.$("figure.sphere canvas");
   const shot = async (name) => {
     await drawn();

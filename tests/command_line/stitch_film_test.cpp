@@ -221,9 +221,10 @@ TEST_F(Films, AFolderOfPartsThatHoldsSomethingElse_KeepsIt) {
   write_films(4, ".mkv", kLossless);
   std::filesystem::create_directories(path("s.mkv.parts/seg-notes"));
   write("s.mkv.parts/notes.txt", "mine");
+  write("s.mkv.parts/seg-notes.txt", "mine");
   expect_good(stitch("s.mkv", {"--codec", "ffv1", "--seams", "fixed", "--width", "128"}));
   EXPECT_EQ(read("s.mkv.parts/notes.txt"), "mine");
-  EXPECT_EQ(parts("s.mkv"), (std::vector<std::string>{"notes.txt", "seg-notes"}));
+  EXPECT_EQ(parts("s.mkv"), (std::vector<std::string>{"notes.txt", "seg-notes", "seg-notes.txt"}));
 }
 
 }  // namespace
