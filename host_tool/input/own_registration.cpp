@@ -21,12 +21,6 @@ constexpr int kRefinedWidth = 2048;  // used for the result
 // A start that is right may have a slightly smaller objective, at the width of trials, than what follows from it.
 constexpr double kTriedSlack = 1.1;
 
-/// Every head's pixel aspect plus `by`.
-Calibration with_aspect(Calibration rig, double by) {
-  for (HeadCalibration& head : rig.heads) head.aspect += by;
-  return rig;
-}
-
 /// The attempts that together register one set of pictures.
 class Attempts {
  public:
@@ -63,7 +57,6 @@ class Attempts {
     return good(other) && other->objective_after < slack * than.objective_after;
   }
   Report with_best_model(Report best);
-  Report with_best_aspect(Report best, Free free);
 
  private:
   Result<Report> run(const Calibration& from, Free free, bool geometry, int width, double share,
@@ -75,6 +68,7 @@ class Attempts {
     registration::Options options;
     options.colour = lit.colour;
     options.free = free;
+    options.aspect = rig_.calibration.heads.front().aspect != 1;
     options.geometry = geometry;
     options.search = false;
     options.diagnose = false;  // the points agree, so the pictures are the right way round
@@ -103,21 +97,6 @@ Report Attempts::with_best_model(Report best) {
   return better(other, best) ? std::move(*other) : best;
 }
 
-// Registration does not estimate the pixels' aspect: it is the vertex of a parabola through three of them.
-Report Attempts::with_best_aspect(Report best, Free free) {
-  for (const double step : {0.003, 0.001}) {
-    const auto at = [&](double by) { return fine(with_aspect(best.calibration, by), free); };
-    const Result<Report> less = at(-step), more = at(step);
-    if (!less || !more) break;
-    const double slope = (more->objective_after - less->objective_after) / (2 * step);
-    const double curvature = (more->objective_after + less->objective_after - 2 * best.objective_after) / (step * step);
-    if (!(curvature > 0)) break;
-    Result<Report> lowest = at(std::clamp(-slope / curvature, -2 * step, 2 * step));
-    if (better(lowest, best)) best = std::move(*lowest);
-  }
-  return best;
-}
-
 }  // namespace
 
 Result<Report> refined(const RigPictures& rig, const OwnProgress& progress) {
@@ -127,7 +106,6 @@ Result<Report> refined(const RigPictures& rig, const OwnProgress& progress) {
   NODAL_TRY_ASSIGN(std::vector<double> points, autocalibration::point_errors(rig.calibration, *rig.match->points));
   Attempts attempts(rig, lit, std::move(points), progress);
   NODAL_TRY_ASSIGN(Report light, attempts.light());
-  const bool anamorphic = rig.calibration.heads.front().aspect != 1;
   std::optional<Report> best;
   Free chosen = Free::kLens;
   for (const Free free : {Free::kLens, Free::kFocals, Free::kRotations}) {
@@ -148,7 +126,6 @@ Result<Report> refined(const RigPictures& rig, const OwnProgress& progress) {
   }
   if (!best) return light;
   if (chosen == Free::kLens) best = attempts.with_best_model(std::move(*best));
-  if (anamorphic) best = attempts.with_best_aspect(std::move(*best), chosen);
   Result<Report> colour = attempts.in_colour(best->calibration, chosen);
   if (attempts.good(colour)) best = std::move(*colour);
   return std::move(*best);

@@ -8,6 +8,11 @@
 #include "stitch/geometry/rotation.h"
 
 namespace nodal::registration {
+namespace {
+
+constexpr double kMaxAspectStep = 0.02;  // far from the minimum a step may be much too large
+
+}  // namespace
 
 Slots slots_of(const Sought& sought, int radials) {
   Slots slots;
@@ -23,6 +28,7 @@ Slots slots_of(const Sought& sought, int radials) {
     slots.radial = take(radials);
     slots.radials = radials;
   }
+  if (sought.aspect) slots.aspect = take(1);
   if (sought.nearness) slots.nearness = take(1);
   if (sought.gain) {
     slots.gain = take(sought.channels);
@@ -96,6 +102,7 @@ HeadCalibration HeadState::into(HeadCalibration prior) const {
   prior.lens = lens;
   prior.center_x = center_x;
   prior.center_y = center_y;
+  prior.aspect = aspect;
   for (std::size_t c = 0; c < 3; ++c) prior.gain[c] = std::exp(log_gain[c]);
   prior.vignetting = {center_x + vignetting_x, center_y + vignetting_y, vignetting_radius, vignetting};
   return prior;
@@ -132,6 +139,7 @@ HeadState moved(const HeadState& head, const Slots& slots, const Eigen::VectorXd
     next.center_x += step[slots.center];
     next.center_y += step[slots.center + 1];
   }
+  if (slots.aspect >= 0) next.aspect += std::clamp(step[slots.aspect], -kMaxAspectStep, kMaxAspectStep);
   if (slots.nearness >= 0) next.nearness = std::max(0.0, head.nearness + step[slots.nearness]);
   for (int c = 0; c < 3 && slots.gain >= 0; ++c) {
     next.log_gain[static_cast<std::size_t>(c)] += step[slots.gain + std::min(c, slots.gains - 1)];

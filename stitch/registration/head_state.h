@@ -16,7 +16,7 @@
 
 namespace nodal::registration {
 
-inline constexpr int kMaxSlots = 16;
+inline constexpr int kMaxSlots = 17;
 inline constexpr int kVignettingTerms = 2;  ///< estimated terms; the third keeps its prior value
 
 /// The index of each estimated parameter of a head among the kernel's derivatives; -1: not estimated.
@@ -26,6 +26,7 @@ struct Slots {
   int center = -1;    ///< two, px
   int radial = -1;
   int radials = 0;
+  int aspect = -1;    ///< shared by all heads
   int nearness = -1;  ///< shared by all heads, 1/m
   int gain = -1;      ///< log, one per channel
   int gains = 0;
@@ -35,7 +36,7 @@ struct Slots {
 
 /// The parameters that are currently estimated.
 struct Sought {
-  bool rotation = true, focal = false, lens = false, nearness = false, gain = true, vignetting = true;
+  bool rotation = true, focal = false, lens = false, aspect = false, nearness = false, gain = true, vignetting = true;
   int channels = 1;
 };
 Slots slots_of(const Sought& sought, int radials);
@@ -45,13 +46,13 @@ struct HeadState {
   Eigen::Quaterniond q_head_rig{1, 0, 0, 0};
   LensModel lens;
   double center_x = 0, center_y = 0;
+  double aspect = 1;    ///< height of a pixel's picture over its width, as in HeadCalibration
   double nearness = 0;  ///< 1 / Calibration::distance, 1/m; equal for all heads
   std::array<double, 3> log_gain{};
   std::array<double, 3> vignetting{};
 
   // Constant.
-  Eigen::Vector3d position{0, 0, 0};  ///< m, in the rig frame
-  double aspect = 1;
+  Eigen::Vector3d position{0, 0, 0};          ///< m, in the rig frame
   double max_angle = 0;                       ///< the calibration's; 0: none
   double vignetting_x = 0, vignetting_y = 0;  ///< from the lens's centre
   double vignetting_radius = 1;

@@ -34,6 +34,7 @@ LevelPlan plan_level(int level, int width, double per_radian, const Options& opt
     plan.focal = plan.lens = true;
     plan.share_lens = level >= 2;
   }
+  plan.aspect = options.aspect && level <= 1;
   plan.share_lens = plan.share_lens || options.one_lens;
   plan.curvature = level <= 1 ? Curvature::kCommon : Curvature::kOwn;
   plan.most_iterations = level == 0 ? 15 : 12;
@@ -85,6 +86,7 @@ std::vector<LevelPlan> plan_levels(const std::vector<HeadState>& heads, const Op
   LevelPlan& finest = plans.back();
   finest.focal = options.free != Free::kRotations;
   finest.lens = options.free == Free::kLens;
+  finest.aspect = options.aspect;
   finest.share_lens = options.one_lens;
   finest.curvature = Curvature::kCommon;
   finest.turn_rad = 0.001 / per_radian;

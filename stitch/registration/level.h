@@ -17,7 +17,7 @@ struct LevelPlan {
   int level = 0;         ///< level of the pyramid
   double sigma_px = 0;   ///< standard deviation of the blur, in the level's pixels
   double margin_px = 0;  ///< distance kept from the region's edge, in the level's pixels
-  bool focal = false, lens = false;
+  bool focal = false, lens = false, aspect = false;
   bool share_lens = false;  ///< one lens is estimated for all heads
   Curvature curvature = Curvature::kOwn;
   int most_iterations = 10;

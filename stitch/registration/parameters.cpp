@@ -6,7 +6,7 @@
 namespace nodal::registration {
 namespace {
 
-// Soft priors of lenses: of focal lengths, relative; of centres and radial terms, relative to the radius of the edge.
+// Soft priors of lenses: of focal lengths and the pixels' aspect, relative; of centres and radial terms, relative to the radius of the edge.
 constexpr double kLensSigma = 0.005;
 
 // Collects the columns of B: each is a list of (row, factor).
@@ -79,6 +79,7 @@ Parameters::Parameters(const std::vector<HeadState>& heads, const Sought& sought
   };
   const auto focal = [](const Slots& slots) { return slots.focal; };
   const auto radial = [](const Slots& slots) { return slots.radial; };
+  const auto aspect = [](const Slots& slots) { return slots.aspect; };
   const auto nearness = [](const Slots& slots) { return slots.nearness; };
   const auto gain = [](const Slots& slots) { return slots.gain; };
   const auto vignetting = [](const Slots& slots) { return slots.vignetting; };
@@ -97,6 +98,7 @@ Parameters::Parameters(const std::vector<HeadState>& heads, const Sought& sought
     add_shared(basis, rows(focal, 0, held.geometry));
     for (int k = 0; k < slots_.front().radials; ++k) add_shared(basis, rows(radial, k, held.geometry));
   }
+  add_shared(basis, rows(aspect, 0, held.geometry));
   add_shared(basis, rows(nearness, 0, std::vector<bool>(heads.size(), false)));
   for (int c = 0; c < slots_.front().gains; ++c) {
     const std::vector<int> all = rows(gain, c, held.light);
@@ -134,6 +136,7 @@ std::vector<bool> Parameters::part_of(const Sought& sought) const {
       leave_out(slots.center, 2);
       leave_out(slots.radial, slots.radials);
     }
+    if (!sought.aspect) leave_out(slots.aspect, 1);
     if (!sought.nearness) leave_out(slots.nearness, 1);
   }
   return part;
@@ -144,6 +147,7 @@ Eigen::MatrixXd Parameters::lens_weights(const std::vector<HeadState>& heads) co
   for (std::size_t h = 0; h < heads.size(); ++h) {
     const Eigen::Index row = static_cast<Eigen::Index>(h) * stride_;
     const double px = 1 / std::pow(kLensSigma * heads[h].edge_radius, 2);
+    if (slots_[h].aspect >= 0) weights[row + slots_[h].aspect] = 1 / (kLensSigma * kLensSigma);
     if (slots_[h].focal >= 0) weights[row + slots_[h].focal] = 1 / (kLensSigma * kLensSigma);
     if (slots_[h].center >= 0) weights.segment<2>(row + slots_[h].center).setConstant(px);
     if (slots_[h].radial >= 0) weights.segment(row + slots_[h].radial, slots_[h].radials).setConstant(px);

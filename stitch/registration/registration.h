@@ -54,6 +54,8 @@ struct Options {
   Free free = Free::kRotations;
   /// False: rotations and lenses are fixed, and `free` has no effect; only gains and fall-off are estimated.
   bool geometry = true;
+  /// Estimates the pixels' aspect, too, one change for all heads. Where it is 1, as in most cameras, leave it so.
+  bool aspect = false;
   /// Estimates Calibration::distance, too: where the pictures of heads with positions meet.
   bool distance = false;
   Norm norm = Norm::kSum;

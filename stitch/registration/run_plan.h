@@ -24,6 +24,7 @@ inline Sought sought_of(const LevelPlan& plan, const Options& options) {
   sought.rotation = options.geometry;
   sought.focal = plan.focal && options.geometry;
   sought.lens = plan.lens && options.geometry;
+  sought.aspect = plan.aspect && options.geometry;
   sought.nearness = options.distance && options.geometry;
   sought.gain = options.gains;
   sought.vignetting = options.vignetting != VignettingModel::kFixed;

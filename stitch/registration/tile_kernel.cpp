@@ -195,9 +195,15 @@ NODAL_INLINE void by_geometry(const HeadSight& head, const Slots& slots, const T
     }
   }
   if (slots.nearness >= 0) by_nearness(head, in, gu, gv, J[slots.nearness]);
+  // The fall-off moves with the centre and the aspect, so its part of the gradient is subtracted again.
+  const float per_aspect = 1 / head.aspect;
+  if (slots.aspect >= 0) {
+    float* __restrict j = J[slots.aspect];
+    for (int i = 0; i < kTile; ++i) {
+      j[i] = (gv[i] * per_aspect + in.light[i] * in.dlog_dv[i]) * in.q[i] * in.y[i];
+    }
+  }
   if (slots.center >= 0) {
-    // The fall-off moves with the centre, so its part of the gradient is subtracted again.
-    const float per_aspect = 1 / head.aspect;
     float* __restrict ju = J[slots.center];
     float* __restrict jv = J[slots.center + 1];
     for (int i = 0; i < kTile; ++i) {

@@ -8,29 +8,42 @@
 namespace nodal::registration {
 namespace {
 
-// Adds lanes in a fixed tree, so that every register width adds in the same order.
-inline double sum_lanes(const float* lanes) {
-  float s[kLanes];
-  for (int i = 0; i < kLanes; ++i) s[i] = lanes[i];
-  for (int width = kLanes / 2; width > 0; width /= 2) {
-    for (int i = 0; i < width; ++i) s[i] += s[i + width];
+// Adds lanes in a fixed tree, so that every register width adds in the same order. Rows are added side by side.
+template <int kRows>
+[[gnu::always_inline]] inline void sum_rows(float (*__restrict lanes)[kLanes], float* __restrict sums) {
+  static_assert(kLanes == 16);
+  for (int r = 0; r < kRows; ++r) {
+    for (int i = 0; i < 8; ++i) lanes[r][i] += lanes[r][i + 8];
+    for (int i = 0; i < 4; ++i) lanes[r][i] += lanes[r][i + 4];
   }
-  return static_cast<double>(s[0]);
+  for (int r = 0; r < kRows; ++r) sums[r] = (lanes[r][0] + lanes[r][2]) + (lanes[r][1] + lanes[r][3]);
+}
+
+[[gnu::always_inline]] inline double sum_lanes(float* lanes) {
+  float sum = 0;
+  sum_rows<1>(reinterpret_cast<float(*)[kLanes]>(lanes), &sum);
+  return static_cast<double>(sum);
 }
 
 }  // namespace
 
 NODAL_WIDE
 void add_block(Rows A, int Ka, Rows B, int Kb, const float* weight, int stride, double* block) {
+  constexpr int kRows = 4;
   alignas(64) float weighted[kTile];
   for (int k = 0; k < Ka; ++k) {
     for (int i = 0; i < kTile; ++i) weighted[i] = weight[i] * A[k][i];
-    for (int m = 0; m < Kb; ++m) {
-      alignas(64) float lanes[kLanes] = {};
-      for (int i = 0; i < kTile; i += kLanes) {
-        for (int l = 0; l < kLanes; ++l) lanes[l] += weighted[i + l] * B[m][i + l];
+    for (int first = 0; first < Kb; first += kRows) {
+      // The last rows may be those of no slot; their sums are not used.
+      alignas(64) float lanes[kRows][kLanes] = {};
+      float sums[kRows];
+      for (int r = 0; r < kRows && first + r < Kb; ++r) {
+        for (int i = 0; i < kTile; i += kLanes) {
+          for (int l = 0; l < kLanes; ++l) lanes[r][l] += weighted[i + l] * B[first + r][i + l];
+        }
       }
-      block[k * stride + m] += sum_lanes(lanes);
+      sum_rows<kRows>(lanes, sums);
+      for (int r = 0; r < kRows && first + r < Kb; ++r) block[k * stride + first + r] += static_cast<double>(sums[r]);
     }
   }
 }

@@ -101,7 +101,7 @@ TEST(Kernel, EveryLens_ProjectsWhereDoublePrecisionGeometryDoes) {
 TEST(Kernel, EverySoughtNumberOfEveryLens_DerivativeIsTheFiniteDifference) {
   const std::vector<float> picture = smooth_picture();
   Sought all;
-  all.focal = all.lens = true;
+  all.focal = all.lens = all.aspect = true;
   for (const HeadCalibration& calibration : every_lens()) {
     const Tile tile = rays_of(*geometry::Head::make(calibration));
     const HeadState state = *HeadState::from(calibration);
@@ -120,8 +120,8 @@ TEST(Kernel, EverySoughtNumberOfEveryLens_DerivativeIsTheFiniteDifference) {
     differentiate(seen.sight, slots, 0, *here);
     for (int k = 0; k < slots.count; ++k) {
       // A step that moves the picture by half a pixel, or changes its light by a percent.
-      const bool turn = k < slots.focal, focal = k == slots.focal, light = k >= slots.gain;
-      const double step = turn ? 1e-3 : focal ? 2e-3 : light ? 0.01 : 0.5;
+      const bool turn = k < slots.focal, ratio = k == slots.focal || k == slots.aspect, light = k >= slots.gain;
+      const double step = turn ? 1e-3 : ratio ? 2e-3 : light ? 0.01 : 0.5;
       Eigen::VectorXd by = Eigen::VectorXd::Zero(slots.count);
       by[k] = step;
       const auto above = light_at(moved(state, slots, by)), below = light_at(moved(state, slots, -by));
@@ -141,7 +141,7 @@ TEST(Kernel, EverySoughtNumberOfEveryLens_DerivativeIsTheFiniteDifference) {
 TEST(Kernel, TwoHeadsWithOnePictureEach_OthersGradientIsTheOwnWhenTheyStandAlike) {
   const std::vector<float> picture = smooth_picture();
   Sought all;
-  all.focal = all.lens = true;
+  all.focal = all.lens = all.aspect = true;
   for (const HeadCalibration& calibration : every_lens()) {
     const Tile tile = rays_of(*geometry::Head::make(calibration));
     const HeadState state = *HeadState::from(calibration);

@@ -114,6 +114,22 @@ TEST(Register, FocalsTooWrong_BothAreFound) {
   }
 }
 
+TEST(Register, PixelsThatAreNotSquare_OneAspectIsFoundForAllHeads) {
+  Calibration prior = test::turned(plain_prior(town().truth), 1, 3, 3);
+  for (HeadCalibration& head : prior.heads) head.aspect = 1.006;  // the truth's is 1
+  Options options;
+  options.aspect = true;
+  const Result<Report> report = register_heads(prior, {town().frames()}, options);
+  ASSERT_TRUE(report) << report.error().text();
+  EXPECT_LT(test::rotation_error(town().truth, report->calibration).rms_deg, 0.02 * kRegisterPixelDeg);
+  for (const HeadCalibration& head : report->calibration.heads) EXPECT_NEAR(head.aspect, 1, 2e-4);
+  options.aspect = false;
+  const Result<Report> held = register_heads(prior, {town().frames()}, options);
+  ASSERT_TRUE(held) << held.error().text();
+  EXPECT_EQ(held->calibration.heads.front().aspect, 1.006);
+  EXPECT_LT(report->objective_after, 0.5 * held->objective_after);
+}
+
 TEST(Register, EveryLayoutAndNorm_FindsTheRigAndTheResultDependsOnTheLayoutABit) {
   const Calibration prior = test::turned(plain_prior(town().truth), 1, 3, 4);
   std::vector<Calibration> found;
