@@ -1,17 +1,20 @@
 # nodal_test(NAME SOURCES a.cpp ... SEES module ... PACKAGES package ... LABELS label ...
-#            [TIMEOUT seconds] [SERIAL])
+#            [TIMEOUT seconds] [SERIAL] [CAMPAIGN Suite.Test ...])
 #
 # Defines a GoogleTest program; each of its tests is a separate ctest. LABELS gives its kind (unit, conformance, scenario,
 # crash, data, tidy, ...): `ninja tests_unit` builds and `ctest -L unit` runs all tests of a kind. Unit tests get the label
 # board, too, and run again on a board's processor, unless they have the label host (tests/README.md says which do). Tests
 # may include the modules that SEES names. NODAL_SOURCE_DIR is the checkout, NODAL_SHARED_DIR the test data beside it,
 # which may be absent.
+# CAMPAIGN names tests that take long and whose subject a shorter test has, too (GoogleTest's patterns). They get the label
+# campaign, too, and run by `tests/run --campaigns`. Tests of fixed point have the label exact, and always run on a
+# board's processor.
 find_package(GTest REQUIRED)
 include(GoogleTest)
 nodal_package(rapidcheck rapidcheck)
 
 function(nodal_test name)
-  cmake_parse_arguments(ARG "SERIAL" "TIMEOUT" "SOURCES;SEES;PACKAGES;LABELS" ${ARGN})
+  cmake_parse_arguments(ARG "SERIAL" "TIMEOUT" "SOURCES;SEES;PACKAGES;LABELS;CAMPAIGN" ${ARGN})
   set(test test_${name})
   add_executable(${test} ${ARG_SOURCES})
   if(NODAL_UNITY)
@@ -59,5 +62,13 @@ function(nodal_test name)
     endif()
     add_dependencies(tests_${label} ${test})
   endforeach()
-  gtest_discover_tests(${test} TEST_PREFIX "${name}/" PROPERTIES ${properties} DISCOVERY_TIMEOUT 60)
+  set(discover ${test} TEST_PREFIX "${name}/" DISCOVERY_TIMEOUT 60)
+  if(ARG_CAMPAIGN)
+    list(JOIN ARG_CAMPAIGN ":" campaign)
+    gtest_discover_tests(${discover} TEST_LIST ${test}_campaign TEST_FILTER "${campaign}"
+      PROPERTIES ${properties} LABELS "${labels} campaign")
+    gtest_discover_tests(${discover} TEST_FILTER "-${campaign}" PROPERTIES ${properties})
+  else()
+    gtest_discover_tests(${discover} PROPERTIES ${properties})
+  endif()
 endfunction()

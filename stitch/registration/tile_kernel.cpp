@@ -199,9 +199,7 @@ NODAL_INLINE void by_geometry(const HeadSight& head, const Slots& slots, const T
   const float per_aspect = 1 / head.aspect;
   if (slots.aspect >= 0) {
     float* __restrict j = J[slots.aspect];
-    for (int i = 0; i < kTile; ++i) {
-      j[i] = (gv[i] * per_aspect + in.light[i] * in.dlog_dv[i]) * in.q[i] * in.y[i];
-    }
+    for (int i = 0; i < kTile; ++i) j[i] = (gv[i] * per_aspect + in.light[i] * in.dlog_dv[i]) * in.q[i] * in.y[i];
   }
   if (slots.center >= 0) {
     float* __restrict ju = J[slots.center];
