@@ -6,8 +6,8 @@
 namespace nodal::registration {
 namespace {
 
-// Soft priors of lenses: of focal lengths and the pixels' aspect, relative; of centres and radial terms, relative to the
-// radius of the edge.
+// Soft priors of lenses: of focal lengths and the pixels' aspect, relative; of centres and radial terms, relative to
+// the radius of the edge.
 constexpr double kLensSigma = 0.005;
 
 // Collects the columns of B: each is a list of (row, factor).
