@@ -35,10 +35,7 @@ class Sight {
   /// Whether a head sees the point, in pixels of the raymap.
   bool sees(double x, double y) const {
     const geometry::Ray ray = geometry::Ray::at({(x / size_.width - 0.5) * 2 * kPi, (y / size_.height - 0.5) * kPi});
-    return std::ranges::any_of(heads_, [&](const geometry::Head& head) {
-      const auto at = head.project(ray);
-      return at && head.contains(*at);
-    });
+    return std::ranges::any_of(heads_, [&](const geometry::Head& head) { return head.pixel_of(ray).has_value(); });
   }
   bool sees_in_row(int y, int left, int width) const {
     for (int x = left; x < left + width; ++x)

@@ -41,9 +41,8 @@ Patch sampled(const SeenBy& by, const Plane& plane, double step, int half, std::
   Patch patch{half, {}};
   for (int y = -half; y <= half; ++y) {
     for (int x = -half; x <= half; ++x) {
-      const std::optional<geometry::Pixel> pixel = by.head.project(plane.ray(x * step, y * step));
-      const std::optional<float> value =
-          pixel && by.head.contains(*pixel) ? by.picture.at(*pixel, level) : std::nullopt;
+      const std::optional<geometry::Pixel> pixel = by.head.pixel_of(plane.ray(x * step, y * step));
+      const std::optional<float> value = pixel ? by.picture.at(*pixel, level) : std::nullopt;
       patch.values.push_back(value.value_or(std::nanf("")));
     }
   }
@@ -179,8 +178,8 @@ std::optional<Found> find_again(const SeenBy& from, const geometry::Pixel& pixel
   }
   if (!look(0, 2) || drop < kMinDrop)
     return std::nullopt;  // once more from there, so that the parabola is about its top
-  const std::optional<geometry::Pixel> place = to.head.project(geometry::Ray::towards(now));
-  if (!place || !to.head.contains(*place)) return std::nullopt;
+  const std::optional<geometry::Pixel> place = to.head.pixel_of(geometry::Ray::towards(now));
+  if (!place) return std::nullopt;
   return Found{*place, best.value};
 }
 

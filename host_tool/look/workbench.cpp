@@ -235,8 +235,8 @@ Answer Workbench::seen(const Wanted& wanted) const {
   const geometry::Ray ray = geometry::Ray::towards(*x, -*y, -*z);
   Json all = Json::array();
   for (std::size_t k = 0; k < heads_.size(); ++k) {
-    const std::optional<geometry::Pixel> pixel = heads_[k].project(ray);
-    if (!pixel || !heads_[k].contains(*pixel)) continue;
+    const std::optional<geometry::Pixel> pixel = heads_[k].pixel_of(ray);
+    if (!pixel) continue;
     all.push_back({{"head", k}, {"x", pixel->x}, {"y", pixel->y}, {"edge_px", heads_[k].distance_to_edge(*pixel)}});
   }
   return document(all);

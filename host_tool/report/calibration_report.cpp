@@ -73,10 +73,7 @@ Result<CalibrationReport> report_on(const Calibration& calibration) {
   std::int64_t seen_by = 0;
   for (int i = 0; i < kRays; ++i) {
     const Ray ray = even_ray(i);
-    const auto count = std::ranges::count_if(heads, [&](const Head& head) {
-      const std::optional<Pixel> pixel = head.project(ray);
-      return pixel && head.contains(*pixel);
-    });
+    const auto count = std::ranges::count_if(heads, [&](const Head& head) { return head.pixel_of(ray).has_value(); });
     seen_by += count;
     twice += count >= 2;
     unseen += count == 0;

@@ -15,18 +15,6 @@ using geometry::Head;
 using geometry::Pixel;
 using geometry::Ray;
 
-/// The largest angle between a head's axis and a ray of its region.
-double reach_of(const Head& head) {
-  const HeadCalibration& c = head.calibration();
-  double radius = 0;
-  for (const double x : {c.region.left, c.region.right}) {
-    for (const double y : {c.region.top, c.region.bottom}) {
-      radius = std::max(radius, std::hypot(x - c.center_x, (y - c.center_y) / c.aspect));
-    }
-  }
-  return head.lens().angle(std::min(radius, head.lens().max_radius())).value_or(head.lens().max_angle());
-}
-
 double value(const ImageView& image, int x, int y) {
   const auto component = [&](std::size_t c) {
     const PlaneView& plane = image.planes[c];
@@ -69,8 +57,6 @@ PicturedHeads::PicturedHeads(std::vector<Head> heads, const registration::FrameS
         return 255 * std::clamp(geometry::encode(heads_.front().calibration().response, root * root), 0.0, 1.0);
       }) {
   for (const Head& head : heads_) {
-    axes_.push_back(head.axis());
-    cos_reach_.push_back(std::cos(reach_of(head)) - 1e-9);
     decode_.emplace_back([&](double level) { return 255 * geometry::decode(head.calibration().response, level); });
   }
 }
@@ -81,9 +67,7 @@ Result<PicturedHeads> PicturedHeads::make(const Calibration& calibration, const 
 }
 
 std::optional<Pixel> PicturedHeads::pixel(std::size_t head, const Ray& ray) const {
-  if (axes_[head].direction().dot(heads_[head].seen_from_here(ray.direction())) < cos_reach_[head]) return std::nullopt;
-  const auto at = heads_[head].project(ray);
-  return at && heads_[head].contains(*at) ? at : std::nullopt;
+  return heads_[head].pixel_of(ray);
 }
 
 std::optional<double> PicturedHeads::light(std::size_t head, const Ray& ray) const {

@@ -51,8 +51,6 @@ class PicturedHeads {
 
   std::vector<geometry::Head> heads_;
   const registration::FrameSet& frames_;
-  std::vector<geometry::Ray> axes_;  ///< the heads' axes in the rig frame
-  std::vector<double> cos_reach_;    ///< rays with a smaller cosine to the axis are outside the region
   std::vector<Curve> decode_;
   Curve encode_;  ///< takes the square root of light, which resolves dark values like the encoded ones
 };

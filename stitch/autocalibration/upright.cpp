@@ -195,8 +195,7 @@ bool all_around(const std::vector<Edge>& edges, const std::vector<geometry::Head
     const double turn = (2 * (static_cast<double>(s) + 0.5) / kSectors - 1) * std::numbers::pi;
     const Vector3d level = std::sin(turn) * side + std::cos(turn) * other;
     const bool is_seen = std::ranges::any_of(heads, [&](const geometry::Head& head) {
-      const auto at = head.project(geometry::Ray::towards(level.x(), level.y(), level.z()));
-      return at && head.contains(*at);
+      return head.pixel_of(geometry::Ray::towards(level.x(), level.y(), level.z())).has_value();
     });
     if (is_seen) ++seen;
     if (vertical[s] > kFew + kOften * near * all[s]) ++with_vertical;

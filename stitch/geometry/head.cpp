@@ -3,10 +3,22 @@
 #include <algorithm>
 #include <cmath>
 
+#include "protocol/base/angles.h"
 #include "protocol/base/try.h"
+#include "protocol/lens_range.h"
 #include "stitch/geometry/rotation.h"
 
 namespace nodal::geometry {
+namespace {
+
+/// The cosine of the angle between the axis and the region's farthest point, and a little less.
+double cos_reach_of(const HeadCalibration& head, const Lens& lens) {
+  constexpr double kRoom = 1.001;  // farthest_radius() and polynomials are not exact to the last digit
+  const double radius = kRoom * farthest_radius(head.region, head.center_x, head.center_y, head.aspect);
+  return std::cos(std::min(kPi, lens.angle(std::min(radius, lens.max_radius())).value_or(lens.max_angle()) + 1e-6));
+}
+
+}  // namespace
 
 Eigen::Vector3d offset_of(const HeadCalibration& head, double distance) {
   if (distance == 0) return Eigen::Vector3d::Zero();
@@ -18,7 +30,8 @@ Head::Head(HeadCalibration calibration, Lens lens, const Eigen::Matrix3d& R_head
       lens_(std::move(lens)),
       masks_(calibration_.region),
       R_head_rig_(R_head_rig),
-      offset_(offset) {}
+      offset_(offset),
+      cos_reach_(cos_reach_of(calibration_, lens_)) {}
 
 Result<Head> Head::make(const HeadCalibration& calibration, double distance) {
   NODAL_TRY(check_head(calibration));
@@ -55,6 +68,12 @@ std::optional<Pixel> Head::project(const Ray& rig_ray) const {
   }
   const double q = *r / s;
   return Pixel{calibration_.center_x + q * d.x(), calibration_.center_y + calibration_.aspect * q * d.y()};
+}
+
+std::optional<Pixel> Head::pixel_of(const Ray& rig_ray) const {
+  if (R_head_rig_.row(2).dot(seen_from_here(rig_ray.direction())) < cos_reach_) return std::nullopt;
+  const std::optional<Pixel> pixel = project(rig_ray);
+  return pixel && contains(*pixel) ? pixel : std::nullopt;
 }
 
 std::optional<Projection> Head::project_with_jacobian(const Ray& rig_ray) const {

@@ -56,6 +56,8 @@ class Head {
   /// The pixel of a ray of the rig; nothing beyond the lens's max_angle. The pixel may be outside the picture or the
   /// region: see contains().
   std::optional<Pixel> project(const Ray& rig_ray) const;
+  /// The same, if the picture may be used there: contains(). Quick for rays that are far from the region.
+  std::optional<Pixel> pixel_of(const Ray& rig_ray) const;
   std::optional<Projection> project_with_jacobian(const Ray& rig_ray) const;
   /// The ray of the rig that a point of the picture receives; nothing beyond the lens's max_radius.
   std::optional<Ray> unproject(Pixel pixel) const;
@@ -84,6 +86,7 @@ class Head {
   Masks masks_;
   Eigen::Matrix3d R_head_rig_;
   Eigen::Vector3d offset_;
+  double cos_reach_;  ///< rays with a smaller cosine to the axis are outside the region
 };
 
 /// HeadCalibration::position divided by Calibration::distance; 0 at infinity.

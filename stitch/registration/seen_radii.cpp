@@ -77,8 +77,7 @@ Result<SeenRadii> seen_radii(const Calibration& calibration) {
       Ring& ring = own[std::min(kRings - 1, static_cast<std::size_t>(radius / edge * kRings))];
       ++ring.samples;
       ring.shared += std::ranges::any_of(heads, [&](const geometry::Head& other) {
-        const auto pixel = &other == &head ? std::nullopt : other.project(*ray);
-        return pixel && other.contains(*pixel);
+        return &other != &head && other.pixel_of(*ray);
       });
     }
     for (std::size_t r = 0; r < kRings; ++r) {

@@ -52,8 +52,8 @@ Result<blend::MeterTable> compile_meter_table(const Calibration& calibration) {
       std::uint32_t seen = 0;
       for (std::size_t h = 0; h < heads.size(); ++h) {
         const geometry::Head& head = heads[h];
-        const auto pixel = head.project(ray);
-        if (!pixel || !head.contains(*pixel)) continue;
+        const auto pixel = head.pixel_of(ray);
+        if (!pixel) continue;
         const auto& gain = head.calibration().gain;
         const double left = head.vignetting(*pixel) * (0.299 * gain[0] + 0.587 * gain[1] + 0.114 * gain[2]);
         table.samples.push_back({corner(pixel->x, head.width()), corner(pixel->y, head.height()),

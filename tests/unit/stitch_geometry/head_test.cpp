@@ -107,6 +107,31 @@ RC_GTEST_PROP(EveryHead, ProjectOfUnproject_IsThePixel, ()) {
   }
 }
 
+RC_GTEST_PROP(EveryHead, PixelOf_IsWhatProjectGivesInTheRegionAndNothingElsewhere, ()) {
+  for (const auto& [name, model] : every_kind_of_lens()) {
+    HeadCalibration calibration = head_with(model);
+    const double x = between(0, 700), y = between(0, 460);
+    calibration.region = {x, y, between(x + 1, 720), between(y + 1, 480), {}};
+    if (*rc::gen::arbitrary<bool>()) calibration.region.circle = Region::Circle{362.3, 233.9, between(20, 400)};
+    const Result<Head> made = Head::make(calibration);
+    if (!made) continue;  // the lens does not cover the region
+    const Head& head = *made;
+    for (int k = 0; k < 50; ++k) {
+      // Half of the rays are at the region's border, where a ray that is left out too early would be.
+      const auto corner = [&](double from, double to) { return *rc::gen::arbitrary<bool>() ? from : to; };
+      const Region& region = calibration.region;
+      const Pixel near{corner(region.left, region.right) + between(-1, 1),
+                       corner(region.top, region.bottom) + between(-1, 1)};
+      const std::optional<Ray> at = k % 2 == 0 ? head.unproject(near) : std::nullopt;
+      const Ray ray = at ? *at : ray_at(head, between(0, kPi), between(-kPi, kPi));
+      const std::optional<Pixel> pixel = head.project(ray), found = head.pixel_of(ray);
+      const bool in = pixel && head.contains(*pixel);
+      RC_ASSERT(found.has_value() == in);
+      if (in) RC_ASSERT(found->x == pixel->x && found->y == pixel->y);
+    }
+  }
+}
+
 RC_GTEST_PROP(EveryHead, Jacobian_IsTheDifferenceQuotientOfProject, ()) {
   for (const auto& [name, model] : every_kind_of_lens()) {
     const Head head = head_of(head_with(model));
