@@ -24,15 +24,14 @@ tl::unexpected<Error> not_for_films(const std::string& option, const std::string
 }
 
 /// The films in the order of the heads: by their names if these are the heads' names, else as they are given.
-Result<std::vector<std::string>> films_of(const Calibration& calibration, const std::vector<std::string>& inputs,
-                                          std::vector<std::string>& notes) {
-  const std::vector<std::string> films(inputs.begin() + 1, inputs.end());
+Result<std::vector<std::string>> films_of(const Calibration& calibration, const std::string& name,
+                                          const std::vector<std::string>& films, std::vector<std::string>& notes) {
   if (films.size() == 1) return std::vector<std::string>(calibration.heads.size(), films.front());
   if (films.size() != calibration.heads.size()) {
     return fail(Errc::kHeadMismatch,
                 fmt::format("{}: the calibration has {}, and there are {}; give one film for each "
                             "head, in its order, or one film with a track for each",
-                            inputs.front(), counted(calibration.heads.size(), "head"), counted(films.size(), "film")));
+                            name, counted(calibration.heads.size(), "head"), counted(films.size(), "film")));
   }
   std::vector<std::string> ordered;
   for (const HeadCalibration& head : calibration.heads) {
@@ -62,29 +61,40 @@ Result<SegmentRange> parse_segments(const std::string& text) {
               fmt::format("'{}': write a segment's number, or the first and the last one, such as 0-9", text));
 }
 
+bool films_alone(const StitchArgs& args) { return film::is_film_name(args.inputs.front()); }
+
+Result<std::vector<film::HeadTime>> given_times(const FilmArgs& words) {
+  std::vector<film::HeadTime> times;
+  for (const std::string& text : words.offsets) {
+    NODAL_TRY_ASSIGN(film::HeadTime time, film::parse_head_time(text));
+    times.push_back(std::move(time));
+  }
+  return times;
+}
+
 Result<film::FilmRequest> make_request(Console& console, const StitchArgs& args, const FilmArgs& words,
-                                       std::vector<std::string>& notes) {
-  if (!args.nominal.rig.empty() || film::is_film_name(args.inputs.front())) {
-    return fail(Errc::kMissingField,
-                "a film needs a calibration in front of the films. Find one in pictures of the same "
-                "instant: nodal stitch PICTURE... -o s.jpg writes s.rig.json");
+                                       const std::optional<Calibration>& found, std::vector<std::string>& notes) {
+  if (!args.nominal.rig.empty()) {
+    return not_for_films("--nominal", "the lenses of films are found in their frames, or given by a calibration");
   }
   if (args.bits == 16) return not_for_films("--bits 16", "films have 8 bits");
   if (args.crop != "auto" && args.crop != "none") return not_for_films("--crop", "a film has the whole sphere");
-  if (args.up != "auto") return not_for_films("--up", "a film's sphere stands as the calibration says");
+  if (args.up != "auto" && !found) return not_for_films("--up", "a film's sphere stands as the calibration says");
   film::FilmRequest request;
-  NODAL_TRY_ASSIGN(request.calibration, read_calibration(args.inputs.front(), console));
+  if (found) {
+    request.calibration = *found;
+  } else {
+    NODAL_TRY_ASSIGN(request.calibration, read_calibration(args.inputs.front(), console));
+  }
   if (args.distance > 0) {
     request.calibration.distance = args.distance;
     if (const Status good = check_calibration(request.calibration); !good) return fail(good.error().in("--distance"));
   }
-  NODAL_TRY_ASSIGN(const auto films, films_of(request.calibration, args.inputs, notes));
-  request.one_file = args.inputs.size() == 2 && films.size() > 1;
+  const std::vector<std::string> given(args.inputs.begin() + (found ? 0 : 1), args.inputs.end());
+  NODAL_TRY_ASSIGN(const auto films, films_of(request.calibration, args.inputs.front(), given, notes));
+  request.one_file = given.size() == 1 && films.size() > 1;
   for (const std::string& path : films) request.films.push_back(fs::absolute(path).string());
-  for (const std::string& text : words.offsets) {
-    NODAL_TRY_ASSIGN(film::HeadTime time, film::parse_head_time(text));
-    request.times.push_back(std::move(time));
-  }
+  NODAL_TRY_ASSIGN(request.times, given_times(words));
   request.times_by = words.times;
   request.readout_s = words.readout_ms / 1000;
   const auto is_head = [&](const HeadCalibration& head) { return head.name == words.sound; };

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,9 +18,16 @@ struct SegmentRange {
 /// "3", or "0-9". Errors: kBadValue.
 Result<SegmentRange> parse_segments(const std::string& text);
 
-/// Reads the calibration. notes: whole sentences for the user.
+/// Whether the inputs are films only, without a calibration in front of them.
+bool films_alone(const StitchArgs& args);
+
+/// Every --offset. Errors: kBadValue.
+Result<std::vector<film::HeadTime>> given_times(const FilmArgs& words);
+
+/// `found`: a calibration that was found in the films; else the first input is one. notes: whole sentences for the
+/// user.
 /// Errors: with the option or the file that is wrong.
 Result<film::FilmRequest> make_request(Console& console, const StitchArgs& args, const FilmArgs& words,
-                                       std::vector<std::string>& notes);
+                                       const std::optional<Calibration>& found, std::vector<std::string>& notes);
 
 }  // namespace nodal::host

@@ -3,17 +3,23 @@
 #include <fmt/format.h>
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <optional>
 
+#include "host_tool/commands/film_calibration.h"
 #include "host_tool/commands/film_request.h"
+#include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/overwriting.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/film/film_join.h"
 #include "host_tool/film/head_clocks.h"
 #include "host_tool/film/segments.h"
+#include "host_tool/input/calibration_file.h"
+#include "host_tool/input/own_pictures.h"
+#include "protocol/base/sha256.h"
 #include "protocol/base/try.h"
 
 namespace nodal::host {
@@ -40,7 +46,8 @@ class FilmRun {
 
   Status run() {
     NODAL_TRY_ASSIGN(programs_, film::find_programs());
-    NODAL_TRY_ASSIGN(const auto request, make_request(console_, args_, words_, notes_));
+    if (films_alone(args_)) NODAL_TRY(find_calibration());
+    NODAL_TRY_ASSIGN(const auto request, make_request(console_, args_, words_, found_, notes_));
     NODAL_TRY(get_plan(request));
     if (words_.plan) return say_plan();
     if (!words_.join) NODAL_TRY(render());
@@ -57,6 +64,66 @@ class FilmRun {
     notes_.clear();
   }
 
+  /// The calibration of films alone: the one that a run before has left in the folder of parts, or found in frames.
+  Status find_calibration() {
+    film::FilmRequest request;  // what is known before
+    request.films = args_.inputs;
+    request.one_file = args_.inputs.size() == 1;
+    if (request.one_file) {
+      NODAL_TRY_ASSIGN(const film::FilmFile film, film::probe(programs_, args_.inputs.front()));
+      request.films.resize(static_cast<std::size_t>(film.tracks), film.path);
+      if (film.tracks == 1) {
+        return fail(Errc::kMissingField,
+                    film.path + ": this is one film with one track of pictures; give a film of each head");
+      }
+    }
+    NODAL_TRY_ASSIGN(const auto words, film::words_of(request, programs_));
+    const std::string identity = words["films"].dump();
+    const std::string of_films =
+        to_hex(sha256({reinterpret_cast<const std::uint8_t*>(identity.data()), identity.size()})).substr(0, 16);
+    const std::string stored = fmt::format("{}/rig-{}.json", parts_.path, of_films);
+    std::error_code error;
+    if (std::filesystem::exists(stored, error)) {
+      NODAL_TRY_ASSIGN(found_, read_calibration(stored, console_));
+      return {};
+    }
+    if (words_.join) return no_plan();
+    std::vector<film::FilmFile> films;
+    const std::vector<std::string> names = head_names(request.films);
+    for (std::size_t h = 0; h < names.size(); ++h) {
+      NODAL_TRY_ASSIGN(film::FilmFile film,
+                       film::probe(programs_, request.films[h], request.one_file ? static_cast<int>(h) : 0));
+      HeadCalibration head;
+      head.name = names[h];
+      head.width = film.width;
+      head.height = film.height;
+      request.calibration.heads.push_back(std::move(head));
+      films.push_back(std::move(film));
+    }
+    request.times_by = words_.times;
+    NODAL_TRY_ASSIGN(request.times, given_times(words_));
+    auto timed = with_times(request, films, Lenses::kUnknown);
+    if (!timed && timed.error().code != Errc::kNotDetermined) return fail(timed.error());
+    if (timed && words_.times == "auto") heard_ = timed->times;
+    else notes_.clear();  // it is found again, by what the user named or with known lenses
+    std::vector<film::HeadTime> times;
+    for (const std::string& name : names) {
+      const auto& those = timed ? timed->times : request.times;
+      const auto known = std::ranges::find(those, name, &film::HeadTime::head);
+      times.push_back(known != those.end() ? *known : film::HeadTime{name});
+    }
+    NODAL_TRY_ASSIGN(const StitchedPictures still,
+                     calibrate_films(console_, args_, programs_, films, names, times, timed.has_value(), parts_.path));
+    found_ = still.calibration;
+    still_ = still.document;
+    for (const std::string& line : still.lines) console_.line(line);
+    return write_file(stored, to_json(*found_));
+  }
+
+  tl::unexpected<Error> no_plan() const {
+    return fail(Errc::kNotFound, fmt::format("{}: there is no plan; make the segments first", parts_.path));
+  }
+
   Status get_plan(const film::FilmRequest& request) {
     NODAL_TRY_ASSIGN(const auto words, film::words_of(request, programs_));
     NODAL_TRY_ASSIGN(auto stored, film::stored_plan(parts_, words));
@@ -65,9 +132,7 @@ class FilmRun {
       say_notes();
       return {};
     }
-    if (words_.join) {
-      return fail(Errc::kNotFound, fmt::format("{}: there is no plan; make the segments first", parts_.path));
-    }
+    if (words_.join) return no_plan();
     std::vector<film::FilmFile> films;
     for (const std::string& path : request.films) {
       const int track = request.one_file ? static_cast<int>(films.size()) : 0;
@@ -91,7 +156,7 @@ class FilmRun {
                                                            "rotated as the file says"
                                                          : ""));
     }
-    NODAL_TRY_ASSIGN(const film::FilmRequest timed, with_times(request, films));
+    NODAL_TRY_ASSIGN(const film::FilmRequest timed, with_times(request, films, Lenses::kKnown));
     NODAL_TRY_ASSIGN(plan_, film::make_plan(timed, films, programs_, notes_));
     plan_.times_residual_s = residual_s_;
     plan_.request = words;  // what was asked for, by which this plan is found again
@@ -108,13 +173,20 @@ class FilmRun {
     return {};
   }
 
-  /// The request with every head's time.
-  Result<film::FilmRequest> with_times(const film::FilmRequest& request, const std::vector<film::FilmFile>& films) {
+  enum class Lenses { kUnknown, kKnown };
+  /// The request with every head's time. How fast pictures turn tells it only where lenses are known.
+  Result<film::FilmRequest> with_times(const film::FilmRequest& request, const std::vector<film::FilmFile>& films,
+                                       Lenses lenses) {
     film::FilmRequest timed = request;
     if (request.times_by == "begin") return timed;
+    if (heard_) {
+      timed.times = *heard_;
+      return timed;
+    }
     film::ClockSources sources;
     if (request.times_by != "auto") sources = *film::parse_clock_sources(request.times_by);
     sources.readout_s = request.readout_s;
+    if (lenses == Lenses::kUnknown) sources.rotation = sources.flash = false;
     const std::string folder = std::filesystem::absolute(args_.out).parent_path().string();
     std::string doing;
     std::optional<Progress> bar;
@@ -223,20 +295,22 @@ class FilmRun {
                        {"by", clock.by.empty() ? "begin" : clock.by},
                        {"farthest_ms", 1000 * head.farthest_s}});
     }
-    console_.document({{"out", args_.out},
-                       {"frames", plan_.frames},
-                       {"rate", hertz},
-                       {"layout", plan_.raymap.layout},
-                       {"width", plan_.raymap.width},
-                       {"height", plan_.raymap.height},
-                       {"codec", film::name_of(plan_.coding.codec)},
-                       {"sound", plan_.sound ? Json(plan_.sound->path) : Json(nullptr)},
-                       {"heads", heads},
-                       {"times_residual_ms", 1000 * plan_.times_residual_s},
-                       {"rendered_frames", done_},
-                       {"seconds", seconds_},
-                       {"processor_seconds", processor_seconds_},
-                       {"blend_seconds", blending}});
+    Json document = {{"out", args_.out},
+                     {"frames", plan_.frames},
+                     {"rate", hertz},
+                     {"layout", plan_.raymap.layout},
+                     {"width", plan_.raymap.width},
+                     {"height", plan_.raymap.height},
+                     {"codec", film::name_of(plan_.coding.codec)},
+                     {"sound", plan_.sound ? Json(plan_.sound->path) : Json(nullptr)},
+                     {"heads", heads},
+                     {"times_residual_ms", 1000 * plan_.times_residual_s},
+                     {"rendered_frames", done_},
+                     {"seconds", seconds_},
+                     {"processor_seconds", processor_seconds_},
+                     {"blend_seconds", blending}};
+    if (!still_.is_null()) document["still"] = still_;
+    console_.document(document);
     console_.line(fmt::format("{}: {} of {}x{}, {:.2f} a second, {}, {}, from {} ({:.1f} s)", args_.out,
                               counted(plan_.frames, "frame"), plan_.raymap.width, plan_.raymap.height, hertz,
                               film::name_of(plan_.coding.codec), plan_.sound ? "with sound" : "without sound",
@@ -250,6 +324,9 @@ class FilmRun {
   film::Programs programs_;
   film::FilmPlan plan_;
   std::optional<film::FilmBlend> blend_;
+  std::optional<Calibration> found_;                  // calibration that the films' frames gave
+  std::optional<std::vector<film::HeadTime>> heard_;  // the heads' times, if they are known before their lenses
+  Json still_;                                        // what `nodal stitch` says of these frames
   std::vector<std::string> notes_;
   std::uint64_t done_ = 0;
   double seconds_ = 0, processor_seconds_ = 0, residual_s_ = 0;

@@ -198,8 +198,10 @@ void remove_parts(const PartsFolder& parts) {
     const std::size_t end = name.starts_with("seg-") ? name.find_first_not_of("0123456789", 4) : std::string::npos;
     return end != std::string::npos && end >= 9 && name[end] == '.';
   };
+  constexpr std::size_t kRigFile = 25;  // "rig-", 16 digits, ".json"
   const auto is_own = [&](const std::string& name) {
-    return name == "plan.json" || name.starts_with("plan.json.part-") || is_segment(name) ||
+    return name == "plan.json" || (name.starts_with("rig-") && name.size() == kRigFile) ||
+           name.starts_with("plan.json.part-") || is_segment(name) ||
            (name.starts_with("join-") && name.find(".ffconcat") != std::string::npos);
   };
   std::error_code error;

@@ -37,23 +37,6 @@ bool is_folder(const std::string& path) {
   return fs::is_directory(path, error);
 }
 
-/// The last parts of the paths, of files without their endings, if all of them can be heads' names; else cam0, cam1 and
-/// so on.
-std::vector<std::string> head_names(const std::vector<std::string>& paths) {
-  std::vector<std::string> names, numbered;
-  std::set<std::string> different;
-  const auto plain = [](unsigned char c) { return std::isalnum(c) != 0 || c == '.' || c == '_' || c == '-'; };
-  bool good = true;
-  for (const std::string& path : paths) {
-    numbered.push_back(fmt::format("cam{}", names.size()));
-    const fs::path whole = fs::path(path).lexically_normal();
-    names.push_back((whole.has_filename() ? whole : whole.parent_path()).stem().string());
-    good = good && !names.back().empty() && names.back().size() <= 64 && std::ranges::all_of(names.back(), plain) &&
-           different.insert(names.back()).second;
-  }
-  return good ? names : numbered;
-}
-
 /// A name for a calibration that was found in pictures of these heads: "front and back", "a, b and 4 more".
 std::string name_by_heads(const std::vector<std::string>& heads) {
   if (heads.size() == 2) return heads[0] + " and " + heads[1];
@@ -161,6 +144,21 @@ void keep_heads(RigPictures& rig, const std::vector<std::size_t>& places) {
 }
 
 }  // namespace
+
+std::vector<std::string> head_names(const std::vector<std::string>& paths) {
+  std::vector<std::string> names, numbered;
+  std::set<std::string> different;
+  const auto plain = [](unsigned char c) { return std::isalnum(c) != 0 || c == '.' || c == '_' || c == '-'; };
+  bool good = true;
+  for (const std::string& path : paths) {
+    numbered.push_back(fmt::format("cam{}", names.size()));
+    const fs::path whole = fs::path(path).lexically_normal();
+    names.push_back((whole.has_filename() ? whole : whole.parent_path()).stem().string());
+    good = good && !names.back().empty() && names.back().size() <= 64 && std::ranges::all_of(names.back(), plain) &&
+           different.insert(names.back()).second;
+  }
+  return good ? names : numbered;
+}
 
 bool is_picture(const std::string& path) {
   // A folder is never a calibration, and a file that only claims to be a picture is refused as one.

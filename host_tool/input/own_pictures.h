@@ -12,6 +12,10 @@
 
 namespace nodal::host {
 
+/// What heads are called whose files these are: the last parts of the paths, of files without their endings, if all of
+/// them can be heads' names; else cam0, cam1 and so on.
+std::vector<std::string> head_names(const std::vector<std::string>& paths);
+
 /// Whether it is a folder, a film, or a file that starts like a picture, also one of a format that is not read, or is
 /// called like one.
 bool is_picture(const std::string& path);

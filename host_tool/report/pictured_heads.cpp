@@ -66,9 +66,7 @@ Result<PicturedHeads> PicturedHeads::make(const Calibration& calibration, const 
   return PicturedHeads(std::move(heads), frames);
 }
 
-std::optional<Pixel> PicturedHeads::pixel(std::size_t head, const Ray& ray) const {
-  return heads_[head].pixel_of(ray);
-}
+std::optional<Pixel> PicturedHeads::pixel(std::size_t head, const Ray& ray) const { return heads_[head].pixel_of(ray); }
 
 std::optional<double> PicturedHeads::light(std::size_t head, const Ray& ray) const {
   const auto at = pixel(head, ray);

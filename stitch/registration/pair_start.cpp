@@ -49,10 +49,14 @@ Matrix3d best_rotation(const std::vector<RayPair>& pairs, const Matrix3d& near, 
   return svd.matrixU() * Vector3d(1, 1, sign < 0 ? -1 : 1).asDiagonal() * svd.matrixV().transpose();
 }
 
-int agreeing(const std::vector<RayPair>& pairs, const Matrix3d& R_b_a, double tolerance) {
+/// The number of pairs that agree with a rotation; `enough` or less as soon as there cannot be more.
+int agreeing(const std::vector<RayPair>& pairs, const Matrix3d& R_b_a, double tolerance, int enough) {
   const double chord = 2 * std::sin(tolerance / 2), most = chord * chord;
-  int count = 0;
-  for (const RayPair& pair : pairs) count += (R_b_a * pair.ray_a - pair.ray_b).squaredNorm() < most ? 1 : 0;
+  auto count = static_cast<int>(pairs.size());
+  for (const RayPair& pair : pairs) {
+    if ((R_b_a * pair.ray_a - pair.ray_b).squaredNorm() < most) continue;
+    if (--count <= enough) return count;
+  }
   return count;
 }
 
@@ -81,7 +85,7 @@ Joint joint_of(const std::vector<RayPair>& pairs, double tolerance) {
     const bool holds = std::min(apart_a, apart_b) > kMinBase && std::max(apart_a, apart_b) < std::numbers::pi - 0.1;
     if (!holds || std::abs(apart_a - apart_b) > 2 * tolerance) continue;
     const Matrix3d R = frame_of(pairs[i].ray_b, pairs[j].ray_b) * frame_of(pairs[i].ray_a, pairs[j].ray_a).transpose();
-    if (const int count = agreeing(pairs, R, tolerance); count > best.agreeing) best = {R, count, 0};
+    if (const int count = agreeing(pairs, R, tolerance, best.agreeing); count > best.agreeing) best = {R, count, 0};
   }
   if (best.agreeing > 0) best.R_b_a = best_rotation(pairs, best.R_b_a, tolerance);
   return best;

@@ -76,9 +76,8 @@ Result<SeenRadii> seen_radii(const Calibration& calibration) {
       const double radius = std::hypot(at.x - is.center_x, (at.y - is.center_y) / is.aspect);
       Ring& ring = own[std::min(kRings - 1, static_cast<std::size_t>(radius / edge * kRings))];
       ++ring.samples;
-      ring.shared += std::ranges::any_of(heads, [&](const geometry::Head& other) {
-        return &other != &head && other.pixel_of(*ray);
-      });
+      ring.shared += std::ranges::any_of(
+          heads, [&](const geometry::Head& other) { return &other != &head && other.pixel_of(*ray); });
     }
     for (std::size_t r = 0; r < kRings; ++r) {
       rings[r].samples += own[r].samples;

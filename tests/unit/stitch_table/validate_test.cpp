@@ -158,8 +158,8 @@ std::vector<Fault> faults() {
        scattered_table},
       {"SlotPastItsBatch", "not in its batch",
        [](BlendTable& t) {
-         const auto& last = t.grids[0].batches.rbegin()[1];
-         t.grids[0].slots[t.grids[0].runs[last.run].slot] = 65535;
+         const std::size_t run = t.grids[0].batches.rbegin()[1].run;
+         t.grids[0].slots[t.grids[0].runs[run].slot] = 65535;
        },
        scattered_table},
       {"SlotTwice", "a pixel is in two runs",
