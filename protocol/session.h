@@ -24,7 +24,7 @@ namespace nodal {
 /// The limit of control frames waiting to be written, and of events waiting to be taken, before kOverload.
 inline constexpr std::size_t kMaxControlQueueBytes = 8U << 20;
 inline constexpr std::size_t kMaxEventQueueBytes = 8U << 20;
-/// The same for a rig, which has 18 hosts and less memory: requests and pieces of uploads. A request in memory can be
+/// The same for a rig, which has 24 hosts and less memory: requests and pieces of uploads. A request in memory can be
 /// four times larger than on the wire.
 inline constexpr std::size_t kMaxRigEventQueueBytes = 256U << 10;
 /// Replies that wait for one host: two calibrations, and lists.
@@ -41,6 +41,9 @@ inline constexpr std::uint32_t kProtocolPing = 2;
 /// Features of a peer's hello, which name what its end can do; more are dropped. An empty name needs 20 times its bytes
 /// in memory.
 inline constexpr int kMaxFeatures = 64;
+
+/// Longest name for whom a host asks (wire::Request.on_behalf), bytes.
+inline constexpr std::size_t kMaxClaimBytes = 64;
 
 /// A Hello with this program's versions; the caller adds other fields.
 wire::Hello make_hello(std::string software);

@@ -120,8 +120,12 @@ std::string read_socket(TomlReader& reader, const std::string& key, const std::s
 void read_links(TomlReader reader, LinksConfig& links) {
   links.unix_path = read_socket(reader, "unix", links.unix_path, links.unix_file);
   links.view_path = read_socket(reader, "view", links.view_path, links.view_file);
+  links.operate_path = read_socket(reader, "operate", links.operate_path, links.operate_file);
   if (!links.view_path.empty() && links.view_path == links.unix_path) {
     reader.refuse("view", "is the path of the control socket; give it one of its own");
+  }
+  if (!links.operate_path.empty() && (links.operate_path == links.unix_path || links.operate_path == links.view_path)) {
+    reader.refuse("operate", "is the path of another socket; give it one of its own");
   }
   links.usb_folder = reader.text("usb", "");
   if (reader.has("tcp_port")) {
@@ -244,7 +248,8 @@ RigConfig read_file(const toml::table& root, FirstError& error, const ReadRayFil
       config.rate, config.trigger);
   read_links({section("links"),
               "links",
-              {"unix", "unix_mode", "unix_group", "view", "view_mode", "view_group", "usb", "tcp_port"},
+              {"unix", "unix_mode", "unix_group", "view", "view_mode", "view_group", "operate", "operate_mode",
+               "operate_group", "usb", "tcp_port"},
               error},
              config.links);
   read_panel({section("panel"), "panel", {"button", "status", "tally"}, error}, config.panel);

@@ -139,6 +139,8 @@ struct LinksConfig {
   SocketFile unix_file;
   std::string view_path;  ///< view only; empty: no such socket
   SocketFile view_file;
+  std::string operate_path;  ///< to film, without the right to change what the rig is; empty: no such socket
+  SocketFile operate_file;
   std::string usb_folder;  ///< FunctionFS folder of the USB cable, control; empty: no cable
 };
 

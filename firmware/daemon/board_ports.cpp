@@ -332,6 +332,7 @@ Status BoardPorts::listen(const firmware::RigConfig& config) {
   };
   NODAL_TRY(open(links.unix_path, links.unix_file, firmware::Access::kControl));
   NODAL_TRY(open(links.view_path, links.view_file, firmware::Access::kView));
+  NODAL_TRY(open(links.operate_path, links.operate_file, firmware::Access::kOperate));
   if (links.usb_folder.empty()) return {};
   NODAL_TRY_ASSIGN(auto cable, hal::cable::listen_cable(links.usb_folder, config.name));
   state_->listeners.push_back({std::move(cable), firmware::Access::kControl, "usb:" + links.usb_folder});
@@ -339,7 +340,7 @@ Status BoardPorts::listen(const firmware::RigConfig& config) {
 }
 
 Status BoardPorts::check_links(const firmware::LinksConfig& links) const {
-  for (const std::string& path : {links.unix_path, links.view_path}) {
+  for (const std::string& path : {links.unix_path, links.view_path, links.operate_path}) {
     if (path.empty() || !hal::connect_link("unix:" + path)) continue;
     return fail(Errc::kExists, "unix:" + path + ": a program listens there already; stop it or choose another path");
   }
@@ -381,7 +382,8 @@ bool BoardPorts::advance(Duration by) {
 std::vector<std::string> BoardPorts::addresses() const {
   std::vector<std::string> all;
   for (const auto& [port, access, address] : state_->listeners) {
-    all.push_back(address + (access == firmware::Access::kView ? " (view only)" : ""));
+    all.push_back(address);
+    if (access != firmware::Access::kControl) all.back() += fmt::format(" ({})", firmware::socket_name(access));
   }
   return all;
 }

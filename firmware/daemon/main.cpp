@@ -243,7 +243,8 @@ int start(int argc, char** argv, EndDeadline& deadline) {
     auto read = read_rig_config(options.config);
     if (!read) return give_up(read.error(), kExitBadInput);
     config = std::move(*read);
-    for (std::string* path : {&config.links.unix_path, &config.links.view_path, &config.links.usb_folder}) {
+    firmware::LinksConfig& links = config.links;
+    for (std::string* path : {&links.unix_path, &links.view_path, &links.operate_path, &links.usb_folder}) {
       if (!path->empty()) *path = (base / *path).string();  // relative to rig.toml's folder
     }
   }

@@ -33,16 +33,26 @@ bool is_important(const wire::Request& request) {
   return command ? command->important : kind_of(request).important;
 }
 
+std::string_view socket_name(Access access) {
+  switch (access) {
+    case Access::kView: return "view-only";
+    case Access::kOperate: return "operate";
+    case Access::kControl: break;
+  }
+  return "control";
+}
+
 Access access_needed(const wire::Request& request) {
   const RequestKind& kind = kind_of(request);
-  return is_more_than_query(kind, request) ? Access::kControl : kind.access;
+  return is_more_than_query(kind, request) ? kind.more : kind.access;
 }
 
 Status check_access(Access has, const wire::Request& request) {
-  if (has >= access_needed(request)) return {};
-  return fail(Errc::kUnsupported,
-              fmt::format("{}{} is not permitted on this rig's view-only link; connect to its control socket",
-                          kind_of(request).name, request.has_pull() ? " (lossless)" : ""));
+  const Access needed = access_needed(request);
+  if (has >= needed) return {};
+  return fail(Errc::kUnsupported, fmt::format("{}{} is not permitted on this rig's {} link; connect to its {} socket",
+                                              kind_of(request).name, request.has_pull() ? " (lossless)" : "",
+                                              socket_name(has), socket_name(needed)));
 }
 
 }  // namespace nodal::firmware

@@ -1,6 +1,7 @@
 // Access control: the access level of each socket, and what holds for each kind of request.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <string>
@@ -16,8 +17,13 @@ namespace nodal::firmware {
 /// Each level includes those before it.
 enum class Access : std::uint8_t {
   kView,     ///< read the rig's state and its pictures, without an effect on other hosts
+  kOperate,  ///< film: takes, exposure, genlock, head settings; no calibration, no deletion, no other host's end
   kControl,  ///< everything
 };
+
+inline constexpr std::array kAccessLevels{Access::kView, Access::kOperate, Access::kControl};
+/// "view-only", "operate", "control": the name of a level's socket in messages.
+std::string_view socket_name(Access access);
 
 /// A socket that hosts connect to, and their access level.
 struct Listener {
@@ -49,8 +55,10 @@ struct RequestKind {
   const CommandKind* command = nullptr;
   Answer answer = nullptr;
   Turn turn = Turn::kNone;
-  /// Whether the values in the request make it more than a query, which needs control; null: they do not matter.
+  /// Whether the values in the request make it more than a query, which needs the right `more`; null: they do not
+  /// matter.
   bool (*by_values)(const wire::Request& request) = nullptr;
+  Access more = Access::kControl;
   bool important = false;  ///< no command, and yet it always has its own entry in the audit log before it is answered
 };
 

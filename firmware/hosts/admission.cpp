@@ -118,7 +118,7 @@ bool Admission::accept(Clients& clients, const std::function<wire::Hello(Access)
 }
 
 void Admission::close_excess(Clients& clients, Instant now) {
-  for (const Access at : {Access::kControl, Access::kView}) {
+  for (const Access at : kAccessLevels) {
     const auto strangers = [&] {
       return select(clients, [&](const Client& c) { return c.access() == at && !c.said_hello(); });
     };

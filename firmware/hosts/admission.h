@@ -15,7 +15,8 @@ namespace nodal::firmware {
 
 /// Accepts hosts, and closes others when there are too many, so that a new host can always connect. The limits apply:
 ///
-/// - Per socket: hosts at the view-only socket have limits of their own, half of those of the control socket.
+/// - Per socket: hosts at the view-only and at the operate socket have limits of their own, half of those of the
+///   control socket.
 /// - Per user: the connection to close is chosen from the user with the most connections, and from that user's process
 ///   with the most. So a flood of connections of one user closes only connections of that user.
 /// - Links without a hello have a limit of their own; the oldest of them is closed.
@@ -52,9 +53,11 @@ class Admission {
   static constexpr std::size_t places(std::size_t at_control, Access at) {
     return at == Access::kControl ? at_control : at_control / 2;
   }
-  /// The sum of the limits at both sockets.
+  /// The sum of the limits at all sockets.
   static constexpr std::size_t in_all(std::size_t at_control) {
-    return places(at_control, Access::kControl) + places(at_control, Access::kView);
+    std::size_t sum = 0;
+    for (const Access at : kAccessLevels) sum += places(at_control, at);
+    return sum;
   }
 
  private:

@@ -35,7 +35,7 @@ std::string Client::who() const {
 std::string Client::party() const {
   const auto identity = this->identity();
   return (identity ? fmt::format("user {}", identity->user) : std::string("somebody")) +
-         (access_ == Access::kControl ? " at the control socket" : " at the view-only socket");
+         fmt::format(" at the {} socket", socket_name(access_));
 }
 
 void Client::finish(const Error& why) {

@@ -95,13 +95,13 @@ wire::Hello Control::hello(Access access) const {
   hello.set_rig_name(config_.name);
   for (const char* feature :
        {"audit", "audit-since", "calibration", "calibration-trial", "exposure", "exposure-programs", "frame-sets",
-        "genlock", "hosts", "raymap-jpeg", "raymap-raw", "temporary-settings"}) {
+        "genlock", "hosts", "on-behalf", "raymap-jpeg", "raymap-raw", "temporary-settings"}) {
     hello.add_features(feature);
   }
   if (devices_.available()) hello.add_features("devices");
   if (stages_.takes != nullptr) hello.add_features("takes");
   if (config_.signers) hello.add_features("signed-calibrations");
-  if (access == Access::kView) hello.add_features("view-only");
+  if (access != Access::kControl) hello.add_features(access == Access::kView ? "view-only" : "operate-only");
   if (const auto& in_force = operation_.keeper().in_force) hello.set_calibration_id(sha256_to_wire(*in_force));
   return hello;
 }

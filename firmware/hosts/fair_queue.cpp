@@ -43,7 +43,7 @@ std::size_t FairQueue::choose() const {
   const auto starving = std::ranges::find_if(waiting_, [](const Entry& entry) { return entry.passed >= kMaxPassed; });
   if (starving != waiting_.end()) return static_cast<std::size_t>(starving - waiting_.begin());
   const auto rank = [this](const Entry& entry) {
-    return std::tuple(entry.host.access == Access::kControl ? 0 : 1, last_turn(served_, party_of(entry)),
+    return std::tuple(-static_cast<int>(entry.host.access), last_turn(served_, party_of(entry)),
                       last_turn(served_processes_, process_of(entry)));
   };
   // The first of equal ranks, which is the one that arrived first.

@@ -16,7 +16,8 @@ namespace nodal::firmware {
 /// chosen by these rules, the first that decides:
 ///
 /// 1. A host that kMaxPassed later arrivals have passed is served before all others, so that nobody starves.
-/// 2. Hosts at the control socket are served before those at the view-only socket.
+/// 2. Hosts at the control socket are served before those at the operate socket, and these before those at the
+///    view-only socket.
 /// 3. The party that was served least recently is served first, so that a user with many hosts gets no more than
 ///    another.
 /// 4. Of its processes, the one that was served least recently.

@@ -7,13 +7,29 @@
 #include "firmware/hosts/control.h"
 #include "firmware/hosts/status.h"
 #include "firmware/hosts/wire_commands.h"
+#include "protocol/base/text.h"
 #include "protocol/base/try.h"
 
 namespace nodal::firmware {
 namespace {
 
-Requester requester_of(const Client& client) {
-  return {Requester::Kind::kHost, client.number(), client.who(), client.party(), client.presence()};
+/// The claim of a host for whom it asks is shown as one, and has no quota of its own.
+Requester requester_of(const Client& client, const wire::Request& request) {
+  const std::string& claim = request.on_behalf();
+  return {Requester::Kind::kHost, client.number(),
+          claim.empty() ? client.who() : fmt::format("{} for \"{}\"", client.who(), claim), client.party(),
+          client.presence()};
+}
+
+/// A claim without control characters or quotation marks cannot be read as more than a claim.
+Status check_claim(const std::string& claim) {
+  if (claim.size() > kMaxClaimBytes || !is_printable(claim) || claim.find('"') != std::string::npos) {
+    return fail(Errc::kBadValue,
+                fmt::format("on_behalf may have at most {} bytes, all of them printable and no quotation "
+                            "mark; shorten the name",
+                            kMaxClaimBytes));
+  }
+  return {};
 }
 
 Result<Command> commit_command(const wire::UploadCommit& commit, const RigConfig& config, UploadReceiver& uploads) {
@@ -28,6 +44,7 @@ Result<Command> commit_command(const wire::UploadCommit& commit, const RigConfig
 
 using What = wire::Request;
 constexpr auto kView = Access::kView;
+constexpr auto kOperate = Access::kOperate;
 constexpr auto kControl = Access::kControl;
 
 /// A request that is answered at once.
@@ -106,7 +123,7 @@ struct Control::Answers {
 
   static Status take_read(Control& control, Client& client, const wire::Request& request, wire::Reply& reply) {
     NODAL_TRY_ASSIGN(const auto stream, control.take_sender_.start(client, request.take_read(), control.now_));
-    control.operation_.audit().note_take_read(requester_of(client), request.take_read().take(), control.now_);
+    control.operation_.audit().note_take_read(requester_of(client, request), request.take_read().take(), control.now_);
     reply.mutable_pull()->set_stream(stream);
     return {};
   }
@@ -133,7 +150,7 @@ struct Control::Answers {
     ended->end(Error{Errc::kCancelled, client.name() + " closed this connection"}, control.now_);
     control.say(NewsKind::kHosts, client.name() + " closed " + ended->name());
     Operation& operation = control.operation_;
-    const Ticket ticket = operation.note_host_end(requester_of(client), ended->who(), control.now_);
+    const Ticket ticket = operation.note_host_end(requester_of(client, request), ended->who(), control.now_);
     control.replies_.await(client, request.id(), ticket);
     return {};
   }
@@ -154,9 +171,11 @@ struct Control::Answers {
   static constexpr auto kKinds = std::to_array<RequestKind>({
       answered(What::kStatus, "status", kView, &status),
       answered(What::kHeads, "heads", kView, &heads),
-      becomes<HeadChange>(What::kHeadSet, kControl),
-      {What::kGenlock, "genlock", kView, &kCommandKind<GenlockStart>, &genlock, Turn::kNone, &changes_genlock},
-      {What::kExposure, "exposure", kView, &kCommandKind<ExposureChange>, &exposure, Turn::kNone, &changes_exposure},
+      becomes<HeadChange>(What::kHeadSet, kOperate),
+      {What::kGenlock, "genlock", kView, &kCommandKind<GenlockStart>, &genlock, Turn::kNone, &changes_genlock,
+       kOperate},
+      {What::kExposure, "exposure", kView, &kCommandKind<ExposureChange>, &exposure, Turn::kNone, &changes_exposure,
+       kOperate},
       answered(What::kUploadBegin, "upload_begin", kControl, &upload_begin),
       becomes<CalibrationRequest::Install>(What::kUploadCommit, kControl, Turn::kCalibrations),
       becomes<CalibrationRequest::List>(What::kCalibrationList, kView),
@@ -170,15 +189,15 @@ struct Control::Answers {
       answered(What::kFrameSet, "frame_set", kView, &frame_set, Turn::kFrameSets),
       answered(What::kAuditLog, "audit_log", kControl, &audit_log),  // names users and processes
       answered(What::kHosts, "hosts", kControl, &hosts),             // names users and processes
-      {What::kHostEnd, "host_end", kControl, nullptr, &host_end, Turn::kNone, nullptr, true},
+      {What::kHostEnd, "host_end", kControl, nullptr, &host_end, Turn::kNone, nullptr, kControl, true},
       answered(What::kDevices, "devices", kControl, &devices),  // opens devices
-      becomes<TakeRequest::Start>(What::kTakeStart, kControl),
-      becomes<TakeRequest::Stop>(What::kTakeStop, kControl),
-      becomes<TakeRequest::Mark>(What::kTakeMark, kControl),
+      becomes<TakeRequest::Start>(What::kTakeStart, kOperate),
+      becomes<TakeRequest::Stop>(What::kTakeStop, kOperate),
+      becomes<TakeRequest::Mark>(What::kTakeMark, kOperate),
       becomes<TakeRequest::List>(What::kTakeList, kView),
       becomes<TakeRequest::Delete>(What::kTakeDelete, kControl),
-      becomes<TakeRequest::Protect>(What::kTakeProtect, kControl),
-      answered(What::kTakeRead, "take_read", kControl, &take_read, Turn::kTakeReads),
+      becomes<TakeRequest::Protect>(What::kTakeProtect, kOperate),
+      answered(What::kTakeRead, "take_read", kOperate, &take_read, Turn::kTakeReads),
       becomes<TakeRequest::TestDisk>(What::kDiskTest, kControl, Turn::kDiskTest),  // keeps the disk busy
       becomes<TakeRequest::Eject>(What::kDiskEject, kControl),
       answered(What::WHAT_NOT_SET, "unknown request", kView, &unknown),
@@ -194,7 +213,8 @@ bool Control::has_room(const Client& client, const wire::Request& request) const
   const std::uint64_t host = client.number();
   const Turn turn = kind_of(request).turn;
   const bool recorded = is_important(request) || changes_rig(request) || turn == Turn::kTakeReads;
-  if (recorded && !operation_.audit().may_change(requester_of(client), is_important(request), now_)) return false;
+  if (recorded && !operation_.audit().may_change(requester_of(client, request), is_important(request), now_))
+    return false;
   switch (turn) {
     case Turn::kFrameSets: return !client.frame_set && !frame_sets_.waits(host);
     case Turn::kTakeReads: return !client.take_file;
@@ -211,6 +231,9 @@ bool Control::has_room(const Client& client, const wire::Request& request) const
 }
 
 void Control::handle(Client& client, const wire::Request& request, Instant now) {
+  if (const Status claim = check_claim(request.on_behalf()); !claim) {
+    return replies_.refuse(client, request.id(), claim.error(), now);
+  }
   if (Status permitted = check_access(client.access(), request); !permitted) {
     say(NewsKind::kHosts, client.who() + ": " + permitted.error().text());
     return replies_.refuse(client, request.id(), permitted.error(), now);
@@ -244,7 +267,7 @@ void Control::carry_out(Client& client, const wire::Request& request, Instant no
 }
 
 Status Control::command(Client& client, const wire::Request& request, Instant now) {
-  const Requester requester = requester_of(client);
+  const Requester requester = requester_of(client, request);
   Result<Command> wanted = request.has_upload_commit() ? commit_command(request.upload_commit(), config_, uploads_)
                                                        : command_of(request, config_, client.number());
   if (wanted && request.has_take_delete()) {
@@ -270,6 +293,7 @@ wire::RigStatus Control::status(Instant now) {
   status.set_state(std::string(health().state));
   status.set_problem(shown(health().problem));
   status.set_uptime_ns(static_cast<std::uint64_t>((now - started_).ns()));
+  status.set_clock_ns(static_cast<std::uint64_t>(now.ns()));
   fill_capture(config_, operation_.capture(), status);
 
   const Blender::Counts& counts = stages_.blender.counts();

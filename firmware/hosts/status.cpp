@@ -327,6 +327,7 @@ void fill_recording(const TakeReport& takes, Instant now, wire::Recording& into)
   into.set_quality(static_cast<std::uint32_t>(takes.quality));
   into.set_leaves_out_raymaps(takes.leaves_out_raymaps);
   into.set_free_bytes(takes.free_bytes);
+  into.set_total_bytes(takes.total_bytes);
   into.set_bytes_a_second(takes.bytes_a_second);
   const std::string& no_disk = takes.no_disk.empty() ? takes.refused : takes.no_disk;
   into.set_problem(shown(takes.problem.empty() ? no_disk : takes.problem));

@@ -13,10 +13,12 @@
 namespace nodal::firmware {
 
 static_assert(TakesInUse::kMaxReaders >= Admission::in_all(Admission::kMaxClients));
-// Of each host the piece that it receives, and one of an ended transfer that its session sends to its end; what is
+// Hosts that may read takes.
+constexpr std::size_t kReaders = Admission::places(Admission::kMaxClients, Access::kControl) +
+                                 Admission::places(Admission::kMaxClients, Access::kOperate);
+// Of each of them the piece that it receives, and one of an ended transfer that its session sends to its end; what is
 // ordered; and what the only reader had before others came.
-static_assert(TakeReader::kBuffers >= Admission::places(Admission::kMaxClients, Access::kControl) +
-                                          Admission::in_all(Admission::kMaxClients) + 2 * TakeSender::kAhead);
+static_assert(TakeReader::kBuffers >= 2 * kReaders + 2 * TakeSender::kAhead);
 
 namespace {
 

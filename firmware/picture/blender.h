@@ -90,7 +90,7 @@ class Blender {
   /// The queue holds all sets that capture may offer at once. When a head stops delivering, the set that waited for it
   /// is closed together with those behind it, which are complete without it: three, by Capture::kHalfPeriodsToWait.
   static constexpr OutletSpec kSets{"blend", OutletPolicy::kLossless, 3, 1};
-  static constexpr std::size_t kMaxBuffers = 60;
+  static constexpr std::size_t kMaxBuffers = 64;
   static constexpr std::size_t kRaymapsWaiting = 2;
 
  private:

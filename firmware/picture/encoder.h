@@ -45,7 +45,7 @@ class EncodeStage {
   std::uint64_t failed() const { return failed_.load(std::memory_order_relaxed); }
   std::uint64_t steps() const { return passed_.load(std::memory_order_relaxed); }
 
-  static constexpr std::size_t kMaxBuffers = 60;
+  static constexpr std::size_t kMaxBuffers = 64;
   static constexpr OutletSpec kPublished{"publish", OutletPolicy::kLossless, 2, 1};
 
  private:

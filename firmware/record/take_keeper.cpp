@@ -64,9 +64,12 @@ bool TakeKeeper::watch_disk(Instant now) {
   if (recording_ || test_.running() || now < next_look_) return false;
   next_look_ = now + kLookEvery;
   const bool changed = shelf_.watch();
-  if ((report_.interrupted || !report_.refused.empty()) && shelf_.here()) {
+  if (shelf_.here()) {
     const auto free = disk_.free_bytes();
-    report_.has_room = config_.takes->loop || (free && *free >= room_to_start());
+    report_.free_bytes = free.value_or(0);
+    report_.total_bytes = disk_.total_bytes().value_or(0);
+    if (report_.interrupted || !report_.refused.empty())
+      report_.has_room = config_.takes->loop || (free && *free >= room_to_start());
   }
   return changed;
 }

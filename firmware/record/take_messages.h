@@ -96,6 +96,7 @@ struct TakeReport {
   std::uint32_t buffer_percent = 0;  ///< used part of [takes] buffer_mb
   std::optional<Instant> durable;    ///< everything recorded before this moment is on the disk
   std::uint64_t free_bytes = 0;
+  std::uint64_t total_bytes = 0;              ///< size of the disk; 0: not known yet
   std::uint64_t bytes_a_second = 0;           ///< write rate that the take needs
   std::optional<std::uint32_t> test_percent;  ///< progress of the running test of the disk; empty: none runs
   bool loop = false;                          ///< [takes] when_full = "loop"

@@ -60,7 +60,7 @@ class TakeReader {
   /// Orders that are not answered yet; control sends no more.
   static constexpr std::size_t kOrders = 4;
   /// Pieces in memory. While all are held, nothing is read.
-  static constexpr std::size_t kBuffers = 40;
+  static constexpr std::size_t kBuffers = 46;
   /// Takes are read while at most this percentage of the recorder's memory is used.
   static constexpr std::size_t kReadsUpTo = 25;
 

@@ -92,6 +92,7 @@ Json to_json(const wire::RigStatus& status, const std::string& rig_name, const s
                  {"buffer_percent", takes.buffer_percent()},
                  {"durable_ns", takes.has_durable_ns() ? Json(takes.durable_ns()) : Json()},
                  {"free_bytes", takes.free_bytes()},
+                 {"total_bytes", takes.total_bytes()},
                  {"bytes_a_second", takes.bytes_a_second()},
                  {"loop", takes.loop()},
                  {"deleted_segments", takes.deleted_segments()},
@@ -116,6 +117,7 @@ Json to_json(const wire::RigStatus& status, const std::string& rig_name, const s
           {"problem", status.problem()},
           {"activity", status.activity()},
           {"uptime_ns", status.uptime_ns()},
+          {"clock_ns", status.clock_ns()},
           {"sets", status.sets()},
           {"full_sets", status.full_sets()},
           {"set_losses", counts_to_json(status.set_losses())},
@@ -170,6 +172,12 @@ Json to_json(const wire::HeadState& head) {
           {"skew_ns", head.skew_ns()},
           {"drift_ppb", head.has_drift_ppb() ? Json(head.drift_ppb()) : Json()},
           {"problem", head.problem()}};
+}
+
+Json to_json(const wire::Heads& heads) {
+  Json list = Json::array();
+  for (const wire::HeadState& head : heads.heads()) list.push_back(to_json(head));
+  return {{"heads", list}};
 }
 
 Json to_json(const wire::CalibrationEntry& entry) {

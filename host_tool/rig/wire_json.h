@@ -12,6 +12,7 @@ std::string hex_of(const std::string& bytes);
 
 Json to_json(const wire::RigStatus& status, const std::string& rig_name, const std::string& address);
 Json to_json(const wire::HeadState& head);
+Json to_json(const wire::Heads& heads);
 Json to_json(const wire::Genlock& genlock);
 Json to_json(const wire::ExposureState& exposure);
 Json to_json(const wire::CalibrationEntry& entry);

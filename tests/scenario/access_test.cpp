@@ -70,6 +70,58 @@ TEST(ViewOnly, BytesForAnUploadThatAControlHostBegan_AreNotTaken) {
   EXPECT_EQ(control.ask(begin).upload().offset(), 0u) << "bytes of a viewer became part of an upload";
 }
 
+TEST(Operate, FilmsAndSetsTheHeads_ButChangesNoCalibrationAndEndsNoHost) {
+  StandOptions options;
+  options.config.takes = firmware::TakesConfig{.folder = "takes", .buffer_mb = 16};
+  Stand stand(std::move(options));
+  TestHost& control = stand.bring_up();
+  TestHost& operating = stand.connect_to_operate();
+  stand.settle();
+  const auto& features = operating.session().peer_hello()->features();
+  EXPECT_TRUE(std::any_of(features.begin(), features.end(), [](const auto& one) { return one == "operate-only"; }));
+  ASSERT_TRUE(stand.run_until([&] { return stand.rig->takes().snapshot().read().ready; }));
+  wire::Request start;
+  start.mutable_take_start();
+  EXPECT_EQ(operating.ask(start).take().take(), 1u);
+  EXPECT_TRUE(operating.ask(exposure_of_all(2'000'000)).has_done());
+  stand.run(Duration::milliseconds(500));
+  wire::Request stop;
+  stop.mutable_take_stop();
+  EXPECT_EQ(operating.ask(stop).take().take(), 1u);
+  wire::Request gone;
+  gone.mutable_take_delete()->set_take(1);
+  EXPECT_EQ(operating.ask(gone).error().code(), kNotPermitted);
+  wire::Request end;
+  end.mutable_host_end()->set_number(1);
+  EXPECT_EQ(operating.ask(end).error().code(), kNotPermitted);
+  EXPECT_EQ(operating.upload(to_json(small_calibration("another"))).error().code(), kNotPermitted);
+  EXPECT_FALSE(control.dead());
+  const wire::RigStatus status = operating.status();
+  EXPECT_EQ(status.clock_ns(), static_cast<std::uint64_t>(stand.world.clock().now().ns()));
+  EXPECT_EQ(status.recording().total_bytes(), stand.takes->total_bytes().value());
+  EXPECT_GT(status.recording().free_bytes(), 0u);
+}
+
+TEST(Audit, ForWhomAHostSaysThatItAsks_IsShownAsItsClaim) {
+  Stand stand;
+  TestHost& host = stand.bring_up();
+  wire::Request request = exposure_of_all(4'000'000);
+  request.set_on_behalf("Jürgen's phone");
+  EXPECT_TRUE(host.ask(request).has_done());
+  const std::vector<std::string> bad{std::string(65, 'a'), "two\nlines", "a\" for \"b"};
+  for (const std::string& claim : bad) {
+    request.set_on_behalf(claim);
+    EXPECT_EQ(host.ask(request).error().code(), static_cast<std::uint32_t>(Errc::kBadValue)) << claim;
+  }
+  request.set_on_behalf(std::string(64, 'a'));
+  EXPECT_TRUE(host.ask(request).has_done());
+  const wire::AuditLog log = audit_of(host);
+  ASSERT_EQ(log.entries_size(), 3) << "the upload, and the two that were carried out";
+  EXPECT_TRUE(log.entries(1).who().ends_with(" for \"Jürgen's phone\"")) << log.entries(1).who();
+  EXPECT_TRUE(log.entries(1).who().starts_with("user 1000, process 4711, host 1 ")) << log.entries(1).who();
+  EXPECT_TRUE(log.entries(2).who().ends_with(" for \"" + std::string(64, 'a') + "\"")) << log.entries(2).who();
+}
+
 TEST(Audit, AChange_IsKeptWithWhoOldAndNewValueAndResult) {
   Stand stand;
   TestHost& host = stand.bring_up();

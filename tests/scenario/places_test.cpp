@@ -50,7 +50,8 @@ TEST(Places, LinksWithoutAHelloAtTheViewOnlySocket_TakeNoPlaceOfTheControlSocket
   std::vector<std::unique_ptr<hal::sim::SimLink>> own;
   for (std::size_t i = 0; i < Admission::kMaxStrangers; ++i) own.push_back(stand.listener.connect());
   stand.run(Duration::milliseconds(50));
-  EXPECT_EQ(stand.rig->control().clients(), Admission::in_all(Admission::kMaxStrangers));
+  EXPECT_EQ(stand.rig->control().clients(), Admission::places(Admission::kMaxStrangers, Access::kControl) +
+                                                Admission::places(Admission::kMaxStrangers, Access::kView));
   EXPECT_EQ(stand.connect().status().state(), "no-calibration");
 }
 

@@ -135,21 +135,23 @@ Stand::Stand(StandOptions wanted, std::unique_ptr<hal::sim::SimDisk> its_disk,
       watchdog(world.clock()),
       button(world.clock()) {
   if (options.config.takes) takes = its_takes ? std::move(its_takes) : std::make_unique<hal::sim::SimDisk>();
-  rig = std::make_unique<firmware::Rig>(options.config,
-                                        firmware::RigPorts{world.clock(),
-                                                           world.enumerator(),
-                                                           &world.trigger(),
-                                                           *disk,
-                                                           {{&listener}, {&view_listener, firmware::Access::kView}},
-                                                           &watchdog,
-                                                           {&button, &status_lamp, &tally_lamp},
-                                                           nullptr,
-                                                           options.scan,
-                                                           takes.get(),
-                                                           takes.get(),
-                                                           nullptr,
-                                                           options.rehearsal},
-                                        "a rig");
+  rig = std::make_unique<firmware::Rig>(
+      options.config,
+      firmware::RigPorts{
+          world.clock(),
+          world.enumerator(),
+          &world.trigger(),
+          *disk,
+          {{&listener}, {&view_listener, firmware::Access::kView}, {&operate_listener, firmware::Access::kOperate}},
+          &watchdog,
+          {&button, &status_lamp, &tally_lamp},
+          nullptr,
+          options.scan,
+          takes.get(),
+          takes.get(),
+          nullptr,
+          options.rehearsal},
+      "a rig");
 }
 
 Stand::~Stand() {
@@ -205,6 +207,11 @@ TestHost& Stand::connect(hal::PeerIdentity who) {
 
 TestHost& Stand::connect_to_view() {
   hosts.push_back(std::make_unique<TestHost>(*this, view_listener));
+  return *hosts.back();
+}
+
+TestHost& Stand::connect_to_operate() {
+  hosts.push_back(std::make_unique<TestHost>(*this, operate_listener));
   return *hosts.back();
 }
 

@@ -97,6 +97,7 @@ class Stand {
 
   TestHost& connect(hal::PeerIdentity who = {1000, 4711});
   TestHost& connect_to_view();
+  TestHost& connect_to_operate();
   /// Connects a host and puts the small calibration in force.
   TestHost& bring_up();
 
@@ -114,6 +115,7 @@ class Stand {
   std::unique_ptr<hal::sim::SimDisk> takes;  ///< the disk that takes are recorded on; null in a rig that records none
   hal::sim::SimLinkListener listener;
   hal::sim::SimLinkListener view_listener;  ///< view-only
+  hal::sim::SimLinkListener operate_listener;
   hal::sim::SimWatchdog watchdog;
   hal::sim::SimInputPin button;
   hal::sim::SimOutputPin status_lamp{false};

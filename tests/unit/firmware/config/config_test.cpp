@@ -138,16 +138,10 @@ TEST(RigConfig, NearlyNothing_TakesTheDefaultsOfRigMd) {
   EXPECT_TRUE(config->raymap.soft);
   EXPECT_FALSE(config->trigger.start);
   EXPECT_EQ(config->links.view_path, "") << "a view-only socket only on demand";
+  EXPECT_EQ(config->links.operate_path, "") << "an operate socket only on demand";
   EXPECT_EQ(config->links.usb_folder, "") << "a cable only on demand";
   EXPECT_FALSE(config->links.unix_file.mode) << "the umask decides";
   EXPECT_EQ(config->store, "/var/lib/nodal");
-}
-
-TEST(RigConfig, AUsbCable_IsTheFolderOfItsGadget) {
-  const auto config = parse_rig_config(kSmall + "[links]\nusb = \"/run/nodal_cable\"\n", "rig.toml");
-  ASSERT_TRUE(config) << config.error().text();
-  EXPECT_EQ(config->links.usb_folder, "/run/nodal_cable");
-  EXPECT_FALSE(parse_rig_config(kSmall + "[links]\nusb = true\n", "rig.toml"));
 }
 
 TEST(RigConfig, ATriggerToFollowAndAHeadsDelay_AreReadAndHeldToTheirLimits) {
