@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <utility>
 
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
@@ -40,6 +41,7 @@ Result<StitchedPictures> still_of(Console& console, StitchArgs args, const film:
     NODAL_TRY(write_file(args.inputs.back(), png));
   }
   args.out = beside(args.out, ".jpg");
+  args.split = "none";  // the films are split already
   args.width = 0;
   NODAL_TRY_ASSIGN(StitchedPictures made, stitch_pictures(console, args));
   if (const std::string films_left = missing(made.calibration, films, names); !films_left.empty()) {
@@ -51,7 +53,48 @@ Result<StitchedPictures> still_of(Console& console, StitchArgs args, const film:
   return made;
 }
 
+/// A folder for frames, in the folder of the film's parts, until it goes.
+class FrameFolder {
+ public:
+  static Result<FrameFolder> make(const std::string& folder) {
+    FrameFolder made((fs::path(folder) / "frames").string());
+    std::error_code error;
+    fs::create_directories(made.path_, error);
+    if (error) return fail(Errc::kIo, fmt::format("{}: cannot be made: {}", made.path_, error.message()));
+    return made;
+  }
+  FrameFolder(FrameFolder&& other) noexcept : path_(std::exchange(other.path_, {})) {}
+  FrameFolder& operator=(FrameFolder&&) = delete;
+  ~FrameFolder() {
+    std::error_code error;
+    if (!path_.empty()) fs::remove_all(path_, error);
+  }
+  const std::string& path() const { return path_; }
+
+ private:
+  explicit FrameFolder(std::string path) : path_(std::move(path)) {}
+  std::string path_;
+};
+
 }  // namespace
+
+Result<PictureSplit> split_of_film(const film::Programs& programs, const film::FilmFile& film,
+                                   const std::string& choice, const std::string& folder) {
+  NODAL_TRY_ASSIGN(const SplitChoice chosen, parse_split(choice));
+  PictureSplit split = chosen.split;
+  if (chosen.find) {
+    NODAL_TRY_ASSIGN(const FrameFolder frames, FrameFolder::make(folder));
+    const std::string frame = frames.path() + "/frame.png";
+    NODAL_TRY_ASSIGN(const auto png, film::png_of(programs, film, film.times.size() / 2));
+    NODAL_TRY(write_file(frame, png));
+    NODAL_TRY_ASSIGN(split, find_circles(frame));
+  }
+  if (split.count() > 1) return split;
+  return fail(Errc::kMissingField, film.path +
+                                       ": this is one film with one track of pictures, and it does not show two "
+                                       "circles; give a film of each head, or --split if their pictures are "
+                                       "side by side");
+}
 
 Result<StitchedPictures> calibrate_films(Console& console, const StitchArgs& args, const film::Programs& programs,
                                          const std::vector<film::FilmFile>& films,
@@ -75,22 +118,18 @@ Result<StitchedPictures> calibrate_films(Console& console, const StitchArgs& arg
                   "begin if one signal started all cameras, or give a calibration in front of the films");
     }
   }
-  const std::string frames = (fs::path(folder) / "frames").string();
-  std::error_code error;
-  fs::create_directories(frames, error);
-  if (error) return fail(Errc::kIo, fmt::format("{}: cannot be made: {}", frames, error.message()));
+  NODAL_TRY_ASSIGN(const FrameFolder frames, FrameFolder::make(folder));
   Result<StitchedPictures> made = fail(Errc::kNotDetermined, "not tried");
   for (std::size_t k = 0; k < std::min(kTried, moments.size()) && !made; ++k) {
     const double at = films.front().seconds(moments[k].frames.front());
     console.note(fmt::format("note: no calibration is given; it is looked for in the frames at {:.1f} s of {}", at,
                              films.front().path));
-    made = still_of(console, args, programs, films, names, moments[k], frames);
+    made = still_of(console, args, programs, films, names, moments[k], frames.path());
     const bool other_frames =
         !made && (made.error().code == Errc::kNoCoverage || made.error().code == Errc::kNotDetermined ||
                   made.error().code == Errc::kHeadMismatch);
     if (!other_frames) break;
   }
-  fs::remove_all(frames, error);
   return made;
 }
 

@@ -8,9 +8,15 @@
 #include "host_tool/commands/stitch_pictures.h"
 #include "host_tool/film/film_file.h"
 #include "host_tool/film/film_plan.h"
+#include "host_tool/input/picture_split.h"
 #include "protocol/base/result.h"
 
 namespace nodal::host {
+
+/// How the heads' pictures stand side by side in one film: as `choice` (--split) says, or two circles that a frame shows.
+/// folder: of the film's parts, where the frame is kept meanwhile. Errors: kMissingField if there is one picture only.
+Result<PictureSplit> split_of_film(const film::Programs& programs, const film::FilmFile& film,
+                                   const std::string& choice, const std::string& folder);
 
 /// Looks for moments with detail and little motion, and makes of one of them what `nodal stitch` makes of pictures: a
 /// still sphere beside the film, its calibration and its report. `names`: of the heads. `times`: the heads' times;

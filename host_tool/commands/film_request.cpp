@@ -72,6 +72,44 @@ Result<std::vector<film::HeadTime>> given_times(const FilmArgs& words) {
   return times;
 }
 
+Result<std::vector<film::FilmFile>> probe_films(const film::Programs& programs, const film::FilmRequest& request,
+                                                const PictureSplit& split) {
+  std::vector<film::FilmFile> films;
+  for (const std::string& path : request.films) {
+    const auto n = static_cast<int>(films.size());
+    NODAL_TRY_ASSIGN(film::FilmFile film, film::probe(programs, path, request.one_file && split.count() == 1 ? n : 0));
+    if (film.tracks > 1 && !request.one_file) {
+      return fail(Errc::kUnsupported, fmt::format("{}: it has {} tracks of pictures; give it alone, for a rig of as "
+                                                  "many heads, or copy one track into a file of its own: ffmpeg -i "
+                                                  "FILE -map 0:v:0 -c copy FILE2",
+                                                  path, film.tracks));
+    }
+    films.push_back(split.count() > 1 ? film::part_of(std::move(film), split.columns, split.rows, n) : std::move(film));
+  }
+  return films;
+}
+
+Result<std::vector<film::FilmFile>> probe_films(const film::Programs& programs, const film::FilmRequest& request) {
+  PictureSplit split;
+  const std::vector<HeadCalibration>& heads = request.calibration.heads;
+  if (request.one_file) {
+    NODAL_TRY_ASSIGN(const film::FilmFile whole, film::probe(programs, request.films.front()));
+    const PictureSplit beside{whole.width / heads.front().width, whole.height / heads.front().height};
+    if (whole.tracks == 1 && beside.count() == heads.size()) split = beside;
+  }
+  NODAL_TRY_ASSIGN(std::vector<film::FilmFile> films, probe_films(programs, request, split));
+  for (std::size_t h = 0; h < films.size(); ++h) {
+    const HeadCalibration& head = heads[h];
+    if (films[h].width == head.width && films[h].height == head.height) continue;
+    return fail(
+        Errc::kHeadMismatch,
+        fmt::format("{}: its pictures have {}x{} pixels, and head '{}' is calibrated for {}x{}{}", films[h].path,
+                    films[h].width, films[h].height, head.name, head.width, head.height,
+                    films[h].rotation_deg != 0 ? ", as they are coded, before they are rotated as the file says" : ""));
+  }
+  return films;
+}
+
 Result<film::FilmRequest> make_request(Console& console, const StitchArgs& args, const FilmArgs& words,
                                        const std::optional<Calibration>& found, std::vector<std::string>& notes) {
   if (!args.nominal.rig.empty()) {

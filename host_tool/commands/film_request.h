@@ -8,6 +8,7 @@
 
 #include "host_tool/commands/stitch_film.h"
 #include "host_tool/film/film_plan.h"
+#include "host_tool/input/picture_split.h"
 #include "protocol/base/result.h"
 
 namespace nodal::host {
@@ -23,6 +24,14 @@ bool films_alone(const StitchArgs& args);
 
 /// Every --offset. Errors: kBadValue.
 Result<std::vector<film::HeadTime>> given_times(const FilmArgs& words);
+
+/// What the films of all heads have. One film for several heads has a track for each, or their pictures side by side,
+/// as `split` says. Errors: naming the film.
+Result<std::vector<film::FilmFile>> probe_films(const film::Programs& programs, const film::FilmRequest& request,
+                                                const PictureSplit& split);
+/// The same; without a track for each head, their pictures are side by side if the heads' sizes say so. Errors: those,
+/// and kHeadMismatch for a film whose pictures are not of the head's size.
+Result<std::vector<film::FilmFile>> probe_films(const film::Programs& programs, const film::FilmRequest& request);
 
 /// `found`: a calibration that was found in the films; else the first input is one. notes: whole sentences for the
 /// user.

@@ -69,16 +69,8 @@ class FilmRun {
     film::FilmRequest request;  // what is known before
     request.films = args_.inputs;
     request.one_file = args_.inputs.size() == 1;
-    if (request.one_file) {
-      NODAL_TRY_ASSIGN(const film::FilmFile film, film::probe(programs_, args_.inputs.front()));
-      request.films.resize(static_cast<std::size_t>(film.tracks), film.path);
-      if (film.tracks == 1) {
-        return fail(Errc::kMissingField,
-                    film.path + ": this is one film with one track of pictures; give a film of each head");
-      }
-    }
     NODAL_TRY_ASSIGN(const auto words, film::words_of(request, programs_));
-    const std::string identity = words["films"].dump();
+    const std::string identity = words["films"].dump() + args_.split;
     const std::string of_films =
         to_hex(sha256({reinterpret_cast<const std::uint8_t*>(identity.data()), identity.size()})).substr(0, 16);
     const std::string stored = fmt::format("{}/rig-{}.json", parts_.path, of_films);
@@ -88,17 +80,24 @@ class FilmRun {
       return {};
     }
     if (words_.join) return no_plan();
-    std::vector<film::FilmFile> films;
-    const std::vector<std::string> names = head_names(request.films);
+    PictureSplit split;
+    std::vector<std::string> names = head_names(request.films);
+    if (request.one_file) {
+      NODAL_TRY_ASSIGN(const film::FilmFile whole, film::probe(programs_, args_.inputs.front()));
+      if (whole.tracks == 1) {
+        NODAL_TRY_ASSIGN(split, split_of_film(programs_, whole, args_.split, parts_.path));
+        names = part_names(split);
+      }
+      request.films.resize(std::max(static_cast<std::size_t>(whole.tracks), split.count()), whole.path);
+      if (whole.tracks > 1) names = head_names(request.films);
+    }
+    NODAL_TRY_ASSIGN(const auto films, probe_films(programs_, request, split));
     for (std::size_t h = 0; h < names.size(); ++h) {
-      NODAL_TRY_ASSIGN(film::FilmFile film,
-                       film::probe(programs_, request.films[h], request.one_file ? static_cast<int>(h) : 0));
       HeadCalibration head;
       head.name = names[h];
-      head.width = film.width;
-      head.height = film.height;
+      head.width = films[h].width;
+      head.height = films[h].height;
       request.calibration.heads.push_back(std::move(head));
-      films.push_back(std::move(film));
     }
     request.times_by = words_.times;
     NODAL_TRY_ASSIGN(request.times, given_times(words_));
@@ -133,29 +132,7 @@ class FilmRun {
       return {};
     }
     if (words_.join) return no_plan();
-    std::vector<film::FilmFile> films;
-    for (const std::string& path : request.films) {
-      const int track = request.one_file ? static_cast<int>(films.size()) : 0;
-      NODAL_TRY_ASSIGN(film::FilmFile film, film::probe(programs_, path, track));
-      if (film.tracks > 1 && !request.one_file) {
-        return fail(Errc::kUnsupported, fmt::format("{}: it has {} tracks of pictures; give it alone, for a rig of as "
-                                                    "many heads, or copy one track into a file of its own: ffmpeg -i "
-                                                    "FILE -map 0:v:0 -c copy FILE2",
-                                                    path, film.tracks));
-      }
-      films.push_back(std::move(film));
-    }
-    for (std::size_t h = 0; h < films.size(); ++h) {
-      const HeadCalibration& head = request.calibration.heads[h];
-      if (films[h].width == head.width && films[h].height == head.height) continue;
-      return fail(Errc::kHeadMismatch,
-                  fmt::format("{}: its pictures have {}x{} pixels, and head '{}' is calibrated for "
-                              "{}x{}{}",
-                              films[h].path, films[h].width, films[h].height, head.name, head.width, head.height,
-                              films[h].rotation_deg != 0 ? ", as they are coded, before they are "
-                                                           "rotated as the file says"
-                                                         : ""));
-    }
+    NODAL_TRY_ASSIGN(const auto films, probe_films(programs_, request));
     NODAL_TRY_ASSIGN(const film::FilmRequest timed, with_times(request, films, Lenses::kKnown));
     NODAL_TRY_ASSIGN(plan_, film::make_plan(timed, films, programs_, notes_));
     plan_.times_residual_s = residual_s_;
@@ -178,7 +155,8 @@ class FilmRun {
   Result<film::FilmRequest> with_times(const film::FilmRequest& request, const std::vector<film::FilmFile>& films,
                                        Lenses lenses) {
     film::FilmRequest timed = request;
-    if (request.times_by == "begin") return timed;
+    // Parts of one picture are of one instant.
+    if (request.times_by == "begin" || films.front().place) return timed;
     if (heard_) {
       timed.times = *heard_;
       return timed;

@@ -296,6 +296,21 @@ Result<FilmSound> probe_sound(const Programs& programs, const std::string& path)
   return *file.sound;
 }
 
+FilmFile part_of(FilmFile film, int columns, int rows, int n) {
+  constexpr int kEven = ~1;
+  film.width = (film.width / columns) & kEven;
+  film.height = (film.height / rows) & kEven;
+  film.place = FilmFile::Place{n % columns * film.width, n / columns * film.height};
+  return film;
+}
+
+std::string filters_of(const FilmFile& film, const std::string& next) {
+  if (!film.place) return next;
+  const std::string crop =
+      fmt::format("crop={}:{}:{}:{}:exact=1", film.width, film.height, film.place->left, film.place->top);
+  return next.empty() ? crop : crop + "," + next;
+}
+
 bool is_film_name(std::string_view path) {
   constexpr std::array<std::string_view, 20> kEndings{".mp4", ".mov",  ".mkv", ".avi",  ".m4v", ".mts",  ".m2ts",
                                                       ".ts",  ".webm", ".mpg", ".mpeg", ".mxf", ".insv", ".360",

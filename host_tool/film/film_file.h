@@ -25,8 +25,13 @@ struct FilmFile {
   std::string path;
   int track = 0;   ///< which of its tracks of pictures; the first one is 0
   int tracks = 1;  ///< how many it has, covers not counted
-  int width = 0;
+  int width = 0;   ///< of the head's pictures, px
   int height = 0;
+  /// Where these are in the coded pictures, if they are a part of them: a film with several heads' pictures side by side.
+  struct Place {
+    int left = 0, top = 0;
+  };
+  std::optional<Place> place;
   std::string coded_format;    ///< ffmpeg's name of the pixel format: "yuvj420p"
   PixelFormat format{};        ///< its pictures' after decoding
   std::string decoded_format;  ///< ffmpeg's name of that
@@ -59,6 +64,12 @@ Result<FilmFile> film_of(const std::string& streams_json, const std::string& pac
 
 /// The first sound track of a file. Errors: as probe(); kBadFormat if it has none.
 Result<FilmSound> probe_sound(const Programs& programs, const std::string& path);
+
+/// The n-th of the pictures side by side in a film, row by row; cut at even rows and columns.
+FilmFile part_of(FilmFile film, int columns, int rows, int n);
+
+/// ffmpeg's filters that give the head's pictures, then `next`; empty: none.
+std::string filters_of(const FilmFile& film, const std::string& next = "");
 
 /// Whether the name is that of a film file, such as cam0.MP4.
 bool is_film_name(std::string_view path);

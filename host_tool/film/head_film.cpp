@@ -22,10 +22,11 @@ std::vector<std::string> decoder_words(const FilmFile& film, std::optional<doubl
   const std::vector<std::string> rules = input_rules();
   words.insert(words.end(), rules.begin(), rules.end());
   if (from_s) words.insert(words.end(), {"-ss", fmt::format("{:.6f}", *from_s)});
-  words.insert(words.end(),
-               {"-i", file_url(film.path), "-map", fmt::format("0:V:{}", film.track), "-fps_mode", "passthrough",
-                "-enc_time_base", fmt::format("{}/{}", film.time_base.num, film.time_base.den), "-c:v", "rawvideo",
-                "-pix_fmt", film.decoded_format, "-f", "nut", "pipe:1"});
+  words.insert(words.end(), {"-i", file_url(film.path), "-map", fmt::format("0:V:{}", film.track)});
+  if (film.place) words.insert(words.end(), {"-vf", filters_of(film)});
+  words.insert(words.end(), {"-fps_mode", "passthrough", "-enc_time_base",
+                             fmt::format("{}/{}", film.time_base.num, film.time_base.den), "-c:v", "rawvideo",
+                             "-pix_fmt", film.decoded_format, "-f", "nut", "pipe:1"});
   return words;
 }
 
@@ -34,7 +35,9 @@ std::vector<std::string> decoder_words(const FilmFile& film, std::optional<doubl
 /// memory.
 std::uint64_t decoder_memory(const FilmFile& film) {
   constexpr std::uint64_t kOwn = std::uint64_t{3} << 30, kPictures = 64, kLargestSample = 8;  // bytes a pixel
-  const auto pixels = static_cast<std::uint64_t>(film.width) * static_cast<std::uint64_t>(film.height);
+  constexpr std::uint64_t kMaxParts = 64;  // a part of a picture does not say how large that is
+  const auto pixels =
+      (film.place ? kMaxParts : 1) * static_cast<std::uint64_t>(film.width) * static_cast<std::uint64_t>(film.height);
   return kOwn + kPictures * kLargestSample * pixels;
 }
 

@@ -28,10 +28,11 @@ std::vector<std::string> small_words(const FilmFile& film, int width, int height
   const std::vector<std::string> rules = input_rules();
   words.insert(words.end(), rules.begin(), rules.end());
   if (from_s > 0) words.insert(words.end(), {"-ss", fmt::format("{:.6f}", from_s)});
-  words.insert(words.end(), {"-i", file_url(film.path), "-map", fmt::format("0:V:{}", film.track), "-vf",
-                             fmt::format("scale={}:{}:flags=area", width, height), "-fps_mode", "passthrough",
-                             "-enc_time_base", fmt::format("{}/{}", film.time_base.num, film.time_base.den), "-c:v",
-                             "rawvideo", "-pix_fmt", "gray", "-f", "nut", "pipe:1"});
+  words.insert(words.end(),
+               {"-i", file_url(film.path), "-map", fmt::format("0:V:{}", film.track), "-vf",
+                filters_of(film, fmt::format("scale={}:{}:flags=area", width, height)), "-fps_mode", "passthrough",
+                "-enc_time_base", fmt::format("{}/{}", film.time_base.num, film.time_base.den), "-c:v", "rawvideo",
+                "-pix_fmt", "gray", "-f", "nut", "pipe:1"});
   return words;
 }
 

@@ -15,6 +15,7 @@ namespace {
 constexpr const char* kFormat = "nodal film plan 1";
 constexpr std::int64_t kMaxTime = std::int64_t{1} << 60;  // sums of two fit 64 bits
 constexpr std::int64_t kMaxTrack = 255;
+constexpr std::int64_t kMaxPlace = 16384;         // px
 constexpr std::int64_t kMaxUnitTerm = INT32_MAX;  // ffmpeg's
 constexpr std::size_t kMapPixels = std::size_t{sets::kSeamMapWidth} * sets::kSeamMapWidth / 2;
 
@@ -88,11 +89,13 @@ Json to_json(const PlannedHead& head) {
     before = time;
   }
   const FilmFile& film = head.film;
+  const Json place = film.place ? Json{film.place->left, film.place->top} : Json(nullptr);
   return Json{{"name", head.name},
               {"film", film.path},
               {"track", film.track},
               {"width", film.width},
               {"height", film.height},
+              {"place", place},
               {"format", pixel_format_name(film.format)},
               {"decoded_format", film.decoded_format},
               {"video_range", film.coding.video_range},
@@ -134,6 +137,10 @@ PlannedHead head_of(const Json& json, const HeadCalibration& calibrated, std::si
   // The blend reads as many pixels as the calibration says.
   film.width = static_cast<int>(whole(json.at("width"), "heads.width", calibrated.width, calibrated.width));
   film.height = static_cast<int>(whole(json.at("height"), "heads.height", calibrated.height, calibrated.height));
+  if (const Json& place = json.at("place"); !place.is_null()) {
+    film.place = FilmFile::Place{static_cast<int>(whole(place.at(0), "heads.place", 0, kMaxPlace)),
+                                 static_cast<int>(whole(place.at(1), "heads.place", 0, kMaxPlace))};
+  }
   film.format = format_of(json.at("format"));
   film.decoded_format = json.at("decoded_format").get<std::string>();
   film.coding = {json.at("video_range").get<bool>(), json.at("bt709").get<bool>()};

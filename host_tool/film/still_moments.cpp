@@ -52,11 +52,12 @@ Result<Look> look_at(const Programs& programs, const FilmFile& film, std::size_t
   const int width = std::max(2, film.width * side / longer), height = std::max(2, film.height * side / longer);
   const auto size = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   const std::size_t from = frame + 1 < film.times.size() || frame == 0 ? frame : frame - 1;
-  NODAL_TRY_ASSIGN(const std::string bytes,
-                   decoded(programs, film, from,
-                           {"-vf", fmt::format("scale={}:{}:flags=area,format=gray", width, height), "-fps_mode",
-                            "passthrough", "-frames:v", "2", "-c:v", "rawvideo", "-f", "rawvideo", "pipe:1"},
-                           2 * size));
+  NODAL_TRY_ASSIGN(
+      const std::string bytes,
+      decoded(programs, film, from,
+              {"-vf", filters_of(film, fmt::format("scale={}:{}:flags=area,format=gray", width, height)), "-fps_mode",
+               "passthrough", "-frames:v", "2", "-c:v", "rawvideo", "-f", "rawvideo", "pipe:1"},
+              2 * size));
   if (bytes.size() % size != 0) return fail(Errc::kBadFormat, film.path + ": its pictures change their size");
   const auto level = [&](std::size_t at) { return static_cast<int>(static_cast<std::uint8_t>(bytes[at])); };
   std::int64_t detail = 0, change = 0;
@@ -102,10 +103,10 @@ Result<std::vector<Moment>> still_moments(const Programs& programs, const std::v
 }
 
 Result<std::vector<std::uint8_t>> png_of(const Programs& programs, const FilmFile& film, std::size_t frame) {
-  NODAL_TRY_ASSIGN(
-      const std::string bytes,
-      decoded(programs, film, frame,
-              {"-frames:v", "1", "-c:v", "png", "-pix_fmt", "rgb24", "-f", "image2pipe", "pipe:1"}, kMaxPng));
+  std::vector<std::string> words;
+  if (film.place) words = {"-vf", filters_of(film)};
+  words.insert(words.end(), {"-frames:v", "1", "-c:v", "png", "-pix_fmt", "rgb24", "-f", "image2pipe", "pipe:1"});
+  NODAL_TRY_ASSIGN(const std::string bytes, decoded(programs, film, frame, words, kMaxPng));
   return std::vector<std::uint8_t>(bytes.begin(), bytes.end());
 }
 

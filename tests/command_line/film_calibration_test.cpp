@@ -84,6 +84,24 @@ TEST_F(FilmsAlone, WhoseRigNeverStandsStillAndWhoseTimesAreNotKnown_AreRefusedWi
   EXPECT_FALSE(std::filesystem::exists(path("s.rig.json")));
 }
 
+TEST_F(FilmsAlone, WhosePicturesAreSideBySide_AreSplit) {
+  write_fine(0, 5);
+  Words words;
+  for (const std::string& film : films_) words.insert(words.end(), {"-i", film});
+  words.insert(words.end(), {"-filter_complex", "[0][1][2]hstack=3[a];[3][4][5]hstack=3[b];[a][b]vstack", "-c:v",
+                             "ffv1", path("beside.mkv")});
+  ffmpeg(words);
+  films_ = {path("beside.mkv")};
+  const Finished run = nodal(alone("s.mkv", {"--split", "3x2"}));
+  ASSERT_EQ(run.code, 0) << run.err;
+  auto found = parse_calibration(read("s.rig.json"));
+  ASSERT_TRUE(found) << found.error().text();
+  ASSERT_EQ(found->heads.size(), 6u);
+  for (std::size_t h = 0; h < 6; ++h) found->heads[h].name = fine().truth.heads[h].name;
+  EXPECT_LT(test::rotation_error(fine().truth, *found).max_deg, 0.3);
+  EXPECT_NE(ffprobe("stream=nb_read_packets,nb_frames,width", path("s.mkv")).find("width=128"), std::string::npos);
+}
+
 TEST_F(FilmsAlone, OneFilmWithOneTrack_IsNoRig) {
   write_fine(1, 0);
   films_.resize(1);

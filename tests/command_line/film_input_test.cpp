@@ -44,6 +44,18 @@ TEST_F(FilmInput, AllHeadsAsTracksOfOneFile_TheSameBytes) {
   expect_no_film(stitch("s.mkv", kHow), "it has 1 track of pictures, and head 2 wants another one", "s.mkv");
 }
 
+TEST_F(FilmInput, AllHeadsSideBySideInOneFilm_TheSameBytes) {
+  write_films(4, ".mkv", kLossless);
+  const std::string apart = stitched("apart.mkv");
+  Words words;
+  for (const std::string& film : films_) words.insert(words.end(), {"-i", film});
+  words.insert(words.end(), {"-filter_complex", "[0][1][2]hstack=3[a];[3][4][5]hstack=3[b];[a][b]vstack",
+                             "-c:v", "ffv1", "-pix_fmt", "gbrp", path("beside.mkv")});
+  ffmpeg(words);
+  films_ = {path("beside.mkv")};
+  EXPECT_TRUE(stitched("beside_s.mkv") == apart);
+}
+
 TEST_F(FilmInput, RotationTag_PicturesAreTakenAsTheyAreCoded) {
   write_films(4, ".mp4", kH264);
   const std::string plain = stitched("plain.mkv");
