@@ -13,7 +13,8 @@
 
 namespace nodal::host {
 
-/// How the heads' pictures stand side by side in one film: as `choice` (--split) says, or two circles that a frame shows.
+/// How the heads' pictures stand side by side in one film: as `choice` (--split) says, or two circles that a frame
+/// shows.
 /// folder: of the film's parts, where the frame is kept meanwhile. Errors: kMissingField if there is one picture only.
 Result<PictureSplit> split_of_film(const film::Programs& programs, const film::FilmFile& film,
                                    const std::string& choice, const std::string& folder);

@@ -252,9 +252,21 @@ class FilmRun {
   }
 
   Status say_plan() {
-    console_.document({{"plan", parts_.plan_file()}, {"frames", plan_.frames}, {"segments", plan_.segments()}});
-    console_.line(fmt::format("{}: {} in {}, 0 to {}", parts_.plan_file(), counted(plan_.frames, "frame"),
-                              counted(plan_.segments(), "segment"), plan_.segments() - 1));
+    std::vector<SegmentRange> missing;
+    std::uint64_t count = 0;
+    for (std::uint64_t segment = 0; segment < plan_.segments(); ++segment) {
+      if (parts_.has(plan_, segment)) continue;
+      if (missing.empty() || missing.back().last + 1 != segment) missing.push_back({segment, segment});
+      missing.back().last = segment;
+      ++count;
+    }
+    Json ranges = Json::array();
+    for (const SegmentRange& range : missing) ranges.push_back({range.first, range.last});
+    console_.document(
+        {{"plan", parts_.plan_file()}, {"frames", plan_.frames}, {"segments", plan_.segments()}, {"missing", ranges}});
+    console_.line(fmt::format("{}: {} in {}, 0 to {}; {}", parts_.plan_file(), counted(plan_.frames, "frame"),
+                              counted(plan_.segments(), "segment"), plan_.segments() - 1,
+                              count == 0 ? "all are there" : fmt::format("{} missing", count)));
     return {};
   }
 

@@ -25,9 +25,9 @@ struct FilmFile {
   std::string path;
   int track = 0;   ///< which of its tracks of pictures; the first one is 0
   int tracks = 1;  ///< how many it has, covers not counted
-  int width = 0;   ///< of the head's pictures, px
+  int width = 0;   ///< px, of the head's pictures
   int height = 0;
-  /// Where these are in the coded pictures, if they are a part of them: a film with several heads' pictures side by side.
+  /// Where these are in the coded pictures, if they are a part of them: several heads' pictures side by side.
   struct Place {
     int left = 0, top = 0;
   };

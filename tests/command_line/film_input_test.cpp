@@ -49,8 +49,8 @@ TEST_F(FilmInput, AllHeadsSideBySideInOneFilm_TheSameBytes) {
   const std::string apart = stitched("apart.mkv");
   Words words;
   for (const std::string& film : films_) words.insert(words.end(), {"-i", film});
-  words.insert(words.end(), {"-filter_complex", "[0][1][2]hstack=3[a];[3][4][5]hstack=3[b];[a][b]vstack",
-                             "-c:v", "ffv1", "-pix_fmt", "gbrp", path("beside.mkv")});
+  words.insert(words.end(), {"-filter_complex", "[0][1][2]hstack=3[a];[3][4][5]hstack=3[b];[a][b]vstack", "-c:v",
+                             "ffv1", "-pix_fmt", "gbrp", path("beside.mkv")});
   ffmpeg(words);
   films_ = {path("beside.mkv")};
   EXPECT_TRUE(stitched("beside_s.mkv") == apart);
