@@ -15,6 +15,7 @@
 #include "host_tool/commands/lens_json.h"
 #include "host_tool/commands/nominal_options.h"
 #include "host_tool/commands/picture_places_option.h"
+#include "host_tool/commands/register_output.h"
 #include "host_tool/commands/replay_toml.h"
 #include "host_tool/commands/sphere_options.h"
 #include "host_tool/commands/trial.h"
@@ -50,6 +51,7 @@ struct RegisterArgs {
   PicturePlaces places = PicturePlaces::kBesideProject;
   std::string limit = "60s";
   std::string up = "auto", split = "auto";
+  bool chosen = false;  ///< whether an option says what is estimated, or how
   Options options;
 };
 
@@ -128,87 +130,6 @@ Result<RigPictures> read_input(Context& context, const RegisterArgs& args, Progr
   });
 }
 
-// JSON has no infinity; null means "unknown".
-Json finite(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
-
-Json register_json(const Report& report) {
-  Json heads = Json::array(), pairs = Json::array(), steps = Json::array();
-  for (const registration::HeadReport& head : report.heads) {
-    heads.push_back({{"name", head.name},
-                     {"placed", head.placed},
-                     {"why_not", head.why_not},
-                     {"turned_deg", head.turned_deg},
-                     {"sigma_deg", finite(head.sigma_deg)},
-                     {"focal_change_percent", head.focal_change_percent},
-                     {"sigma_focal_percent", head.sigma_focal_percent},
-                     {"shared_sr", head.shared_sr}});
-  }
-  for (const registration::PairReport& pair : report.pairs) {
-    pairs.push_back(
-        {{"heads",
-          {report.heads[static_cast<std::size_t>(pair.a)].name, report.heads[static_cast<std::size_t>(pair.b)].name}},
-         {"shared_sr", pair.shared_sr},
-         {"rms_before", pair.rms_before},
-         {"rms_after", pair.rms_after},
-         {"agreement", pair.agreement}});
-  }
-  for (const registration::Step& step : report.steps) {
-    steps.push_back({{"width", step.width},
-                     {"level", step.level},
-                     {"iteration", step.iteration},
-                     {"objective", step.objective},
-                     {"turned_deg", step.turned_deg}});
-  }
-  return {{"distance", report.calibration.distance > 0 ? Json(report.calibration.distance) : Json(nullptr)},
-          {"sigma_nearness", report.sigma_nearness},
-          {"objective_before", report.objective_before},
-          {"objective_after", report.objective_after},
-          {"heads", heads},
-          {"pairs", pairs},
-          {"steps", steps},
-          {"warnings", report.warnings}};
-}
-
-/// The distance, and how far it may be off: parallax determines 1 / distance.
-std::string distance_line(const Report& report) {
-  const double nearness = report.calibration.distance > 0 ? 1 / report.calibration.distance : 0;
-  const double least = nearness - 2 * report.sigma_nearness, most = nearness + 2 * report.sigma_nearness;
-  if (nearness == 0 || least <= 0) {
-    return fmt::format("the pictures meet beyond {:.2f} m, or at infinity", 1 / most);
-  }
-  return fmt::format("the pictures meet at {:.2f} m ({:.2f} to {:.2f} m)", 1 / nearness, 1 / most, 1 / least);
-}
-
-void tell(Console& console, const Report& report, const Verdict& verdict, bool focals, const std::string& out,
-          double seconds) {
-  using Align = Table::Align;
-  std::vector<Table::Column> columns{
-      {"head"}, {"turned", Align::kRight}, {"±", Align::kRight}, {"overlap", Align::kRight}};
-  if (focals) columns.insert(columns.end(), {{"focal length", Align::kRight}, {"±", Align::kRight}});
-  columns.push_back({""});
-  Table table(columns);
-  for (const registration::HeadReport& head : report.heads) {
-    std::vector<std::string> row{head.name, fmt::format("{:.3f}°", head.turned_deg),
-                                 show_deviation(head.sigma_deg, "°"), fmt::format("{:.2f} sr", head.shared_sr)};
-    if (focals) {
-      row.push_back(fmt::format("{:+.3f} %", head.focal_change_percent));
-      row.push_back(show_deviation(head.sigma_focal_percent, " %"));
-    }
-    row.push_back(head.placed ? "" : "not placed, not changed");
-    table.row(row);
-  }
-  for (const std::string& line : table.lines()) console.line(line);
-  if (report.sigma_nearness > 0) console.line(distance_line(report));
-  console.line(fmt::format("where they overlap, the heads differ by {:.2f} levels of 255; before, by {:.2f} ({:.1f} s)",
-                           std::sqrt(report.objective_after), std::sqrt(report.objective_before), seconds));
-  for (const std::string& warning : report.warnings) console.warning(warning);
-  console.line(verdict.sentence);
-  if (const std::string poor = poor_pairs(report); !poor.empty()) {
-    console.warning(poor + "; --report FILE.html shows their seams");
-  }
-  console.line("wrote " + out);
-}
-
 /// The options that the words of the command line mean.
 Options options_of(const RegisterArgs& args, RigPictures::Origin origin) {
   Options options = args.options;
@@ -227,8 +148,16 @@ Options options_of(const RegisterArgs& args, RigPictures::Origin origin) {
   return options;
 }
 
-Result<Report> registered(Console& console, const RigPictures& rig, Options options, Progress& bar) {
+/// Pictures without a calibration are registered as `nodal stitch` registers them, unless `chosen`.
+Result<Report> registered(Console& console, const RigPictures& rig, Options options, bool chosen, Progress& bar) {
   const std::uint64_t begun = rig.match ? kMatched : 0;
+  if (rig.match && !chosen) {
+    return interruptible(console, [&]() -> Result<Report> {
+      return registered_alone(rig, [&](double done, const std::string& what) {
+        bar.update(begun + static_cast<std::uint64_t>(static_cast<double>(kRegistered - begun) * done), what);
+      });
+    });
+  }
   options.progress = [&](const registration::Step& step, double done) {
     bar.update(begun + static_cast<std::uint64_t>(static_cast<double>(kRegistered - begun) * done),
                fmt::format("raymap {} wide, differ by {:.3f} levels", step.width, std::sqrt(step.objective)));
@@ -267,7 +196,7 @@ Status run_register(Context& context, const RegisterArgs& args) {
   const Options options = options_of(args, input.origin);
   const auto wall = std::chrono::steady_clock::now();
   const std::clock_t cpu = std::clock();
-  const Result<Report> report = registered(console, input, options, bar);
+  const Result<Report> report = registered(console, input, options, args.chosen, bar);
   if (!report) return fail(with_advice(report.error(), !args.nominal.rig.empty()));
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall).count();
   NODAL_TRY_ASSIGN(const Verdict verdict,
@@ -295,7 +224,8 @@ Status run_register(Context& context, const RegisterArgs& args) {
   document["seconds"] = seconds;
   document["cpu_seconds"] = static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC;
   console.document(document);
-  tell(console, *report, verdict, options.free != registration::Free::kRotations, args.out, seconds);
+  const bool alone = input.match && !args.chosen, focals = options.free != registration::Free::kRotations;
+  print_registration(console, *report, verdict, {alone, focals, args.out, seconds});
   const bool first = input.match || input.origin == RigPictures::Origin::kDataSheet;
   if (args.inputs.empty() && first && !args.trial) {
     console.line("put it in force with: nodal calibration upload " + args.out);
@@ -333,9 +263,9 @@ void add_register(CLI::App& app, CommandLine& line) {
   command
       ->add_option(
           "--free", args->free,
-          "What is estimated: rotations (when not given); focals: rotations and focal lengths; lens: rotations\n"
-          "and whole lenses; distance: rotations and how far away the pictures meet, for heads with\n"
-          "positions; light: gains and fall-off only, with the heads where they are")
+          "What is estimated: rotations (when not given; of pictures alone, what they determine); focals: rotations\n"
+          "and focal lengths; lens: rotations and whole lenses; distance: rotations and how far away the pictures\n"
+          "meet, for heads with positions; light: gains and fall-off only, with the heads where they are")
       ->type_name("light|rotations|focals|lens|distance")
       ->check(one_of(kFree));
   command
@@ -394,7 +324,13 @@ void add_register(CLI::App& app, CommandLine& line) {
   add_up_option(*command, args->up);
   add_picture_places(*command, args->places);
   add_nominal_options(*command, args->nominal);
-  line.on(command, [args](Context& context) { return run_register(context, *args); });
+  line.on(command, [args, command](Context& context) {
+    for (const char* option :
+         {"--free", "--vignetting", "--layout", "--width", "--norm", "--colour", "--gauge", "--no-search", "--pairs"}) {
+      args->chosen = args->chosen || command->count(option) > 0;
+    }
+    return run_register(context, *args);
+  });
 }
 
 }  // namespace nodal::host

@@ -62,14 +62,14 @@ Status calibrate(Console& console, StitchJob& job, Progress& bar) {
     rig.notes.push_back(fmt::format("the calibration is from set {} of {}, with {}", match.set + 1, files.size(),
                                     files[match.set].front()));
   }
-  Result<registration::Report> report =
-      refined(rig, [&](double done, const std::string& what) { show(0.5, done, what); });
-  if (report) {
-    if (!match.lens.note.empty()) report->warnings.push_back(match.lens.note);
-    NODAL_TRY_ASSIGN(job.details, registration_report(rig.calibration, rig.frames(match.set), *report));
-    rig.calibration = std::move(report->calibration);
+  registration::Report report =
+      registered_alone(rig, [&](double done, const std::string& what) { show(0.5, done, what); });
+  if (!report.pairs.empty()) {
+    if (!match.lens.note.empty()) report.warnings.push_back(match.lens.note);
+    NODAL_TRY_ASSIGN(job.details, registration_report(rig.calibration, rig.frames(match.set), report));
+    rig.calibration = std::move(report.calibration);
   } else {
-    rig.notes.push_back("the pictures' light is not matched: " + report.error().message);
+    rig.notes.insert(rig.notes.end(), report.warnings.begin(), report.warnings.end());
   }
   // They are stitched next, or else would be kept in memory while other sets are stitched.
   if (match.set > 0) {

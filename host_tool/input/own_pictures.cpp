@@ -268,7 +268,7 @@ Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const U
     progress(0.3 * static_cast<double>(n) / static_cast<double>(files.size()), "reading " + files[n]);
   }));
   std::vector<DecodedImage> grey;
-  std::vector<std::string> turned;
+  std::vector<std::string> turned, outdated;
   for (const HeadPicture& picture : pictures) {
     const DecodedImage& image = picture.pixels();
     grey.push_back(media::convert_image(image.view(), PixelFormat::kGrey8));
@@ -277,9 +277,10 @@ Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const U
       focal_px = *picture.focal_35mm() / media::kFilmDiagonalMm * std::hypot(image.width, image.height);
     }
     options.focal_px.push_back(focal_px);
-    const auto [x, y] = media::up_of(picture.orientation());
+    const auto [x, y] = up_in(picture);
     options.up.emplace_back(x, y);
-    if (picture.orientation() != 1) turned.push_back(picture.file());
+    if (media::is_outdated(picture.orientation(), image.width, image.height)) outdated.push_back(picture.file());
+    else if (picture.orientation() != 1) turned.push_back(picture.file());
   }
   NODAL_TRY_ASSIGN(std::vector<HeadMask> masks, find_masks(rig.sets, rig.heads, match.set));
   if (const std::string note = describe(masks, rig.heads); !note.empty()) rig.notes.push_back(note);
@@ -297,6 +298,12 @@ Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const U
                                   " is left out: too few of its points were found in the other pictures; take "
                                   "one more picture between it and its neighbour"
                             : files[n] + " is left out: " + why_left_out(*misfit, files));
+  }
+  if (!outdated.empty()) {
+    rig.notes.push_back(
+        fmt::format("{} of {} pictures are marked as turned (Exif orientation) although they are higher than wide, {} "
+                    "first: a program turned them and left the mark, so they are taken as the file stores them",
+                    outdated.size(), files.size(), outdated.front()));
   }
   if (!turned.empty()) {
     rig.notes.push_back(

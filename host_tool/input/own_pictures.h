@@ -47,4 +47,8 @@ Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const U
 /// in different directions, draw pictures away from them.
 Result<registration::Report> refined(const RigPictures& rig, const OwnProgress& progress);
 
+/// The same; where the pictures' light cannot be matched, the calibration that their points gave, and a warning that
+/// says so. Then the report has no pairs.
+registration::Report registered_alone(const RigPictures& rig, const OwnProgress& progress);
+
 }  // namespace nodal::host

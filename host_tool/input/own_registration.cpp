@@ -1,6 +1,7 @@
 // Registration of pictures whose first calibration is from their points.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -129,6 +130,20 @@ Result<Report> refined(const RigPictures& rig, const OwnProgress& progress) {
   Result<Report> colour = attempts.in_colour(best->calibration, chosen);
   if (attempts.good(colour)) best = std::move(*colour);
   return std::move(*best);
+}
+
+Report registered_alone(const RigPictures& rig, const OwnProgress& progress) {
+  Result<Report> found = refined(rig, progress);
+  if (found) return std::move(*found);
+  Report by_points;
+  by_points.calibration = rig.calibration;
+  for (const HeadCalibration& head : rig.calibration.heads) {
+    by_points.heads.push_back({});
+    by_points.heads.back().name = head.name;
+    by_points.heads.back().sigma_deg = std::numeric_limits<double>::infinity();
+  }
+  by_points.warnings.push_back("the pictures' light is not matched: " + found.error().message);
+  return by_points;
 }
 
 }  // namespace nodal::host

@@ -80,8 +80,15 @@ Result<PictureFolder> head_pictures_in(const std::string& folder, OpenPictures& 
   if (pictures->files.empty()) {
     return fail(Errc::kNotFound, folder + ": there is no head's picture in this folder; it holds " + named);
   }
-  pictures->left_out = fmt::format("{}{} is a result and no head's picture, and is left out",
-                                   pictures->left_out.empty() ? folder + ": " : pictures->left_out + "; ", named);
+  // The spheres were counted among the pictures that are read.
+  const auto read = [&](std::size_t count) {
+    return fmt::format("{}: {} pictures are read; left out: ", folder, count);
+  };
+  const std::string counted = read(pictures->files.size() + spheres.size());
+  const std::string others =
+      pictures->left_out.starts_with(counted) ? pictures->left_out.substr(counted.size()) + "; " : "";
+  pictures->left_out =
+      fmt::format("{}{}{}, made by an earlier run and no head's picture", read(pictures->files.size()), others, named);
   return pictures;
 }
 

@@ -24,7 +24,7 @@ Result<std::vector<autocalibration::HeldHead>> held_heads(RigPictures& rig) {
   std::vector<autocalibration::HeldHead> heads;
   for (std::size_t h = 0; h < pictures.size(); ++h) {
     const Eigen::Matrix3d R = geometry::matrix_of(rig.calibration.heads[h].R_head_rig);
-    const auto [x, y] = media::up_of(pictures[h].orientation());
+    const auto [x, y] = up_in(pictures[h]);
     heads.push_back({R.row(2).transpose(), (x * R.row(0) + y * R.row(1)).transpose()});
   }
   return heads;
@@ -45,6 +45,12 @@ bool is_two_numbers(const std::string& text) {
 }
 
 }  // namespace
+
+std::array<double, 2> up_in(const HeadPicture& picture) {
+  const DecodedImage& image = picture.pixels();
+  const bool outdated = media::is_outdated(picture.orientation(), image.width, image.height);
+  return media::up_of(outdated ? 1 : picture.orientation());
+}
 
 Result<UpChoice> parse_up(const std::string& text) {
   if (text == "auto") return UpChoice{};

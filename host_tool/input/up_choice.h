@@ -1,6 +1,7 @@
 // Which direction of a rig is up: the option --up.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 
@@ -21,6 +22,10 @@ struct UpChoice {
 
 /// "auto", "pictures", or "90,-30". Errors: kBadValue.
 Result<UpChoice> parse_up(const std::string& text);
+
+/// The direction in a decoded picture, x right and y down, that is up for people who look at it. An orientation that is
+/// outdated (media::is_outdated) does not count.
+std::array<double, 2> up_in(const HeadPicture& picture);
 
 /// Turns the calibration so that this direction is up. What was forward stays at yaw 0: the rig's own axis, or if the
 /// calibration is from pictures alone, that of the first picture, or the middle of them (turn_to_middle()). kPictures

@@ -281,16 +281,16 @@ Upright find_upright(const std::vector<geometry::Head>& heads, const std::vector
     return many && all_around(seen.edges, heads, found.up);
   };
   bool edges = decided(kSure);
-  if (!edges && !ring) {
+  // Lines on the ground and the walls of a room agree on wrong directions, too; how the pictures are held says which is
+  // up.
+  const bool other_way = upright && found.up.dot(*upright) < std::cos(kOtherWay) && best <= kBeyondDoubt;
+  if (!ring && (!edges || other_way)) {
     const Upright near = found;
     best = 0;
     search_around(seen.edges, light, kWideWindow, kWideStep, kHidden, found, best);
     edges = decided(kBeyondDoubt);
     if (!edges) found = near;
   }
-  // Lines on the ground and the walls of a room agree on wrong directions, too; how the pictures are held says which is
-  // up.
-  if (!ring && upright && found.up.dot(*upright) < std::cos(kOtherWay)) edges = edges && best > kBeyondDoubt;
   if (edges) {
     found.basis = UpBasis::kEdges;
   } else if (ring) {

@@ -104,7 +104,9 @@ Result<BestBlend> BestBlend::make(const Calibration& calibration, const table::R
                 fmt::format("a sphere of {} x {} pixels takes too much memory at best quality; ask for a smaller width",
                             made.seen_.width, made.seen_.height));
   }
-  made.map_ = {std::min(kMapWidth, std::max(32, made.sphere_.width / 2)), 0};
+  // A part of the sphere has pixels that are finer, and seams must go around things that are smaller.
+  const int finer = made.seen_.width <= made.sphere_.width / 4 ? 4 : made.seen_.width <= made.sphere_.width / 2 ? 2 : 1;
+  made.map_ = {std::min(finer * kMapWidth, std::max(32, made.sphere_.width / 2)), 0};
   made.map_.height = made.map_.width / 2;
   made.power_ = table::linear_power(calibration);
   made.threads_ = threads;

@@ -23,7 +23,8 @@ class SightGrid;
 
 /// Blends sets of pictures, one after the other. Each head's picture is projected onto an equirectangular sphere in
 /// floating point, with cubic interpolation; what heads see from different places is moved together (parallax.h). Seams
-/// are placed on a map of at most kMapWidth columns (stitch/seams), and the pictures are blended there by stitch/bands.
+/// are placed on a map of at most kMapWidth columns (of a part of the sphere up to four times as many; stitch/seams),
+/// and the pictures are blended there by stitch/bands.
 /// Other layouts are sampled from that sphere. Sets are taken as a film: seams stay where they were unless another
 /// place is clearly better.
 ///

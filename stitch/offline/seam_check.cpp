@@ -13,6 +13,7 @@
 #include "protocol/base/angles.h"
 #include "protocol/base/try.h"
 #include "stitch/geometry/head.h"
+#include "stitch/offline/light_patch.h"
 #include "stitch/solve/robust.h"
 #include "stitch/table/tone_compiler.h"
 
@@ -22,70 +23,20 @@ namespace {
 using bands::Grid;
 using Eigen::Vector3d;
 
-constexpr int kSeamMapWidth = 1024;             ///< columns of the map on which a board's seams are found
-constexpr std::size_t kMaxPlaces = 48;          ///< number of places of a seam
-constexpr double kMinSpacing = kPi / 180;       ///< between places, rad
-constexpr int kHalfPatch = 12;                  ///< patches have 2 kHalfPatch + 1 pixels a side
-constexpr int kCoarsePatch = 8;                 ///< the same with pixels of four times the width
-constexpr int kCoarsePixel = 4;                 ///< the width of their pixels
-constexpr int kNearShift = 3, kFarShift = 8;    ///< the largest shifts, in pixels and in coarse ones
-constexpr double kMinShared = 0.4;              ///< share of a patch that both heads must see
-constexpr double kMinDetail = 8;                ///< standard deviation of a patch with detail, levels
-constexpr double kMinLikeness = 0.5;            ///< correlation of patches that show the same thing
-constexpr float kClipped = 254, kNotSeen = -1;  ///< levels that are clipped, and no level
-
-/// A square of one head's samples around a ray, kNotSeen outside of its region.
-class LightPatch {
- public:
-  /// `pixel`: width of a sample, rad.
-  LightPatch(int half, double pixel, const Vector3d& axis, const std::function<float(const Vector3d&, double)>& light)
-      : side_(2 * half + 1), light_(static_cast<std::size_t>(side_ * side_)) {
-    const Vector3d right = (std::abs(axis.y()) > 0.9 ? Vector3d::UnitZ() : Vector3d::UnitY()).cross(axis).normalized();
-    const Vector3d down = axis.cross(right);
-    for (int j = -half; j <= half; ++j) {
-      for (int i = -half; i <= half; ++i) {
-        const Vector3d ray = (axis + pixel * (i * right + j * down)).normalized();
-        light_[static_cast<std::size_t>((j + half) * side_ + i + half)] = light(ray, pixel);
-      }
-    }
-  }
-  int half() const { return side_ / 2; }
-  float at(int i, int j) const { return light_[static_cast<std::size_t>((j + half()) * side_ + i + half())]; }
-
- private:
-  int side_;
-  std::vector<float> light_;
-};
-
-struct Likeness {
-  double shared = 0;       ///< share of the patch that both see
-  double correlation = 0;  ///< -1 .. 1; 0 if one of them has no detail at all
-  double detail = 0;       ///< the larger standard deviation
-  double step = 0;         ///< how much brighter the second one is, where neither is clipped
-};
-
-/// The middle of `a`, `half` pixels to each side, beside `b` shifted by (x, y).
-Likeness likeness(const LightPatch& a, const LightPatch& b, int half, int x, int y) {
-  double n = 0, sa = 0, sb = 0, saa = 0, sbb = 0, sab = 0, unclipped = 0, step = 0;
-  for (int j = -half; j <= half; ++j) {
-    for (int i = -half; i <= half; ++i) {
-      const double u = static_cast<double>(a.at(i, j)), v = static_cast<double>(b.at(i + x, j + y));
-      if (u < 0 || v < 0) continue;
-      ++n;
-      sa += u, sb += v;
-      saa += u * u, sbb += v * v, sab += u * v;
-      if (u < kClipped && v < kClipped) step += v - u, ++unclipped;
-    }
-  }
-  Likeness found;
-  found.shared = n / ((2 * half + 1) * (2 * half + 1));
-  if (n < 2) return found;
-  const double va = std::max(0.0, saa / n - sa * sa / n / n), vb = std::max(0.0, sbb / n - sb * sb / n / n);
-  found.detail = std::sqrt(std::max(va, vb));
-  if (va * vb > 1e-6) found.correlation = (sab / n - sa * sb / n / n) / std::sqrt(va * vb);
-  if (unclipped > 0) found.step = step / unclipped;
-  return found;
-}
+constexpr int kSeamMapWidth = 1024;           ///< columns of the map on which a board's seams are found
+constexpr std::size_t kMaxPlaces = 48;        ///< number of places of a seam
+constexpr double kMinSpacing = kPi / 180;     ///< between places, rad
+constexpr int kHalfPatch = 12;                ///< patches have 2 kHalfPatch + 1 pixels a side
+constexpr int kCoarsePatch = 8;               ///< the same with pixels of four times the width
+constexpr int kCoarsePixel = 4;               ///< the width of their pixels
+constexpr int kNearShift = 3, kFarShift = 8;  ///< the largest shifts, in pixels and in coarse ones
+constexpr double kMinShared = 0.4;            ///< share of a patch that both heads must see
+constexpr double kMinDetail = 8;              ///< standard deviation of a patch with detail, levels
+constexpr double kMinLikeness = 0.5;          ///< least correlation of patches that show the same thing
+constexpr double kSureLikeness = 0.7;         ///< the same where leaves and water alone are alike by chance
+constexpr double kMinCoherence = 0.45;        ///< least coherence of a patch with lines
+constexpr double kMinGap = 20;                ///< least difference at a seam that is seen as an edge, levels
+constexpr double kMinGapShare = 0.06;         ///< least share of the seam in a patch with such differences
 
 /// Correlations at shifts, in pixels.
 class TriedShifts {
@@ -122,8 +73,9 @@ struct LookedAt {
 /// Looks at places of the seams between two heads.
 class Looker {
  public:
-  Looker(const std::vector<HeadView>& heads, std::span<const ImageView> pictures, const MovedRay& moved, Grid raymap)
-      : heads_(heads), pictures_(heads.size()), moved_(moved), raymap_pixel_(kPi / raymap.height) {
+  Looker(const std::vector<HeadView>& heads, std::span<const ImageView> pictures, const MovedRay& moved,
+         const SeamMap& map, Grid raymap)
+      : heads_(heads), pictures_(heads.size()), moved_(moved), map_(map), raymap_pixel_(kPi / raymap.height) {
     for (std::size_t h = 0; h < heads.size(); ++h) {
       if (pictures[h].planes[0].data != nullptr) pictures_[h].emplace(heads[h], pictures[h]);
     }
@@ -149,6 +101,16 @@ class Looker {
     place.seam.alike = shifts.best() >= kMinLikeness;
     place.seam.jump_px =
         (place.seam.alike ? shifts.least() : kCoarsePixel * kFarShift + kNearShift) * pixel / raymap_pixel_;
+    const double gap = gap_share(a, b, axis, pixel, patch, other);
+    const double lines = std::max(coherence(patch), coherence(other));
+    if (gap < kMinGapShare && !place.seam.alike) {
+      place.seam.alike = true;
+      place.seam.jump_px = 0;
+    } else if (gap < kMinGapShare) {
+      place.seam.jump_px = std::min(place.seam.jump_px, kBrokenPx);
+    } else if (shifts.best() < kSureLikeness && lines < kMinCoherence) {
+      place.detailed = false;
+    }
     return place;
   }
 
@@ -167,6 +129,47 @@ class Looker {
               const float light = grey ? colours[0] : 0.25F * colours[0] + 0.5F * colours[1] + 0.25F * colours[2];
               return std::max(0.0F, light);
             }};
+  }
+
+  /// The share of the seam between `a` and `b` along which their pictures differ so that an edge is seen, after the
+  /// difference of their brightness, which the blend spreads.
+  double gap_share(std::size_t a, std::size_t b, const Vector3d& axis, double pixel, const LightPatch& patch,
+                   const LightPatch& other) const {
+    const Vector3d right = (std::abs(axis.y()) > 0.9 ? Vector3d::UnitZ() : Vector3d::UnitY()).cross(axis).normalized();
+    const Vector3d down = axis.cross(right);
+    constexpr int kSide = 2 * kHalfPatch + 1;
+    std::array<std::size_t, static_cast<std::size_t>(kSide) * kSide> owners{};
+    const auto owner = [&](int i, int j) -> std::size_t& {
+      return owners[static_cast<std::size_t>((j + kHalfPatch) * kSide + i + kHalfPatch)];
+    };
+    const auto off = [&](int i, int j) { return static_cast<double>(other.at(i, j) - patch.at(i, j)); };
+    std::vector<seams::Share> shares;
+    double step = 0, seen = 0;
+    for (int j = -kHalfPatch; j <= kHalfPatch; ++j) {
+      for (int i = -kHalfPatch; i <= kHalfPatch; ++i) {
+        owner(i, j) = seams::kNobody;
+        if (patch.at(i, j) < 0 || other.at(i, j) < 0) continue;
+        const auto at = geometry::Ray::towards(axis + pixel * (i * right + j * down)).angles();
+        seams::shares_at(map_.labels, map_.grid, (at.theta / (2 * kPi) + 0.5) * map_.grid.width,
+                         (at.phi / kPi + 0.5) * map_.grid.height, shares);
+        if (!shares.empty()) owner(i, j) = shares.front().head;
+        step += off(i, j), ++seen;
+      }
+    }
+    step /= std::max(1.0, seen);
+    double along = 0, gaps = 0;
+    const auto compare = [&](int i, int j, int k, int l) {
+      if (std::minmax(owner(i, j), owner(k, l)) != std::minmax(a, b)) return;
+      ++along;
+      gaps += std::abs(off(i, j) - step) + std::abs(off(k, l) - step) > 2 * kMinGap;
+    };
+    for (int j = -kHalfPatch; j < kHalfPatch; ++j) {
+      for (int i = -kHalfPatch; i < kHalfPatch; ++i) {
+        compare(i, j, i + 1, j);
+        compare(i, j, i, j + 1);
+      }
+    }
+    return along > 0 ? gaps / along : 1;
   }
 
   static void add_shifts(const LightPatch& patch, const LightPatch& other, int x, int y, TriedShifts& shifts) {
@@ -201,6 +204,7 @@ class Looker {
   const std::vector<HeadView>& heads_;
   std::vector<std::optional<HeadPicture>> pictures_;
   const MovedRay& moved_;
+  const SeamMap& map_;
   double raymap_pixel_;
 };
 
@@ -306,7 +310,7 @@ const SeamPlace* worst_place(const SeamCheck& seam) {
 std::vector<SeamCheck> check_seams(const std::vector<HeadView>& heads, std::span<const ImageView> pictures,
                                    const MovedRay& moved, const SeamMap& map, Grid raymap,
                                    const parallel::Workers& workers) {
-  const Looker looker(heads, pictures, moved, raymap);
+  const Looker looker(heads, pictures, moved, map, raymap);
   const double spacing = std::max(kMinSpacing, 2 * kHalfPatch * kPi / raymap.height);
   std::vector<SeamCheck> checks;
   for (const auto& [pair, rays] : seams_of(map.labels, map.grid)) {

@@ -21,20 +21,49 @@ constexpr double kUnknown = 40;
 constexpr int kCoarsest = 256;  ///< columns of the map on which seams are placed anywhere
 constexpr int kBand = 8;        ///< pixels by which a finer map moves the seams of a coarser one
 
+/// The part of the map outside of which no head sees anything: the rows, and the columns unless they go around.
+Window seen_part(std::span<const Layer> views) {
+  const bands::Grid grid = views.front().grid();
+  int left = grid.width, right = 0, top = grid.height, bottom = 0;
+  for (const Layer& view : views) {
+    const Window& window = view.window();
+    if (window.width <= 0 || window.height <= 0) continue;
+    const bool around = window.x + window.width > grid.width;
+    left = around ? 0 : std::min(left, window.x);
+    right = around ? grid.width : std::max(right, window.x + window.width);
+    top = std::min(top, window.y);
+    bottom = std::max(bottom, window.y + window.height);
+  }
+  return {left, top, std::max(0, right - left), std::max(0, bottom - top)};
+}
+
 /// Costs of labels on the map.
 class Costs {
  public:
   Costs(std::span<const Layer> views, const Labels& previous, const PlacementOptions& options)
-      : views_(views), previous_(previous), options_(options), grid_(views.front().grid()) {
+      : views_(views), previous_(previous), options_(options), grid_(views.front().grid()), part_(seen_part(views)) {
     best_.resize(static_cast<std::size_t>(grid_.width) * static_cast<std::size_t>(grid_.height));
     for (std::size_t h = 0; h < views.size(); ++h) {
-      for (int y = 0; y < grid_.height; ++y) {
-        for (int x = 0; x < grid_.width; ++x) best_[index(x, y)] = std::max(best_[index(x, y)], score(h, x, y));
-      }
+      for_pixels([&](int x, int y) { best_[index(x, y)] = std::max(best_[index(x, y)], score(h, x, y)); });
     }
   }
 
   bands::Grid grid() const { return grid_; }
+  /// Visits every pixel that a head may see: visit(x, y).
+  template <class Visit>
+  void for_pixels(const Visit& visit) const {
+    for (int y = part_.y; y < part_.y + part_.height; ++y) {
+      for (int x = part_.x; x < part_.x + part_.width; ++x) visit(x, y);
+    }
+  }
+  /// Visits the neighbours to the right (around the circle) and below of every such pixel: visit(x, y, x2, y2).
+  template <class Visit>
+  void for_neighbours(const Visit& visit) const {
+    for_pixels([&](int x, int y) {
+      visit(x, y, (x + 1) % grid_.width, y);
+      if (y + 1 < grid_.height) visit(x, y, x, y + 1);
+    });
+  }
   std::size_t index(int x, int y) const {
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(grid_.width) + static_cast<std::size_t>(x);
   }
@@ -82,6 +111,7 @@ class Costs {
   const Labels& previous_;
   PlacementOptions options_;
   bands::Grid grid_;
+  Window part_;
   std::vector<float> best_;
 };
 
@@ -89,38 +119,26 @@ class Costs {
 Labels first_labels(const Costs& costs, std::size_t heads, const Labels& previous) {
   const bands::Grid grid = costs.grid();
   Labels labels(static_cast<std::size_t>(grid.width) * static_cast<std::size_t>(grid.height), kNobody);
-  for (int y = 0; y < grid.height; ++y) {
-    for (int x = 0; x < grid.width; ++x) {
-      std::uint8_t& label = labels[costs.index(x, y)];
-      float best = 0;
-      for (std::size_t h = 0; h < heads; ++h) {
-        if (costs.score(h, x, y) <= best) continue;
-        best = costs.score(h, x, y);
-        label = static_cast<std::uint8_t>(h);
-      }
-      if (previous.empty()) continue;
-      const std::uint8_t before = previous[costs.index(x, y)];
-      if (before != kNobody && costs.seen(before, x, y)) label = before;
+  costs.for_pixels([&](int x, int y) {
+    std::uint8_t& label = labels[costs.index(x, y)];
+    float best = 0;
+    for (std::size_t h = 0; h < heads; ++h) {
+      if (costs.score(h, x, y) <= best) continue;
+      best = costs.score(h, x, y);
+      label = static_cast<std::uint8_t>(h);
     }
-  }
+    if (previous.empty()) return;
+    const std::uint8_t before = previous[costs.index(x, y)];
+    if (before != kNobody && costs.seen(before, x, y)) label = before;
+  });
   return labels;
 }
 
 MaxFlow::Capacity units(double cost) { return std::llround(cost / kUnit); }
 
-/// Visits every pixel's neighbours to the right (around the circle) and below: visit(x, y, x2, y2).
-template <class Visit>
-void for_neighbours(bands::Grid grid, const Visit& visit) {
-  for (int y = 0; y < grid.height; ++y) {
-    for (int x = 0; x < grid.width; ++x) {
-      visit(x, y, (x + 1) % grid.width, y);
-      if (y + 1 < grid.height) visit(x, y, x, y + 1);
-    }
-  }
-}
-
 /// Marks the pixels that are at most kBand columns and rows from a change of the label.
-std::vector<bool> around_seams(bands::Grid grid, const Labels& labels) {
+std::vector<bool> around_seams(const Costs& costs, const Labels& labels) {
+  const bands::Grid grid = costs.grid();
   std::vector<bool> marked(labels.size());
   const auto mark = [&](int x, int y) {
     for (int j = std::max(0, y - kBand); j <= std::min(grid.height - 1, y + kBand); ++j) {
@@ -131,12 +149,8 @@ std::vector<bool> around_seams(bands::Grid grid, const Labels& labels) {
       }
     }
   };
-  for_neighbours(grid, [&](int x, int y, int x2, int y2) {
-    const auto at = [&](int column, int row) {
-      return labels[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.width) +
-                    static_cast<std::size_t>(column)];
-    };
-    if (at(x, y) != at(x2, y2)) mark(x, y);
+  costs.for_neighbours([&](int x, int y, int x2, int y2) {
+    if (labels[costs.index(x, y)] != labels[costs.index(x2, y2)]) mark(x, y);
   });
   return marked;
 }
@@ -148,22 +162,19 @@ std::vector<bool> around_seams(bands::Grid grid, const Labels& labels) {
 /// second goes) and C (only the first goes), the graph has C - A and -C on the terminals and B + C - A on the edge
 /// (Kolmogorov and Zabih, PAMI 2004).
 std::size_t expand(const Costs& costs, std::uint8_t alpha, const std::vector<bool>& movable, Labels& labels) {
-  const bands::Grid grid = costs.grid();
   std::vector<std::int32_t> nodes(labels.size(), -1);
   std::int32_t count = 0;
-  for (int y = 0; y < grid.height; ++y) {
-    for (int x = 0; x < grid.width; ++x) {
-      const std::size_t p = costs.index(x, y);
-      if (!movable.empty() && !movable[p]) continue;
-      if (labels[p] != kNobody && labels[p] != alpha && costs.seen(alpha, x, y)) nodes[p] = count++;
-    }
-  }
+  costs.for_pixels([&](int x, int y) {
+    const std::size_t p = costs.index(x, y);
+    if (!movable.empty() && !movable[p]) return;
+    if (labels[p] != kNobody && labels[p] != alpha && costs.seen(alpha, x, y)) nodes[p] = count++;
+  });
   if (count == 0) return 0;
   MaxFlow graph(count);
   graph.reserve(2 * static_cast<std::size_t>(count));
   // To go over costs the edge from the source, to keep costs the edge to the sink.
   const auto cost_to_go = [&](std::int32_t node, MaxFlow::Capacity cost) { graph.add_terminals(node, cost, 0); };
-  for_neighbours(grid, [&](int x, int y, int x2, int y2) {
+  costs.for_neighbours([&](int x, int y, int x2, int y2) {
     const std::size_t p = costs.index(x, y), q = costs.index(x2, y2);
     const std::int32_t m = nodes[p], n = nodes[q];
     if (labels[p] == kNobody || labels[q] == kNobody || (m < 0 && n < 0)) return;
@@ -177,12 +188,10 @@ std::size_t expand(const Costs& costs, std::uint8_t alpha, const std::vector<boo
     // Differences that are cut off at `largest` or seen by few may break the triangle inequality: then 0.
     graph.add_edge(m, n, std::max<MaxFlow::Capacity>(0, first + second - keep), 0);
   });
-  for (int y = 0; y < grid.height; ++y) {
-    for (int x = 0; x < grid.width; ++x) {
-      const std::size_t p = costs.index(x, y);
-      if (nodes[p] >= 0) cost_to_go(nodes[p], units(costs.of(alpha, x, y)) - units(costs.of(labels[p], x, y)));
-    }
-  }
+  costs.for_pixels([&](int x, int y) {
+    const std::size_t p = costs.index(x, y);
+    if (nodes[p] >= 0) cost_to_go(nodes[p], units(costs.of(alpha, x, y)) - units(costs.of(labels[p], x, y)));
+  });
   graph.solve();
   std::size_t changed = 0;
   for (std::size_t p = 0; p < labels.size(); ++p) {
@@ -194,14 +203,11 @@ std::size_t expand(const Costs& costs, std::uint8_t alpha, const std::vector<boo
 }
 
 double cost_of(const Costs& costs, const Labels& labels) {
-  const bands::Grid grid = costs.grid();
   double sum = 0;
-  for (int y = 0; y < grid.height; ++y) {
-    for (int x = 0; x < grid.width; ++x) {
-      if (labels[costs.index(x, y)] != kNobody) sum += costs.of(labels[costs.index(x, y)], x, y);
-    }
-  }
-  for_neighbours(grid, [&](int x, int y, int x2, int y2) {
+  costs.for_pixels([&](int x, int y) {
+    if (labels[costs.index(x, y)] != kNobody) sum += costs.of(labels[costs.index(x, y)], x, y);
+  });
+  costs.for_neighbours([&](int x, int y, int x2, int y2) {
     const std::uint8_t a = labels[costs.index(x, y)], b = labels[costs.index(x2, y2)];
     if (a != kNobody && b != kNobody) sum += costs.between(a, b, x, y, x2, y2);
   });
@@ -240,13 +246,11 @@ Layer halved(const Layer& view) {
 Labels doubled(const Costs& costs, std::size_t heads, const Labels& half) {
   const bands::Grid grid = costs.grid();
   Labels labels = first_labels(costs, heads, {});
-  for (int y = 0; y < grid.height; ++y) {
-    for (int x = 0; x < grid.width; ++x) {
-      const std::size_t at = static_cast<std::size_t>(y / 2) * static_cast<std::size_t>(grid.width / 2);
-      const std::uint8_t label = half[at + static_cast<std::size_t>(x / 2)];
-      if (label != kNobody && costs.seen(label, x, y)) labels[costs.index(x, y)] = label;
-    }
-  }
+  costs.for_pixels([&](int x, int y) {
+    const std::size_t at = static_cast<std::size_t>(y / 2) * static_cast<std::size_t>(grid.width / 2);
+    const std::uint8_t label = half[at + static_cast<std::size_t>(x / 2)];
+    if (label != kNobody && costs.seen(label, x, y)) labels[costs.index(x, y)] = label;
+  });
   return labels;
 }
 
@@ -268,7 +272,7 @@ Labels place_seams(std::span<const Layer> views, const Labels& previous, const P
   const bool fine = previous.empty() && grid.width >= 2 * kCoarsest && grid.width % 2 == 0 && grid.height % 2 == 0;
   Labels labels =
       fine ? doubled(costs, views.size(), start_coarse(views, options)) : first_labels(costs, views.size(), previous);
-  const std::vector<bool> movable = fine ? around_seams(grid, labels) : std::vector<bool>();
+  const std::vector<bool> movable = fine ? around_seams(costs, labels) : std::vector<bool>();
   double least = cost_of(costs, labels);
   for (int round = 0; round < kMaxRounds; ++round) {
     std::size_t changed = 0;

@@ -283,6 +283,12 @@ TEST_F(StitchCommand, PicturesAlone_GiveTheSphereAndTheCalibration) {
   ASSERT_EQ(nodal(again).code, 0);
   EXPECT_EQ(read("again.png"), read("town.png"));
 
+  // `register` finds in pictures alone what `stitch` finds in them.
+  const Finished same = nodal({"register", path("own"), "-o", path("same.json")});
+  ASSERT_EQ(same.code, 0) << same.err;
+  EXPECT_EQ(read("same.json"), read("town.rig.json"));
+  EXPECT_NE(same.out.find("pitch"), std::string::npos) << "says where heads look: " << same.out;
+
   // A disk that is too small for the sphere has no report of it either.
   under_ = {"prlimit", "--fsize=1000000"};
   EXPECT_NE(nodal({"stitch", path("own"), "--width", "2048", "-o", path("large.png")}).code, 0);

@@ -69,6 +69,8 @@ std::array<double, 2> up_of(int orientation) {
   }
 }
 
+bool is_outdated(int orientation, int width, int height) { return orientation >= 5 && width < height; }
+
 SampleMeaning adobe_rgb() {
   SampleMeaning meaning;
   meaning.curve = SampleMeaning::Curve::kGamma;

@@ -29,6 +29,10 @@ struct Exif {
 /// orientation.
 std::array<double, 2> up_of(int orientation);
 
+/// Whether the orientation is left over from before the picture was turned: a quarter turn of a picture that is higher
+/// than wide. Sensors are wider than high, so cameras write none; programs that turn pixels forget the tag.
+bool is_outdated(int orientation, int width, int height);
+
 /// The meaning of numbers in Adobe RGB (1998).
 SampleMeaning adobe_rgb();
 

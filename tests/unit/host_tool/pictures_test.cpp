@@ -93,6 +93,29 @@ TEST_F(FolderOfPictures, Stitch_SaysOfForeignPicturesByNameWhatToDo) {
   EXPECT_FALSE(is_picture(photos() + "/text.json"));
 }
 
+TEST_F(FolderOfPictures, SpheresOfEarlierRuns_AreLeftOutAndNotCounted) {
+  write_picture("a.jpg", 1);
+  write_picture("b.jpg", 2);
+  DecodedImage sphere{PixelFormat::kRgb24, 64, 32, std::vector<std::uint8_t>(3 * 64 * 32, 90)};
+  media::RaymapFile file;
+  file.layout = "equirectangular";
+  file.format = media::RaymapFormat::kJpg;
+  for (const char* name : {"photos/x.jpg", "photos/y.jpg"}) {
+    test::write_bytes(folder_ / name, media::encode(sphere, file).value());
+    sphere.bytes[0] = 20;
+  }
+  const auto own = own_pictures({photos()});
+  ASSERT_TRUE(own) << own.error().text();
+  EXPECT_EQ(own->files()[0], (std::vector<std::string>{photos() + "/a.jpg", photos() + "/b.jpg"}));
+  ASSERT_EQ(own->notes.size(), 1u);
+  EXPECT_TRUE(says(own->notes[0], ": 2 pictures are read; left out: 2 spheres (x.jpg and others)")) << own->notes[0];
+  fs::create_directory(folder_ / "photos/raw");
+  const auto more = own_pictures({photos()});
+  ASSERT_TRUE(more) << more.error().text();
+  EXPECT_TRUE(says(more->notes[0], ": 2 pictures are read; left out: a folder (raw)")) << more->notes[0];
+  EXPECT_TRUE(says(more->notes[0], "; 2 spheres (x.jpg and others)")) << more->notes[0];
+}
+
 TEST_F(FolderOfPictures, TheSamePictureTwice_IsLeftOutByItsName) {
   write_picture("IMG 1.jpg", 1);
   write_picture("IMG 2.jpg", 2);

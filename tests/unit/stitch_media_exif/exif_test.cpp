@@ -90,6 +90,15 @@ TEST(Exif, NothingKnownOrNonsense_SaysNothing) {
   EXPECT_FALSE(parse_exif({}).focal_35mm);
 }
 
+TEST(Exif, AQuarterTurnOfAPictureThatIsHigherThanWide_IsOutdated) {
+  for (const int quarter : {5, 6, 7, 8}) {
+    EXPECT_TRUE(is_outdated(quarter, 540, 720)) << quarter;
+    EXPECT_FALSE(is_outdated(quarter, 720, 540)) << "as a camera writes it";
+    EXPECT_FALSE(is_outdated(quarter, 600, 600)) << "nobody knows";
+  }
+  for (const int other : {1, 2, 3, 4}) EXPECT_FALSE(is_outdated(other, 540, 720)) << other;
+}
+
 TEST(Exif, CutOffAnywhere_SaysNothingFalse) {
   const std::vector<std::uint8_t> whole = jpeg_with({{kOrientation, 3, 6}}, {{kFilm, 3, 28}}, false);
   for (std::size_t length = 0; length < whole.size(); ++length) {

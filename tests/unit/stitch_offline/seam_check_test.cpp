@@ -4,8 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numbers>
+#include <random>
 
+#include "stitch/geometry/head.h"
 #include "stitch/geometry/rotation.h"
 #include "stitch/offline/best_blend.h"
 #include "tests/support/rendered_rig.h"
@@ -119,6 +123,77 @@ TEST(SeamCheck, ASkyWithoutDetail_IsGoodAndSaysThatNothingWasSeen) {
   }
 }
 
+/// Fills each picture with patterns that no other picture shows: leaves have no direction, boards have one.
+void fill_differently(test::RenderedRig& rig, bool boards) {
+  std::mt19937_64 random(9);
+  for (auto& picture : rig.bytes) {
+    const int side = rig.truth.heads[0].width;
+    std::vector<int> noise(picture.size());
+    for (int& level : noise) level = static_cast<int>(random() % 256);
+    for (int y = 0; y < side; ++y) {
+      for (int x = 0; x < side; ++x) {
+        int sum = 0;  // blobs of 3 px, or boards of 4 px along the diagonal, dark and bright in turn
+        for (int j = 0; j < 3; ++j) {
+          for (int i = 0; i < 3; ++i) sum += noise[static_cast<std::size_t>((y + j) % side * side + (x + i) % side)];
+        }
+        const int number = (x + y) / 4, height = 30 + noise[static_cast<std::size_t>(number)] * 80 / 255;
+        const int board = number % 2 == 0 ? 125 - height : 125 + height;
+        picture[static_cast<std::size_t>(y * side + x)] = static_cast<std::uint8_t>(boards ? board : sum / 9);
+      }
+    }
+  }
+}
+
+TEST(SeamCheck, LeavesThatAreElsewhere_AreNoBrokenLines) {
+  test::RenderedRig rig = six_heads();
+  fill_differently(rig, false);
+  for (const SeamCheck& seam : checked(rig.truth, rig)) {
+    EXPECT_NE(verdict_of(seam), SeamVerdict::kLook) << seam.a << " and " << seam.b;
+  }
+}
+
+TEST(SeamCheck, LinesThatEndAtTheSeam_AreToBeLookedAt) {
+  test::RenderedRig rig = six_heads();
+  fill_differently(rig, true);
+  const std::vector<SeamCheck> seams = checked(rig.truth, rig);
+  EXPECT_EQ(seams.size(), 12U);
+  for (const SeamCheck& seam : seams) {
+    EXPECT_EQ(verdict_of(seam), SeamVerdict::kLook) << seam.a << " and " << seam.b;
+  }
+}
+
+TEST(SeamCheck, LinesThatDifferBesideTheSeamOnly_GoOn) {
+  // Head 0 looks along z, head 1 shows what is right of it: the seam is where x equals z.
+  test::RenderedRig rig = six_heads();
+  fill_differently(rig, true);
+  const auto heads = geometry::make_heads(rig.truth).value();
+  const int side = rig.truth.heads[0].width;
+  constexpr double kBeside = 0.04;  // rad on each side of the seam in which all heads show the same
+  for (std::size_t h = 0; h < heads.size(); ++h) {
+    for (int y = 0; y < side; ++y) {
+      for (int x = 0; x < side; ++x) {
+        const auto ray = heads[h].unproject({x + 0.5, y + 0.5});
+        if (!ray) continue;
+        std::array<double, 3> along{std::abs(ray->x()), std::abs(ray->y()), std::abs(ray->z())};
+        std::ranges::sort(along);
+        const double off = (along[2] - along[1]) / std::sqrt(2.0);
+        if (off > kBeside) continue;
+        // Lines that cross the seam.
+        const double level = 125 + 60 * std::sin(2 * std::numbers::pi * 12 * along[0]);
+        rig.bytes[h][static_cast<std::size_t>(y * side + x)] = static_cast<std::uint8_t>(std::lround(level));
+      }
+    }
+  }
+  Calibration plain = rig.truth;  // what was painted has no fall-off
+  for (HeadCalibration& head : plain.heads) {
+    head.gain.fill(1);
+    head.vignetting = {};
+  }
+  for (const SeamCheck& seam : checked(plain, rig)) {
+    EXPECT_NE(verdict_of(seam), SeamVerdict::kLook) << seam.a << " and " << seam.b;
+  }
+}
+
 TEST(SeamCheck, OneThreadOrThree_SayTheSame) {
   const test::RenderedRig rig = six_heads();
   const Calibration turned = with_first_turned(rig.truth, 3 * kDegreesAPixel);
@@ -144,6 +219,18 @@ TEST(SeamCheck, BestBlend_ChecksItsOwnSeams) {
   EXPECT_EQ(verdict(0), SeamVerdict::kGood);
   EXPECT_EQ(verdict(14), SeamVerdict::kUsable) << "its flow bends lines by so much";
   EXPECT_EQ(verdict(60), SeamVerdict::kLook) << "more than its flow moves";
+}
+
+TEST(SeamMap, OfAPartOfTheSphere_IsFiner) {
+  const test::RenderedRig rig = six_heads();
+  const auto columns = [&](int seen_columns) {
+    const bands::Window seen{4096, 2048, seen_columns, 64};
+    return BestBlend::make(rig.truth, {"equirectangular", 8192, 4096, PixelFormat::kGrey8}, 2, seen)->map().width;
+  };
+  EXPECT_EQ(columns(4100), BestBlend::kMapWidth);
+  EXPECT_EQ(columns(4096), 2 * BestBlend::kMapWidth);
+  EXPECT_EQ(columns(2048), 4 * BestBlend::kMapWidth);
+  EXPECT_EQ(columns(100), 4 * BestBlend::kMapWidth);
 }
 
 TEST(SeamVerdict, OneLeafThatMovedInThirtyPlaces_IsGood) {
