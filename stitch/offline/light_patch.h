@@ -8,7 +8,7 @@
 
 namespace nodal::offline {
 
-inline constexpr float kNotSeen = -1;  ///< in place of a level
+inline constexpr float kNotSeen = -1;  ///< sample of a ray that the head does not see
 
 /// A square of one head's samples around a ray, kNotSeen outside of its region.
 class LightPatch {
