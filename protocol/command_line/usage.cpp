@@ -48,10 +48,11 @@ std::string nearest(const std::string& word, const std::vector<std::string>& kno
   return std::string(nearest_word(word, views));
 }
 
-/// CLI11's message about a value, with the number that it could not read, or the range without ".000000".
+/// CLI11's message about a value, with the number that it could not read, or the range as "-90 to 90": its versions
+/// write "-90.000000 to 90.000000" and "[-90 - 90]".
 std::string about_value(std::string text) {
   constexpr std::string_view kConvert = "Could not convert: ", kIs = " = ", kRange = " not in range ",
-                             kZeros = ".000000";
+                             kZeros = ".000000", kTo = " - ";
   if (const std::size_t is = text.find(kIs); text.starts_with(kConvert) && is != std::string::npos) {
     return fmt::format("{}: '{}' is not a number", text.substr(kConvert.size(), is - kConvert.size()),
                        printable(text.substr(is + kIs.size()), kLongestWord));
@@ -59,6 +60,12 @@ std::string about_value(std::string text) {
   const std::size_t range = text.find(kRange);
   if (range == std::string::npos) return text;
   for (std::size_t at; (at = text.find(kZeros, range)) != std::string::npos;) text.erase(at, kZeros.size());
+  const std::size_t open = range + kRange.size(), to = text.find(kTo, open);
+  if (text.size() > open && text[open] == '[' && text.back() == ']' && to != std::string::npos) {
+    text.pop_back();
+    text.replace(to, kTo.size(), " to ");
+    text.erase(open, 1);
+  }
   return text;
 }
 

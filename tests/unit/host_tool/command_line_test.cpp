@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "host_tool/commands/completion.h"
+#include "protocol/command_line/usage.h"
 #include "run_nodal.h"
 
 namespace nodal::host {
@@ -171,6 +172,14 @@ TEST(CommandLine, NumbersThatAreNone_OrOutOfRange_AreSaidInPlainWords) {
       << said({"--fov", "90deg"});
   EXPECT_NE(said({"--pitch", "91"}).find("--pitch: Value 91 not in range -90 to 90\n"), std::string::npos)
       << said({"--pitch", "91"});
+}
+
+TEST(CommandLine, ARange_ReadsTheSameFromEveryVersionOfCli11) {
+  const CLI::App app;
+  for (const char* const says : {"Value 91 not in range -90.000000 to 90.000000", "Value 91 not in range -90 to 90",
+                                 "Value 91 not in range [-90 - 90]"}) {
+    EXPECT_EQ(explain_usage(app, CLI::ValidationError("--pitch", says)), "--pitch: Value 91 not in range -90 to 90");
+  }
 }
 
 TEST(CommandLine, AWordThatIsNoCommand_IsNamedWithTheNearestThatIs) {
