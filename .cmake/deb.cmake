@@ -1,4 +1,4 @@
-# Debian packages: `cmake --build build/release --target packages` writes nodald and nodal to build/release/packages, and
+# Debian packages: `cmake --build build/release --target packages` writes nodald, nodal and nodal-web to build/release/packages, and
 # the same with build/arm64 those for a 64-bit ARM board. Each contains what the install() lines of the component of its name
 # install. tests/packages/run installs them into a fresh Debian.
 set(NODAL_MAINTAINER "Nodal maintainers <maintainers@nodal.invalid>" CACHE STRING "Maintainer of the Debian packages")
@@ -11,7 +11,7 @@ set(CPACK_PACKAGE_DIRECTORY ${CMAKE_BINARY_DIR}/packages)
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_VERBATIM_VARIABLES ON)
-set(CPACK_COMPONENTS_ALL nodald nodal)
+set(CPACK_COMPONENTS_ALL nodald nodal nodal-web)
 set(CPACK_COMPONENTS_GROUPING IGNORE)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 
@@ -51,6 +51,21 @@ registers its heads, and pulls raymaps, pictures of the full sphere. Without a
 rig it makes spheres of pictures alone, or by a calibration or a project of
 PTGui or Hugin.")
 
+set(CPACK_DEBIAN_NODAL-WEB_PACKAGE_NAME nodal-web)
+set(CPACK_DEBIAN_NODAL-WEB_PACKAGE_SECTION video)
+# For its user and groups (systemd-sysusers) and the units.
+set(CPACK_DEBIAN_NODAL-WEB_PACKAGE_DEPENDS systemd)
+# nginx listens as soon as it is installed, so that it is not installed unasked: only recommended packages would be.
+set(CPACK_DEBIAN_NODAL-WEB_PACKAGE_SUGGESTS "nginx, nodald")
+set(CPACK_DEBIAN_NODAL-WEB_PACKAGE_CONTROL_EXTRA
+  ${CMAKE_SOURCE_DIR}/host_tool/web/program/debian/postinst ${CMAKE_SOURCE_DIR}/host_tool/web/program/debian/prerm
+  ${CMAKE_SOURCE_DIR}/host_tool/web/program/debian/postrm)
+set(CPACK_DEBIAN_NODAL-WEB_DESCRIPTION "page of a multi-head camera for phones and tablets
+nodal-web shows the live sphere of a rig that runs nodald to phones, tablets and
+computers that were paired with it, and lets those that may operate the rig
+record, set exposure and download takes. A web server in front of it ends TLS.
+Nothing listens before somebody enables it.")
+
 # The user's pages; those of developers stay in the source tree.
 include(documents)
 file(GLOB host_pages RELATIVE ${CMAKE_SOURCE_DIR} CONFIGURE_DEPENDS host_tool/*.md)
@@ -73,7 +88,8 @@ Copyright: 2010-2026 three.js authors
 License: Expat
  ${licence}
 ")
-foreach(package nodald nodal)
+set(NODAL_FOREIGN_nodal-web "${NODAL_FOREIGN_nodal}")
+foreach(package nodald nodal nodal-web)
   set(NODAL_FOREIGN "${NODAL_FOREIGN_${package}}")
   set(documents ${CMAKE_BINARY_DIR}/debian/${package})
   file(CONFIGURE OUTPUT ${documents}/changelog.Debian @ONLY CONTENT
@@ -95,4 +111,4 @@ set(CPACK_PRE_BUILD_SCRIPTS ${CMAKE_SOURCE_DIR}/.cmake/deb_compress.cmake)
 include(CPack)
 add_custom_target(packages COMMAND ${CMAKE_CPACK_COMMAND} --config ${CMAKE_BINARY_DIR}/CPackConfig.cmake
   WORKING_DIRECTORY ${CMAKE_BINARY_DIR} VERBATIM)
-add_dependencies(packages nodald nodal)
+add_dependencies(packages nodald nodal nodal_web)

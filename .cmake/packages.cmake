@@ -28,6 +28,8 @@ nodal_pkgconfig_package(pugixml pugixml)
 nodal_pkgconfig_package(exif libexif)
 # LGPL-2.1: linked dynamically. Debian's pkg-config names the shared library.
 nodal_pkgconfig_package(microhttpd libmicrohttpd)
+# LGPL-2.1: linked dynamically. Debian's pkg-config names the shared library.
+nodal_pkgconfig_package(qrencode libqrencode)
 nodal_pkgconfig_package(crypto libcrypto)
 nodal_pkgconfig_package(fmt fmt)
 nodal_pkgconfig_package(spdlog spdlog)

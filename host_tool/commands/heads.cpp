@@ -67,16 +67,10 @@ Result<wire::Heads> ask_heads(RigConnection& rig) {
   return reply.heads();
 }
 
-Json heads_json(const wire::Heads& heads) {
-  Json list = Json::array();
-  for (const wire::HeadState& head : heads.heads()) list.push_back(host::to_json(head));
-  return {{"heads", list}};
-}
-
 Status run_heads(Context& context, bool wide) {
   NODAL_TRY_ASSIGN(std::unique_ptr<RigConnection> rig, context.connect());
   NODAL_TRY_ASSIGN(const wire::Heads heads, ask_heads(*rig));
-  context.console().document(heads_json(heads));
+  context.console().document(to_json(heads));
   show(context.console(), heads, wide);
   return {};
 }

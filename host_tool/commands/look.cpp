@@ -76,13 +76,11 @@ struct Shown {
   }
 };
 
-/// A rig by its address. Its clock is this computer's where it is reached by a socket of this computer.
+/// A rig by its address.
 Result<Shown> watch_rig(Context& context, const LookArgs& args) {
-  NODAL_TRY_ASSIGN(const RigAddress address, context.address());
   NODAL_TRY_ASSIGN(const Duration patience, parse_duration(context.timeout));
   Shown shown;
-  shown.rig =
-      std::make_unique<look::LiveRig>([&context] { return context.connect(); }, address.link.starts_with("unix:"));
+  shown.rig = std::make_unique<look::LiveRig>([&context] { return context.connect(); });
   NODAL_TRY_ASSIGN(const media::Raymap first, shown.rig->first(patience));
   NODAL_TRY_ASSIGN(shown.sphere, read_sphere(context.console(), args, &first));
   return shown;
@@ -113,6 +111,7 @@ Status run_look(Context& context, const LookArgs& args) {
   const auto respond = [&](const look::Wanted& wanted) { return shown.answer(wanted); };
   NODAL_TRY_ASSIGN(const std::unique_ptr<look::Server> server,
                    look::Server::start(context.page->loopback.socket.get(), rules, respond, {}));
+  if (shown.rig != nullptr) shown.rig->on_newer([&server] { server->wake(); });
   console.document({{"link", rules.link()}, {"port", rules.port}});
   console.line(rules.link());
   console.note("Open this link in a browser of this computer. Ctrl-C ends it, and so does a minute without a page.");
@@ -121,6 +120,7 @@ Status run_look(Context& context, const LookArgs& args) {
     (void)::poll(nullptr, 0, kTickMs);
     server->tick();
   }
+  if (shown.rig != nullptr) shown.rig->on_newer({});
   return {};
 }
 

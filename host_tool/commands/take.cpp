@@ -12,6 +12,7 @@
 #include "host_tool/console/points_in_time.h"
 #include "host_tool/console/quantities.h"
 #include "host_tool/offload/take_fetch.h"
+#include "host_tool/offload/take_json.h"
 #include "host_tool/rig/not_recorded.h"
 #include "host_tool/rig/wire_json.h"
 #include "protocol/base/try.h"
@@ -29,38 +30,6 @@ struct TakeOptions {
   bool off = false;
   bool yes = false;
 };
-
-/// As OSC's listFiles writes it; null if the rig's clock was not set.
-Json osc_date(std::int64_t ns) {
-  if (ns <= 0) return {};
-  return fmt::format("{:%Y:%m:%d %H:%M:%S}+00:00", fmt::gmtime(static_cast<std::time_t>(ns / 1'000'000'000)));
-}
-
-Json take_json(const wire::TakeEntry& take) {
-  Json json{{"take", take.number()},
-            {"name", take::take_folder(take.number())},
-            {"date_time_zone", osc_date(take.started_utc_ns())},
-            {"width", take.width()},
-            {"height", take.height()},
-            {"state", take.state()},
-            {"started_utc_ns", take.started_utc_ns()},
-            {"sets", take.sets()},
-            {"lost_sets", take.lost_sets()},
-            {"lost_by_errors", take.lost_by_errors()},
-            {"not_captured", take.not_captured()},
-            {"gaps", take.gaps()},
-            {"longest_gap_ns", take.longest_gap_ns()},
-            {"missing_pictures", take.missing_pictures()},
-            {"rate", {take.rate_numerator(), take.rate_denominator()}},
-            {"rates", take.rates()},
-            {"deleted_sets", take.deleted_sets()},
-            {"bytes", take.bytes()},
-            {"length_ns", take.length_ns()},
-            {"protected", take.is_protected()},
-            {"ended", take.ended()}};
-  if (!take.problem().empty()) json["problem"] = take.problem();
-  return json;
-}
 
 /// Why sets are missing, and pictures of which heads: ", 150 sets not captured (the longest gap has 5.0 s)"; empty:
 /// nothing is.
@@ -111,7 +80,7 @@ Status list_takes(Context& context, const TakeOptions& options) {
                {"size", Table::Align::kRight},
                {"state"}});
   for (const wire::TakeEntry& take : reply.takes().takes()) {
-    list.push_back(take_json(take));
+    list.push_back(to_json(take));
     if (!options.thumbnails.empty()) {
       NODAL_TRY_ASSIGN(const std::string stored, store_thumbnail(*rig, take, options.thumbnails));
       list.back()["thumbnail"] = stored.empty() ? Json() : Json(stored);

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <charconv>
 #include <string_view>
@@ -32,14 +33,6 @@ bool is_body_length(const std::string& text) {
   return error == std::errc() && end == text.data() + text.size() && length > 0 && length <= Rules::kMaxBody;
 }
 
-std::vector<std::string> values_of(const Asked& asked, std::string_view header) {
-  std::vector<std::string> values;
-  for (const auto& [name, value] : asked.headers) {
-    if (same_word(name, header)) values.push_back(value);
-  }
-  return values;
-}
-
 /// Takes as long for every path of the same length, so that time does not tell how many digits were right.
 bool begins_with_token(const std::string& path, const std::string& token) {
   const std::string begins = "/" + token + "/";
@@ -50,22 +43,48 @@ bool begins_with_token(const std::string& path, const std::string& token) {
   return differences == 0;
 }
 
-std::vector<std::string> own_hosts(std::uint16_t port) {
-  const std::string end = fmt::format(":{}", port);
-  return {"127.0.0.1" + end, "[::1]" + end, "localhost" + end};
+/// The host without its port; nothing when the port is no number.
+std::optional<std::string> without_port(const std::string& host) {
+  const std::size_t colon = host.find(':', host.starts_with('[') ? host.find(']') : 0);
+  if (colon == std::string::npos) return host;
+  const std::string_view port = std::string_view(host).substr(colon + 1);
+  constexpr std::size_t kMaxDigits = 5;
+  const bool digits = std::ranges::all_of(port, [](char c) { return c >= '0' && c <= '9'; });
+  if (port.empty() || port.size() > kMaxDigits || !digits) return std::nullopt;
+  return host.substr(0, colon);
 }
 
 }  // namespace
 
+std::vector<std::string> values_of(const Asked& asked, std::string_view header) {
+  std::vector<std::string> values;
+  for (const auto& [name, value] : asked.headers) {
+    if (same_word(name, header)) values.push_back(value);
+  }
+  return values;
+}
+
+bool Rules::is_own(const Asked& asked, const std::string& host) const {
+  if (!front) {
+    const std::string end = fmt::format(":{}", port);
+    const std::array hosts{"127.0.0.1" + end, "[::1]" + end, "localhost" + end};
+    return std::ranges::any_of(hosts, [&](const std::string& own) { return same_word(own, host); });
+  }
+  const std::optional<std::string> name = without_port(host);
+  if (!name) return false;
+  const std::vector<std::string> address = values_of(asked, Front::kAddressHeader);
+  if (address.size() == 1 && (address.front() == *name || "[" + address.front() + "]" == *name)) return true;
+  return std::ranges::any_of(front->names, [&](const std::string& own) { return same_word(own, *name); });
+}
+
 std::string Rules::link() const { return fmt::format("http://127.0.0.1:{}/{}/", port, token); }
 
 std::optional<Refusal> Rules::check(const Asked& asked) const {
-  const std::vector<std::string> hosts = own_hosts(port), named = values_of(asked, "Host");
-  const auto is_own = [&](std::string_view text) {
-    return std::ranges::any_of(hosts, [&](const std::string& host) { return same_word(host, text); });
-  };
-  if (named.size() != 1 || !is_own(named.front()))
-    return Refusal{421, "This server is for 127.0.0.1 and localhost on its own port only."};
+  const std::vector<std::string> named = values_of(asked, "Host");
+  if (named.size() != 1 || !is_own(asked, named.front())) {
+    return Refusal{421, front ? "This is no name or address of this rig."
+                              : "This server is for 127.0.0.1 and localhost on its own port only."};
+  }
   for (const auto& [name, value] : asked.headers) {
     if (!is_token(name) || has_controls(value)) return Refusal{400, "A header is malformed."};
   }
@@ -78,12 +97,15 @@ std::optional<Refusal> Rules::check(const Asked& asked) const {
     if (length != "0" && !post) return Refusal{400, "Requests have no body here."};
   }
   if (asked.version != "HTTP/1.1" && asked.version != "HTTP/1.0") return Refusal{400, "HTTP/1.1 is needed."};
-  if (!begins_with_token(asked.path, token)) return Refusal{0, ""};
+  if (front ? !asked.path.starts_with('/') : !begins_with_token(asked.path, token)) return Refusal{0, ""};
   const std::vector<std::string> origins = values_of(asked, "Origin");
   if (post && origins.size() != 1) return Refusal{403, "Only this program's own page changes anything."};
+  const std::string_view scheme = front ? "https://" : "http://";
   for (const std::string& origin : origins) {
-    constexpr std::string_view kScheme = "http://";
-    if (!origin.starts_with(kScheme) || !is_own(std::string_view(origin).substr(kScheme.size())))
+    const bool right_scheme = origin.starts_with(scheme);
+    const std::string from = right_scheme ? origin.substr(scheme.size()) : "";
+    // Behind a front the page has the very name that its requests have.
+    if (!right_scheme || (front ? !same_word(from, named.front()) : !is_own(asked, from)))
       return Refusal{403, "Pages of other sites are not answered."};
   }
   if (post) {

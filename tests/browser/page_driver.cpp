@@ -10,12 +10,14 @@ namespace fs = std::filesystem;
 using test::Finished;
 using test::Process;
 
-void PageDriver::SetUp() {
+bool PageDriver::browser_is_here() {
   const fs::path modules = fs::path(NODAL_SOURCE_DIR) / "build/browser/node_modules";
-  if (!fs::exists(modules / "puppeteer-core") || !fs::exists(modules / "axe-core") ||
-      std::system("command -v chromium >/dev/null && command -v node >/dev/null") != 0) {
-    GTEST_SKIP() << "chromium or puppeteer-core is not here; tests/browser/fetch gets them";
-  }
+  return fs::exists(modules / "puppeteer-core") && fs::exists(modules / "axe-core") &&
+         std::system("command -v chromium >/dev/null && command -v node >/dev/null") == 0;
+}
+
+void PageDriver::SetUp() {
+  if (!browser_is_here()) GTEST_SKIP() << "chromium or puppeteer-core is not here; tests/browser/fetch gets them";
 }
 
 Finished PageDriver::nodal(Words words) {

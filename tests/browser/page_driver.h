@@ -13,6 +13,9 @@
 namespace nodal::command_line {
 
 class PageDriver : public testing::Test {
+ public:
+  static bool browser_is_here();
+
  protected:
   using Json = nlohmann::json;
   using Words = std::vector<std::string>;

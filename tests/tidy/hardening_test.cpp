@@ -18,8 +18,11 @@ TEST_P(Hardening, PieStackProtectorFortifyRelroAndBindNow_AreAllOn) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Programs, Hardening, testing::Values("nodald", "nodal"),
-                         [](const auto& program) { return std::string(program.param); });
+INSTANTIATE_TEST_SUITE_P(Programs, Hardening, testing::Values("nodald", "nodal", "nodal-web"), [](const auto& program) {
+  std::string name(program.param);
+  std::erase(name, '-');
+  return name;
+});
 
 }  // namespace
 }  // namespace nodal

@@ -52,6 +52,7 @@ TEST(Ways, ADescriptor_IsOpenedByPortsOnlyAndNeverWaits) {
   // What opens a device, a folder that it keeps, or a file without following links.
   const std::vector<std::string> ports{"protocol/files/open_file.cpp",
                                        "host_tool/offload/local_file.cpp",
+                                       "host_tool/web/devices.cpp",
                                        "host_tool/film/child.cpp",
                                        "hal/linux/disk.cpp",
                                        "hal/linux/disk_folder.cpp",

@@ -1,0 +1,273 @@
+// nodal-web in front of a real nodald, by requests to its Unix socket: pairing, recording, downloads, hostile requests.
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <array>
+#include <csignal>
+#include <cstring>
+
+#include "rig_process.h"
+
+namespace nodal::command_line {
+namespace {
+
+class WebTest : public RigTest {
+ protected:
+  WebTest() {
+    std::string toml = read("rig.toml");
+    const std::string control = "unix = \"nodal.sock\"\n";
+    toml.replace(toml.find(control), control.size(), control + "operate = \"operate.sock\"\n");
+    write("rig.toml", toml);
+    std::filesystem::create_directory(path("state"));
+  }
+
+  void start_web() {
+    web_.reset();
+    web_ = std::make_unique<Process>(Words{NODAL_BIN_DIR "/nodal-web", "serve", "--socket", path("web.sock"), "--rig",
+                                           "unix:" + path("operate.sock"), "--state", path("state"), "--name",
+                                           "rig.test"});
+    ASSERT_TRUE(wait_until([&] { return ask("GET", "pair").starts_with("HTTP/1.1 200"); })) << web_->complained();
+  }
+  Finished nodal_web(Words words) const {
+    words.insert(words.begin(), NODAL_BIN_DIR "/nodal-web");
+    words.insert(words.end(), {"--state", path("state")});
+    return Process(words).wait();
+  }
+
+  /// What bytes are answered with, until the server closes or says nothing for so long.
+  std::string send(const std::string& bytes, int patience_s = 30) const {
+    const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    sockaddr_un to{};
+    to.sun_family = AF_UNIX;
+    std::strncpy(to.sun_path, path("web.sock").c_str(), sizeof to.sun_path - 1);
+    std::string came;
+    const timeval patience{patience_s, 0};
+    ::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+    if (::connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof to) == 0) {
+      (void)!::send(fd, bytes.data(), bytes.size(), MSG_NOSIGNAL);
+      std::array<char, 65536> piece{};
+      for (ssize_t got = 1; (got = ::recv(fd, piece.data(), piece.size(), 0)) > 0;)
+        came.append(piece.data(), static_cast<std::size_t>(got));
+    }
+    ::close(fd);
+    return came;
+  }
+  std::string ask(const std::string& method, const std::string& name, const std::string& headers = "",
+                  const std::string& body = "") const {
+    return send(method + " /" + name + " HTTP/1.1\r\nHost: rig.test\r\nConnection: close\r\n" + headers + "\r\n" +
+                body);
+  }
+  static std::string cookie(const std::string& secret) { return "Cookie: __Host-nodal=" + secret + "\r\n"; }
+  std::string get(const std::string& name, const std::string& headers = "") const {
+    return ask("GET", name, cookie(secret_) + headers);
+  }
+  std::string post(const std::string& name, const std::string& body, const std::string& secret) const {
+    return ask("POST", name,
+               cookie(secret) + "Origin: https://rig.test\r\nContent-Type: application/json\r\nContent-Length: " +
+                   std::to_string(body.size()) + "\r\n",
+               body);
+  }
+  static std::string status(const std::string& answer) { return answer.substr(0, answer.find("\r\n")).substr(9, 3); }
+  static std::string body_of(const std::string& answer) {
+    const std::size_t end = answer.find("\r\n\r\n");
+    return end == std::string::npos ? "" : answer.substr(end + 4);
+  }
+  static std::string header(const std::string& answer, const std::string& name) {
+    const std::size_t at = answer.find("\r\n" + name + ": ");
+    if (at == std::string::npos || at > answer.find("\r\n\r\n")) return "";
+    const std::size_t begin = at + name.size() + 4;
+    return answer.substr(begin, answer.find("\r\n", begin) - begin);
+  }
+  std::string code(const Words& more = {}) const {
+    Words words{"pair", "--at", "https://rig.test/"};
+    words.insert(words.end(), more.begin(), more.end());
+    const Finished made = nodal_web(words);
+    EXPECT_EQ(made.code, 0) << made.err;
+    const std::string begin = "https://rig.test/pair#";
+    EXPECT_TRUE(made.out.starts_with(begin)) << made.out;
+    return made.out.substr(begin.size(), 32);
+  }
+  /// The secret of a new device.
+  std::string paired(const std::string& name, const Words& more = {}) const {
+    const std::string answer = post("api/pair", R"({"code": ")" + code(more) + R"(", "name": ")" + name + "\"}", "");
+    const std::string set = header(answer, "Set-Cookie");
+    EXPECT_EQ(status(answer), "200") << answer;
+    EXPECT_NE(set.find("; Path=/; Secure; HttpOnly; SameSite=Strict"), std::string::npos) << set;
+    return set.substr(set.find('=') + 1, 64);
+  }
+  /// The status of a request for the pairing page of this host.
+  std::string answer_to_host(const std::string& host) const {
+    return status(send("GET /pair HTTP/1.1\r\nHost: " + host + "\r\nConnection: close\r\n\r\n"));
+  }
+  Json state() const { return Json::parse(body_of(get("api/state"))); }
+
+  std::unique_ptr<Process> web_;
+  std::string secret_;  ///< a device that may operate has it
+};
+
+TEST_F(WebTest, APairedPhone_RecordsDownloadsWithResumeAndIsNamedInTheAuditLog) {
+  start_rig_with_takes();
+  start_web();
+  EXPECT_EQ(status(ask("GET", "api/state")), "401");
+  secret_ = paired("Anna's phone");
+  EXPECT_EQ(state()["status"]["rig"], "six");
+  EXPECT_EQ(state()["heads"].size(), 6u);
+  EXPECT_GT(state()["status"]["recording"]["total_bytes"], 0);
+  const std::string live = get("live?after=0");
+  EXPECT_EQ(status(live), "200") << live.substr(0, 500);
+  EXPECT_EQ(header(live, "X-Age-Of"), "mid-exposure");
+  EXPECT_TRUE(body_of(live).starts_with("\xFF\xD8\xFF"));
+  EXPECT_EQ(Json::parse(body_of(get("scene.json")))["layout"], "equirectangular");
+  EXPECT_TRUE(body_of(get("mesh.glb?envelope=0")).starts_with("glTF"));
+
+  EXPECT_EQ(Json::parse(body_of(post("api/record", R"({"on": true})", secret_)))["take"], 1);
+  ASSERT_TRUE(wait_until([&] { return state()["status"]["recording"]["sets"] > 10; }));
+  EXPECT_EQ(Json::parse(body_of(post("api/record", R"({"on": false})", secret_)))["take"], 1);
+  const Json take = Json::parse(body_of(get("api/takes")))["takes"].at(0);
+  EXPECT_EQ(take["state"], "complete");
+  EXPECT_TRUE(body_of(get("thumbs/1")).starts_with("\xFF\xD8\xFF"));
+  for (const Json& file : Json::parse(body_of(get("takes/1")))["files"]) {
+    const std::string name = file["name"], on_disk = read("takes/000001/" + name);
+    EXPECT_TRUE(body_of(get("takes/1/" + name)) == on_disk) << name;
+    ASSERT_EQ(file["bytes"], on_disk.size());
+  }
+  const std::string film = read("takes/000001/cam0-0000.mkv"), half = std::to_string(film.size() / 2);
+  const std::string rest = get("takes/1/cam0-0000.mkv", "Range: bytes=" + half + "-\r\n");
+  EXPECT_EQ(status(rest), "206");
+  EXPECT_EQ(header(rest, "Content-Range"),
+            "bytes " + half + "-" + std::to_string(film.size() - 1) + "/" + std::to_string(film.size()));
+  EXPECT_TRUE(body_of(rest) == film.substr(film.size() / 2));
+  const std::string tag = header(rest, "ETag");
+  EXPECT_EQ(status(get("takes/1/cam0-0000.mkv", "Range: bytes=0-9\r\nIf-Range: " + tag + "\r\n")), "206");
+  EXPECT_EQ(status(get("takes/1/cam0-0000.mkv", "Range: bytes=0-9\r\nIf-Range: \"other\"\r\n")), "200");
+  EXPECT_EQ(status(get("takes/1/cam0-0000.mkv", "Range: bytes=" + std::to_string(film.size()) + "-\r\n")), "416");
+
+  const std::string metrics = body_of(get("metrics"));
+  EXPECT_NE(metrics.find("\nnodal_up 1\n"), std::string::npos) << metrics;
+  EXPECT_EQ(body_of(ask("GET", "metrics", "Authorization: Bearer " + secret_ + "\r\n")).substr(0, 15),
+            metrics.substr(0, 15));
+  EXPECT_EQ(body_of(ask("GET", "healthz")), "ok\n");
+  const Json audit = nodal_json({"audit"}).at(0);
+  EXPECT_NE(audit.dump().find("for \\\"Anna's phone (device 1)\\\""), std::string::npos) << audit.dump(1);
+
+  nodald().signal(SIGKILL);
+  nodald().wait();
+  EXPECT_TRUE(wait_until([&] { return status(ask("GET", "healthz")) == "503"; }));
+  EXPECT_NE(body_of(get("metrics")).find("\nnodal_up 0\n"), std::string::npos);
+  start_nodald();
+  EXPECT_TRUE(wait_until([&] { return status(get("api/state")) == "200"; })) << "it comes back by itself";
+  web_->signal(SIGTERM);
+  EXPECT_EQ(web_->wait().code, 0);
+}
+
+TEST_F(WebTest, WhoeverIsNotPaired_WhoeverOnlyWatches_AndOtherSites_ChangeAndSeeNothing) {
+  start_rig_with_takes();
+  start_web();
+  const std::string used = code();
+  const auto pair_with = [&](const std::string& digits) {
+    return status(post("api/pair", R"({"code": ")" + digits + R"(", "name": "x"})", ""));
+  };
+  EXPECT_EQ(status(ask("GET", "pair")), "200") << "a previewer opens the link: the code is in no request";
+  EXPECT_EQ(pair_with(used), "200");
+  EXPECT_EQ(pair_with(used), "404") << "a used code";
+  const std::string guest = paired("guest", {"--watch"});
+  secret_ = paired("phone");
+  const std::string json = "Content-Type: application/json\r\n", body = R"({"on": true})";
+  const std::string length = "Content-Length: " + std::to_string(body.size()) + "\r\n",
+                    ours = "Origin: https://rig.test\r\n";
+  const std::vector<std::string> names{"",        "live?after=0",      "scene.json", "mesh.glb?envelope=0",
+                                       "api/me",  "api/status",        "api/state",  "api/takes",
+                                       "takes/1", "takes/1/take.json", "thumbs/1",   "metrics",
+                                       "rig.js",  "rig.html"};
+  for (const std::string& name : names) {
+    for (const std::string& who : {std::string(), cookie(std::string(64, '0')), cookie(secret_.substr(1) + "0"),
+                                   cookie(secret_ + "0"), cookie(secret_) + cookie(secret_),
+                                   "Cookie: nodal=" + secret_ + "\r\n", "Authorization: Basic " + secret_ + "\r\n"}) {
+      EXPECT_EQ(status(ask("GET", name, who)), "401") << name << " " << who;
+    }
+  }
+  const auto post_as = [&](const std::string& headers) { return status(ask("POST", "api/record", headers, body)); };
+  EXPECT_EQ(post_as(json + length + ours), "401") << "nobody";
+  EXPECT_EQ(post_as(json + length + ours + "Authorization: Bearer " + secret_ + "\r\n"), "401") << "a token only reads";
+  EXPECT_EQ(post_as(json + length + ours + cookie(guest)), "403");
+  EXPECT_EQ(status(ask("GET", "takes/1", cookie(guest))), "403");
+  EXPECT_EQ(status(ask("GET", "api/state", cookie(guest))), "200");
+  EXPECT_EQ(post_as(json + length + cookie(secret_)), "403") << "no Origin";
+  EXPECT_EQ(post_as(json + length + "Origin: https://evil.example\r\n" + cookie(secret_)), "403");
+  EXPECT_EQ(post_as(json + length + "Origin: http://rig.test\r\n" + cookie(secret_)), "403");
+  EXPECT_EQ(post_as(json + length + "Origin: null\r\n" + cookie(secret_)), "403");
+  EXPECT_EQ(post_as("Content-Type: application/x-www-form-urlencoded\r\n" + length + ours + cookie(secret_)), "415");
+  EXPECT_EQ(post_as("Content-Type: text/plain\r\n" + length + ours + cookie(secret_)), "415");
+  EXPECT_EQ(status(get("api/record")), "404") << "GET changes nothing";
+  EXPECT_EQ(status(ask("GET", "api/state", "Origin: https://evil.example\r\n" + cookie(secret_))), "403");
+  for (const std::string method : {"PUT", "DELETE", "OPTIONS", "TRACE", "PATCH"})
+    EXPECT_EQ(status(ask(method, "api/record", cookie(secret_))), "405") << method;
+  for (const std::string name :
+       {"takes/1/../../../etc/passwd", "takes/1/%2e%2e%2fstate", "..%2f..%2fetc/passwd", "takes/1/..", "takes/-1",
+        "takes/1/", "takes/99999999999999999999", "takes/1/cam0-0000.mkv.", "vendor/../rig.html", "//etc/passwd",
+        "main.js", "heads.html", "api/take_delete"}) {
+    const std::string answer = get(name);
+    EXPECT_EQ(status(answer), "404") << name << "\n" << answer;
+  }
+  EXPECT_EQ(answer_to_host("evil.example"), "421") << "DNS rebinding";
+  EXPECT_EQ(answer_to_host("127.0.0.1"), "421");
+  EXPECT_EQ(answer_to_host("RIG.test:8443"), "200");
+  EXPECT_EQ(answer_to_host("rig.test:84a3"), "421");
+  EXPECT_EQ(answer_to_host("192.168.8.1\r\nX-Server-Addr: 192.168.8.1"), "200") << "the literal that it is reached by";
+  EXPECT_EQ(answer_to_host("192.168.8.2\r\nX-Server-Addr: 192.168.8.1"), "421");
+  EXPECT_EQ(answer_to_host("[fe80::1]:443\r\nX-Server-Addr: fe80::1"), "200");
+  EXPECT_EQ(state()["status"]["recording"]["take"], Json()) << "nothing of all this began a take";
+
+  ASSERT_EQ(nodal_web({"revoke", "3"}).code, 0);
+  EXPECT_EQ(status(get("api/state")), "401") << "a revoked device";
+  EXPECT_EQ(nodal_web({"revoke", "3"}).code, 1);
+  const Finished devices = nodal_web({"devices"});
+  EXPECT_NE(devices.out.find("guest"), std::string::npos);
+  EXPECT_EQ(devices.out.find("phone"), std::string::npos);
+  const std::string last = code();
+  for (int k = 0; k < 5; ++k) EXPECT_EQ(pair_with(std::string(32, 'e')), "404");
+  EXPECT_EQ(pair_with(last), "404") << "five wrong ones end it";
+}
+
+TEST_F(WebTest, AmbiguousAndMalformedRequests_AreAnsweredWith400OrNotAtAll) {
+  start_nodald();
+  start_web();
+  secret_ = paired("phone");
+  const std::string body = R"({"on": true})";
+  const std::string start = "POST /api/genlock HTTP/1.1\r\nHost: rig.test\r\nOrigin: https://rig.test\r\n" +
+                            cookie(secret_) + "Content-Type: application/json\r\n";
+  const std::string chunks = "c\r\n" + body + "\r\n0\r\n\r\n", twelve = "Content-Length: 12\r\n";
+  const std::vector<std::string> requests{
+      start + twelve + "Transfer-Encoding: chunked\r\n\r\n" + chunks,
+      start + "Transfer-Encoding: chunked\r\n" + twelve + "\r\n" + chunks,
+      start + "Transfer-Encoding: chunked\r\n\r\n" + chunks,
+      start + "Transfer-Encoding: gzip\r\n" + twelve + "\r\n" + body,
+      start + "Transfer-Encoding: xchunked\r\n" + twelve + "\r\n" + body,
+      start + twelve + "Content-Length: 5\r\n\r\n" + body,
+      start + twelve + twelve + "\r\n" + body,
+      start + "Content-Length : 12\r\n\r\n" + body,
+      start + "Content-Length: +12\r\n\r\n" + body,
+      start + "Content-Length: -1\r\n\r\n" + body,
+      start + "\r\n" + body,
+      start + "Transfer-Encoding: chunked\r\n\r\n-2\r\n" + body + "\r\n0\r\n\r\n",
+      "GET /pair HTTP/1.1\r\n\r\n",
+      "GET /pair HTTP/1.1\r\nHost: rig.test\r\nHost: rig.test\r\n\r\n",
+      // libmicrohttpd joins folded lines before anybody sees them; the joined Host is another one.
+      "GET /pair HTTP/1.1\r\nHost: rig.test\r\n .evil.example\r\n\r\n",
+      // A zero byte in a value is not here: libmicrohttpd shows the value up to it, which changes no framing.
+      "GET /pair HTTP/1.1\r\nHost: rig.test\r\nX-A: " + std::string(40 << 10, 'a') + "\r\n\r\n",
+  };
+  ASSERT_EQ(requests.size(), 16u);
+  for (std::size_t k = 0; k < requests.size(); ++k) {
+    const std::string answer = send(requests[k], 1);
+    if (answer.empty()) continue;
+    EXPECT_EQ(answer.substr(9, 1), "4") << k << ": " << answer.substr(0, 300);
+    EXPECT_EQ(answer.find("HTTP/1.1 2"), std::string::npos) << k << ": " << answer;
+  }
+  EXPECT_EQ(nodal_json({"genlock", "show"}).at(0)["state"], "off");
+  EXPECT_EQ(status(post("api/genlock", body, secret_)), "200") << "the same request in order";
+}
+
+}  // namespace
+}  // namespace nodal::command_line
