@@ -55,7 +55,7 @@ function showHeads(heads, exposure) {
     cell(head.present ? head.name : `${head.name} is missing`, !head.present);
     cell(exposureWords(head.exposure_ns));
     cell(light?.metered ? `${(light.clipped_ppm / 1e4).toFixed(1)} %` : "not measured", (light?.clipped_ppm ?? 0) > 10000);
-    cell(`${(head.skew_ns / 1e3).toFixed(0)} µs`);
+    cell(`${Math.round(head.skew_ns / 1e3) || 0} µs`);  // never -0
     cell(lost.length ? lost.map(([reason, frames]) => `${reason} ${frames}`).join(", ") : "none", lost.length > 0);
     return row;
   });
