@@ -8,6 +8,7 @@
 
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
+#include "host_tool/film/attempts.h"
 #include "host_tool/film/still_moments.h"
 #include "protocol/base/try.h"
 
@@ -53,15 +54,20 @@ Result<StitchedPictures> still_of(Console& console, StitchArgs args, const film:
   return made;
 }
 
-/// A folder for frames, in the folder of the film's parts, until it goes.
+/// A folder for frames, in the folder of the film's parts, until it goes. Its name is of this attempt alone, so that
+/// what is removed is its own.
 class FrameFolder {
  public:
   static Result<FrameFolder> make(const std::string& folder) {
-    FrameFolder made((fs::path(folder) / "frames").string());
     std::error_code error;
-    fs::create_directories(made.path_, error);
-    if (error) return fail(Errc::kIo, fmt::format("{}: cannot be made: {}", made.path_, error.message()));
-    return made;
+    fs::create_directories(folder, error);
+    film::remove_dead_attempts(folder + "/");
+    const std::string path = film::attempt_name(folder + "/frames");
+    const bool is_new = !error && fs::create_directory(path, error);
+    if (!is_new) {
+      return fail(Errc::kIo, fmt::format("{}: cannot be made: {}", path, error ? error.message() : "it is there"));
+    }
+    return FrameFolder(path);
   }
   FrameFolder(FrameFolder&& other) noexcept : path_(std::exchange(other.path_, {})) {}
   FrameFolder& operator=(FrameFolder&&) = delete;

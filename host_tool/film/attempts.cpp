@@ -51,9 +51,10 @@ void remove_dead_attempts(const std::string& file) {
     std::error_code unknown;
     const std::string name = entry->path().filename().string();
     const bool own = begin.empty() || name.starts_with(begin + mark);
-    if (own && is_dead(name, mark) && entry->is_regular_file(unknown)) dead.push_back(entry->path());
+    const bool kind = entry->is_regular_file(unknown) || (entry->is_directory(unknown) && !entry->is_symlink(unknown));
+    if (own && is_dead(name, mark) && kind) dead.push_back(entry->path());
   }
-  for (const fs::path& left : dead) fs::remove(left, error);
+  for (const fs::path& left : dead) fs::remove_all(left, error);
 }
 
 }  // namespace nodal::film

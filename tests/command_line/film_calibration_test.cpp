@@ -1,4 +1,8 @@
 // Films without a calibration: it is found in their own frames.
+#include <unistd.h>
+
+#include <array>
+
 #include "film_command.h"
 #include "tests/support/rendered_rig.h"
 
@@ -44,14 +48,23 @@ class FilmsAlone : public FilmCommand {
 
 TEST_F(FilmsAlone, TheirCalibrationIsFoundWhereTheRigStandsStill) {
   write_fine(20, 10);
+  // What a run that was killed has left, and a folder of somebody else's.
+  std::array<char, 65> host{};
+  ::gethostname(host.data(), host.size() - 1);
+  const std::string left = "own.mkv.parts/frames.part-" + std::string(host.data()) + "-4194305";  // above any process
+  std::filesystem::create_directories(path(left));
+  std::filesystem::create_directories(path("own.mkv.parts/frames"));
+  write(left + "/cam0.png", "half a picture");
+  write("own.mkv.parts/frames/mine.png", "mine");
   const Finished run = nodal(alone("own.mkv", {"--times", "begin"}));
   ASSERT_EQ(run.code, 0) << run.err;
+  EXPECT_EQ(parts("own.mkv"), std::vector<std::string>{"frames"});
+  EXPECT_EQ(read("own.mkv.parts/frames/mine.png"), "mine");
   const Json answer = Json::parse(run.out);
   EXPECT_EQ(answer["still"]["placed"], 6);
   EXPECT_EQ(answer["still"]["verdict"], "good") << answer["still"];
   EXPECT_TRUE(std::filesystem::exists(path("own.jpg"))) << "a still to look at";
   EXPECT_TRUE(std::filesystem::exists(path("own.report.html")));
-  EXPECT_TRUE(parts("own.mkv").empty());
   const auto found = parse_calibration(read("own.rig.json"));
   ASSERT_TRUE(found) << found.error().text();
   EXPECT_LT(test::rotation_error(fine().truth, *found).max_deg, 0.3);
