@@ -16,7 +16,8 @@ bool is_hex(std::string_view text, std::size_t digits);
 /// Longest Cookie header that is read: other pages of the same name may have cookies, too.
 inline constexpr std::size_t kMaxCookieBytes = 8192;
 /// The secret in the cookie `name` of a Cookie header (RFC 6265, 4.2.1). Nothing if the header is too long, has no such
-/// cookie, has it twice, or if its value is no secret.
+/// cookie, has it twice, or its value has not the length and the
+/// digits of a secret.
 std::optional<std::string> secret_of_cookie(std::string_view header, std::string_view name);
 
 /// The secret of "Bearer SECRET" (RFC 6750, 2.1).

@@ -39,8 +39,8 @@ class RigDesk {
   Result<std::vector<take::Manifest::File>> files(std::uint64_t take);
   /// A small file of a take, such as its thumbnail.
   Result<std::vector<std::uint8_t>> small_file(std::uint64_t take, const std::string& file, std::size_t limit);
-  /// Sends a request that changes the rig, `on_behalf` of a device. It is sent once: when the connection is lost before
-  /// the answer, nobody knows whether it was carried out, and the error says so.
+  /// Sends a request that changes the rig, `on_behalf` of a device. It is sent once: if the connection is lost before
+  /// the answer, the rig may have done it or not, and the error says so.
   Result<wire::Reply> change(wire::Request request, const std::string& on_behalf);
 
   static constexpr Duration kFresh = Duration::milliseconds(250);
