@@ -14,6 +14,7 @@
 #include "hal/linux/confine/confine.h"
 #include "hal/linux/link/link_helper.h"
 #include "host_tool/commands/look.h"
+#include "host_tool/commands/render_film.h"
 #include "host_tool/commands/stitch_film.h"
 #include "host_tool/console/overwriting.h"
 #include "host_tool/film/programs.h"
@@ -56,7 +57,7 @@ constexpr std::array kEverywhere{
     "/usr",       "/lib",          "/lib64",        "/etc/ld.so.cache",        "/etc/localtime",
     "/proc/self", "/proc/meminfo", "/proc/cpuinfo", "/sys/devices/system/cpu", "/dev/null",
     "/dev/zero",  "/dev/urandom"};
-constexpr std::string_view kStitchCommand = "stitch";
+constexpr std::string_view kStitchCommand = "stitch", kRenderCommand = "render";
 constexpr std::string_view kRays = "rays:";  // prefix of a file in --layout and --from
 
 /// Programs of other projects that a flag starts, with what they need: their folder for files of a run.
@@ -222,8 +223,9 @@ CommandRights rights_of(const CLI::App& command) {
     }
   }
   const CLI::Option* const out = command.get_option_no_throw("--out");
-  const bool film = command.get_name() == kStitchCommand && out != nullptr && !out->empty();
-  if (film && makes_film(out->results().front())) add_film_programs(rights);
+  const bool stitches = command.get_name() == kStitchCommand && out != nullptr && !out->empty();
+  const bool renders = command.get_name() == kRenderCommand && is_coded_film(command);
+  if (renders || (stitches && makes_film(out->results().front()))) add_film_programs(rights);
   if (anywhere) rights.read.push_back("/");
   for (std::vector<std::string>* paths : {&rights.read, &rights.write}) {
     std::ranges::sort(*paths);

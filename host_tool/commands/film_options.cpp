@@ -1,11 +1,11 @@
-// The options of `nodal stitch` that are for films.
+// The options of films.
 #include "host_tool/commands/film_request.h"
 #include "host_tool/commands/stitch_film.h"
 #include "host_tool/film/head_clocks.h"
 
 namespace nodal::host {
 
-void add_film_options(CLI::App& command, FilmArgs& args) {
+void add_coding_options(CLI::App& command, CodingArgs& args) {
   command
       .add_option("--codec", args.codec,
                   "Of a film: h264 (up to 4096 px wide when not given), h265, prores, ffv1 (lossless), or mpeg2, 15\n"
@@ -21,6 +21,23 @@ void add_film_options(CLI::App& command, FilmArgs& args) {
       .add_option("--preset", args.preset, "Of a film in h264 and h265: how long they search (medium when not given)")
       ->type_name("ultrafast|superfast|veryfast|faster|fast|medium|slow|slower|veryslow")
       ->check(CLI::IsMember(presets));
+}
+
+void add_parts_options(CLI::App& command, PartsArgs& args) {
+  CLI::Option* const plan = command.add_flag(
+      "--plan", args.plan, "Make the plan of a film only, in the folder OUT.parts; for several computers");
+  CLI::Option* const segments = command
+                                    .add_option("--segments", args.segments,
+                                                "Make these parts of a film only, of 240 frames each, in that folder")
+                                    ->type_name("A-B")
+                                    ->check(checked_by(parse_segments));
+  CLI::Option* const join = command.add_flag("--join", args.join, "Join the parts of a film that are there");
+  segments->excludes(plan);
+  join->excludes(plan)->excludes(segments);
+}
+
+void add_film_options(CLI::App& command, FilmArgs& args) {
+  add_coding_options(command, args.coding);
   command
       .add_option(
           "--offset", args.offsets,
@@ -53,16 +70,7 @@ void add_film_options(CLI::App& command, FilmArgs& args) {
                   "Of a film: placed (when not given), where the pictures agree, once in 240 frames; or fixed")
       ->type_name("placed|fixed")
       ->check(CLI::IsMember({"placed", "fixed"}));
-  CLI::Option* const plan = command.add_flag(
-      "--plan", args.plan, "Make the plan of a film only, in the folder OUT.parts; for several computers");
-  CLI::Option* const segments = command
-                                    .add_option("--segments", args.segments,
-                                                "Make these parts of a film only, of 240 frames each, in that folder")
-                                    ->type_name("A-B")
-                                    ->check(checked_by(parse_segments));
-  CLI::Option* const join = command.add_flag("--join", args.join, "Join the parts of a film that are there");
-  segments->excludes(plan);
-  join->excludes(plan)->excludes(segments);
+  add_parts_options(command, args.parts);
 }
 
 }  // namespace nodal::host

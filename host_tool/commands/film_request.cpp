@@ -160,13 +160,9 @@ Result<film::FilmRequest> make_request(Console& console, const StitchArgs& args,
   if (args.transition == "feather") request.raymap.transition = Transition::kFeather;
   const bool placed = words.seams == "placed" && args.transition != "feather";
   request.raymap.seams = placed ? SeamPlacement::kPlaced : SeamPlacement::kFixed;
-  if (!words.codec.empty()) request.codec = film::codec_named(words.codec);
-  request.quality = words.quality;
-  request.preset = words.preset;
-  request.container = film::container_of(args.out).value_or(film::Container::kMp4);
+  set_coding(request, words.coding, args.out);
   if (!layout->is_equirectangular()) {
-    notes.push_back(fmt::format("viewers are not told of the layout {}: only equirectangular films say what they are",
-                                request.raymap.layout));
+    notes.push_back(unknown_to_viewers(request.raymap.layout));
   }
   return request;
 }

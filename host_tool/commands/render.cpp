@@ -12,6 +12,7 @@
 #include "host_tool/commands/command_list.h"
 #include "host_tool/commands/layout_option.h"
 #include "host_tool/commands/render_cost.h"
+#include "host_tool/commands/render_film.h"
 #include "host_tool/commands/take_argument.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/interrupt.h"
@@ -40,6 +41,7 @@ struct RenderArgs {
   std::string from;
   std::string to;
   int threads = 0;
+  TakeFilmArgs film;
 };
 
 /// The take's [raymap] with what the arguments change in it.
@@ -202,6 +204,14 @@ Status run_render(Context& context, RenderArgs args) {
     return fail(fits.error().in(args.folder));
   }
 
+  if (is_coded_film(args.out, args.film.given())) return render_film(console, folder, options, args.out, args.film);
+  if (args.film.given()) {
+    return fail(Errc::kBadValue,
+                fmt::format("--out {}: --codec, --crf, --preset, --plan, --segments and --join are for "
+                            "films: let it end in .mp4, .mov or .mkv",
+                            args.out));
+  }
+
   const bool many = folder.manifest().sets * static_cast<std::uint64_t>(raymap.raymaps_a_set()) > 1;
   if (args.out.empty()) args.out = many ? "raymaps.mkv" : "raymap.jpg";
   Result<RaymapSink> sink = make_sink(args.out);
@@ -285,6 +295,7 @@ void add_render(CLI::App& app, CommandLine& line) {
   CLI::App* command = add_command(
       app, "render", "Blend a take's pictures to raymaps",
       "  nodal render 000042                                  raymaps.mkv, a film\n"
+      "  nodal render 000042 -o sphere.mp4                    a film for players, headsets and YouTube\n"
       "  nodal render 000042 -o r-%06d.png --from 10s --to 12s\n"
       "  nodal render 42 -o still.jpg                         a still on the rig's disk\n"
       "  nodal render 000042 -o cube.mkv --layout cube --calibration better.json\n"
@@ -294,8 +305,10 @@ void add_render(CLI::App& app, CommandLine& line) {
   auto args = std::make_shared<RenderArgs>();
   command->add_option("TAKE", args->folder, kTakeArgumentHelp)->required()->type_name("");
   command
-      ->add_option("-o,--out", args->out,
-                   "A film, .mkv (raymaps.mkv when not given), or files, .jpg, .png, .tif or .raw, with %06d")
+      ->add_option(
+          "-o,--out", args->out,
+          "A film of JPEGs, .mkv (raymaps.mkv when not given); a film for players, .mp4, .mov or, with --codec,\n"
+          ".mkv; or files, .jpg, .png, .tif or .raw, with %06d")
       ->type_name("FILE");
   command->add_option("--calibration", args->calibration, "Another calibration than the take's, for the same heads")
       ->type_name("FILE");
@@ -317,6 +330,8 @@ void add_render(CLI::App& app, CommandLine& line) {
                    "Number of threads (one for each core when not given); the result is the same")
       ->type_name("N")
       ->check(CLI::Range(1, 256));
+  add_coding_options(*command, args->film.coding);
+  add_parts_options(*command, args->film.parts);
   line.on(command, [args](Context& context) { return run_render(context, *args); });
 }
 

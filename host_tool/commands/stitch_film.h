@@ -5,22 +5,19 @@
 #include <vector>
 
 #include "host_tool/commands/command.h"
+#include "host_tool/commands/film_work.h"
 #include "host_tool/commands/stitch_job.h"
 
 namespace nodal::host {
 
 struct FilmArgs {
-  std::string codec;
-  int quality = -1;
-  std::string preset;
+  CodingArgs coding;
   std::vector<std::string> offsets;
   std::string times = "auto";
   double readout_ms = 0;
   std::string sound = "auto";
   std::string seams = "placed";
-  std::string segments;
-  bool plan = false;
-  bool join = false;
+  PartsArgs parts;
 };
 
 /// --codec, --crf, --preset, --offset, --times, --readout, --sound, --seams, --plan, --segments, --join.

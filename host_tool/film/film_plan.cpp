@@ -42,20 +42,6 @@ Result<double> number(std::string_view text) {
   return fail(Errc::kBadValue, fmt::format("'{}' is no number", text));
 }
 
-/// The rate of the result: a usual one, if the film's mean rate is so near.
-FrameRate usual_rate(FrameRate rate) {
-  constexpr double kNear = 3e-4;  // 30 and 29.97 differ by 1e-3
-  constexpr std::array kUsual{FrameRate{24000, 1001}, FrameRate{24, 1},        FrameRate{25, 1},
-                              FrameRate{30000, 1001}, FrameRate{30, 1},        FrameRate{48, 1},
-                              FrameRate{50, 1},       FrameRate{60000, 1001},  FrameRate{60, 1},
-                              FrameRate{100, 1},      FrameRate{120000, 1001}, FrameRate{120, 1}};
-  const auto hertz = [](FrameRate r) { return static_cast<double>(r.numerator) / r.denominator; };
-  for (const FrameRate usual : kUsual) {
-    if (std::abs(hertz(rate) / hertz(usual) - 1) < kNear) return usual;
-  }
-  return rate;
-}
-
 PixelFormat raymap_format(const std::vector<FilmFile>& films) {
   const auto all = [&](PixelFormat format) {
     return std::ranges::all_of(films, [&](const FilmFile& film) { return film.format == format; });
@@ -154,26 +140,31 @@ Result<Json> words_of(const FilmRequest& request, const Programs& programs) {
   if (request.sound.find('/') != std::string::npos) {
     NODAL_TRY_ASSIGN(sound, identity_of(request.sound));
   }
-  const RaymapConfig& raymap = request.raymap;
-  return Json{{"nodal", NODAL_VERSION},
-              {"ffmpeg", programs.version},
-              {"calibration", to_hex(calibration_id(request.calibration))},
-              {"films", films},
-              {"offsets", times},
-              {"times", request.times_by},
-              {"readout", request.readout_s},
-              {"layout", raymap.layout},
-              {"width", raymap.width},
-              {"height", raymap.height},
-              {"transition", static_cast<int>(raymap.transition)},
-              {"seam_width", raymap.seam_width_deg},
-              {"feather", raymap.feather},
-              {"seams", raymap.seams == SeamPlacement::kPlaced ? "placed" : "fixed"},
-              {"codec", request.codec ? std::string(name_of(*request.codec)) : "auto"},
-              {"quality", request.quality},
-              {"preset", request.preset},
-              {"container", static_cast<int>(request.container)},
-              {"sound", sound}};
+  Json words{{"calibration", to_hex(calibration_id(request.calibration))},
+             {"films", films},
+             {"offsets", times},
+             {"times", request.times_by},
+             {"readout", request.readout_s},
+             {"sound", sound}};
+  add_words(words, request, programs);
+  return words;
+}
+
+void add_words(Json& words, const FilmLook& look, const Programs& programs) {
+  const RaymapConfig& raymap = look.raymap;
+  words["nodal"] = NODAL_VERSION;
+  words["ffmpeg"] = programs.version;
+  words["layout"] = raymap.layout;
+  words["width"] = raymap.width;
+  words["height"] = raymap.height;
+  words["transition"] = static_cast<int>(raymap.transition);
+  words["seam_width"] = raymap.seam_width_deg;
+  words["feather"] = raymap.feather;
+  words["seams"] = raymap.seams == SeamPlacement::kPlaced ? "placed" : "fixed";
+  words["codec"] = look.codec ? std::string(name_of(*look.codec)) : "auto";
+  words["quality"] = look.quality;
+  words["preset"] = look.preset;
+  words["container"] = static_cast<int>(look.container);
 }
 
 const PlannedSeams* FilmPlan::seams_at(std::uint64_t segment) const {

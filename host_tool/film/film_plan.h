@@ -31,24 +31,30 @@ struct HeadTime {
 /// "cam3=-0.0417" or "cam3=1.25,43". Errors: kBadValue.
 Result<HeadTime> parse_head_time(const std::string& text);
 
+/// How a film is to be.
+struct FilmLook {
+  RaymapConfig raymap;  ///< heads' films: the pixel format is chosen by the plan
+  std::optional<Codec> codec;
+  int quality = -1;
+  std::string preset;
+  Container container = Container::kMp4;
+};
+
 /// What a user asks for. Two runs with the same request make the same film.
-struct FilmRequest {
+struct FilmRequest : FilmLook {
   Calibration calibration;         ///< heads in the order of the films
   std::vector<std::string> films;  ///< absolute paths
   bool one_file = false;           ///< all heads are tracks of one file, which `films` repeats
   std::vector<HeadTime> times;     ///< heads that are not named have no offset, or `times_by` finds it
   std::string times_by = "auto";   ///< or "begin", or sources: how other heads' times are found
   double readout_s = 0;            ///< readout of the heads' sensors, used for flashes; 0: not known
-  RaymapConfig raymap;             ///< the pixel format is chosen by the plan
-  std::optional<Codec> codec;
-  int quality = -1;
-  std::string preset;
-  Container container = Container::kMp4;
-  std::string sound = "auto";  ///< or "none", a head, or a file's absolute path
+  std::string sound = "auto";      ///< or "none", a head, or a file's absolute path
 };
 
 /// The request in words, with what identifies its files. Errors: those of reading the films.
 Result<Json> words_of(const FilmRequest& request, const Programs& programs);
+/// Adds the programs' versions and how the film is to be.
+void add_words(Json& words, const FilmLook& look, const Programs& programs);
 
 struct PlannedHead {
   std::string name;
@@ -56,6 +62,14 @@ struct PlannedHead {
   std::vector<std::int64_t> times;  ///< the time of the head's frame for every frame of the result
   double farthest_s = 0;            ///< how far that is from the wanted instant, at most
   HeadTime clock{};                 ///< offset and rate of the head's clock, with their errors
+};
+
+/// A take whose raymaps are shown.
+struct PlannedTake {
+  std::string folder;                 ///< as messages name it
+  std::vector<std::string> heads;     ///< names
+  std::vector<std::int64_t> raymaps;  ///< number of the take's raymap for every frame of the result
+  double farthest_s = 0;              ///< how far its exposure is from the wanted instant, at most
 };
 
 struct PlannedSound {
@@ -74,12 +88,13 @@ struct FilmPlan {
   static constexpr std::uint64_t kSegmentFrames = 240;
   static constexpr std::int64_t kMaxFrames = 1 << 24;  ///< 155 hours at 30 frames a second
 
-  Json request;  ///< words_of()
-  Calibration calibration;
+  Json request;             ///< words_of()
+  Calibration calibration;  ///< heads' films
   RaymapConfig raymap;
   Coding coding;
   Container container = Container::kMp4;
-  std::vector<PlannedHead> heads;
+  std::vector<PlannedHead> heads;   ///< empty: `take`
+  std::optional<PlannedTake> take;  ///< whose own documents say how it is blended
   std::optional<PlannedSound> sound;
   std::uint64_t frames = 0;
   double times_residual_s = 0;      ///< difference between the lags of pairs of heads and the result, root mean square

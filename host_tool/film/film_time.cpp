@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace nodal::film {
@@ -13,6 +14,19 @@ constexpr double kMillion = 1e6;
 double rig_seconds(const HeadTime& head, double head_s) { return (head_s - head.offset_s) / (1 + head.ppm / kMillion); }
 
 }  // namespace
+
+FrameRate usual_rate(FrameRate rate) {
+  constexpr double kNear = 3e-4;  // 30 and 29.97 differ by 1e-3
+  constexpr std::array kUsual{FrameRate{24000, 1001}, FrameRate{24, 1},        FrameRate{25, 1},
+                              FrameRate{30000, 1001}, FrameRate{30, 1},        FrameRate{48, 1},
+                              FrameRate{50, 1},       FrameRate{60000, 1001},  FrameRate{60, 1},
+                              FrameRate{100, 1},      FrameRate{120000, 1001}, FrameRate{120, 1}};
+  const auto hertz = [](FrameRate r) { return static_cast<double>(r.numerator) / r.denominator; };
+  for (const FrameRate usual : kUsual) {
+    if (std::abs(hertz(rate) / hertz(usual) - 1) < kNear) return usual;
+  }
+  return rate;
+}
 
 double head_seconds(const HeadTime& head, double rig_s) { return rig_s + head.offset_s + rig_s * head.ppm / kMillion; }
 

@@ -11,6 +11,9 @@
 
 namespace nodal::film {
 
+/// The rate of a result: a usual one, if this is so near that it was measured, or rounded.
+FrameRate usual_rate(FrameRate rate);
+
 /// Seconds after the head's first frame at a time of the rig.
 double head_seconds(const HeadTime& head, double rig_s);
 

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "host_tool/film/film_plan.h"
 #include "protocol/base/sha256.h"
@@ -12,12 +13,20 @@
 namespace nodal::film {
 namespace {
 
-constexpr const char* kFormat = "nodal film plan 1";
+constexpr const char* kFormat = "nodal film plan 2";
 constexpr std::int64_t kMaxTime = std::int64_t{1} << 60;  // sums of two fit 64 bits
 constexpr std::int64_t kMaxTrack = 255;
 constexpr std::int64_t kMaxPlace = 16384;         // px
 constexpr std::int64_t kMaxUnitTerm = INT32_MAX;  // ffmpeg's
 constexpr std::size_t kMapPixels = std::size_t{sets::kSeamMapWidth} * sets::kSeamMapWidth / 2;
+
+/// Steps from each value to the next; the first one from 0.
+std::vector<std::int64_t> steps_of(const std::vector<std::int64_t>& values) {
+  std::vector<std::int64_t> steps;
+  std::int64_t before = 0;
+  for (const std::int64_t value : values) steps.push_back(value - std::exchange(before, value));
+  return steps;
+}
 
 /// Pairs of a value and how often it comes; of times, of their differences.
 template <class Values>
@@ -58,6 +67,17 @@ std::vector<std::int64_t> values_of(const Json& runs, const char* name, std::siz
   return values;
 }
 
+/// Values of which no one is below the one before, from runs of their steps.
+std::vector<std::int64_t> rising(const Json& runs, const char* name, std::size_t count) {
+  std::vector<std::int64_t> values = values_of(runs, name, count);
+  for (std::size_t k = 1; k < values.size(); ++k) {
+    if (values[k] < 0) throw std::out_of_range(name);
+    values[k] += values[k - 1];
+    if (values[k] > kMaxTime) throw std::out_of_range(name);
+  }
+  return values;
+}
+
 /// Nesting and fields of objects have limits: writing a tree again takes stack for each level, and a field of an object
 /// with keys in order is found by comparing all of them.
 Json parse(const std::string& text) {
@@ -82,12 +102,6 @@ Json parse(const std::string& text) {
 }
 
 Json to_json(const PlannedHead& head) {
-  std::vector<std::int64_t> steps;
-  std::int64_t before = 0;
-  for (const std::int64_t time : head.times) {
-    steps.push_back(time - before);
-    before = time;
-  }
   const FilmFile& film = head.film;
   const Json place = film.place ? Json{film.place->left, film.place->top} : Json(nullptr);
   return Json{{"name", head.name},
@@ -110,7 +124,7 @@ Json to_json(const PlannedHead& head) {
                 {"sigma", head.clock.sigma_s},
                 {"ppm_sigma", head.clock.ppm_sigma},
                 {"by", head.clock.by}}},
-              {"steps", runs_of(steps)}};
+              {"steps", runs_of(steps_of(head.times))}};
 }
 
 PixelFormat format_of(const Json& name) {
@@ -148,13 +162,19 @@ PlannedHead head_of(const Json& json, const HeadCalibration& calibrated, std::si
   film.time_base = {whole(json.at("time_base").at(0), "heads.time_base", 1, kMaxUnitTerm),
                     whole(json.at("time_base").at(1), "heads.time_base", 1, kMaxUnitTerm)};
   film.times = {whole(json.at("first"), "heads.first", -kMaxTime, kMaxTime)};
-  head.times = values_of(json.at("steps"), "heads.steps", frames);
-  for (std::size_t k = 1; k < head.times.size(); ++k) {
-    if (head.times[k] < 0) throw std::out_of_range("heads.steps");
-    head.times[k] += head.times[k - 1];
-    if (head.times[k] > kMaxTime) throw std::out_of_range("heads.steps");
-  }
+  head.times = rising(json.at("steps"), "heads.steps", frames);
   return head;
+}
+
+PlannedTake take_of(const Json& json, std::size_t frames) {
+  PlannedTake take;
+  take.folder = json.at("folder").get<std::string>();
+  for (const Json& head : json.at("heads")) take.heads.push_back(head.get<std::string>());
+  if (take.heads.empty() || take.heads.size() > kMaxHeads) throw std::out_of_range("take.heads");
+  take.farthest_s = real(json.at("farthest"), "take.farthest");
+  take.raymaps = rising(json.at("raymaps"), "take.raymaps", frames);
+  if (take.raymaps.front() < 0) throw std::out_of_range("take.raymaps");
+  return take;
 }
 
 std::vector<PlannedSeams> seams_of(const Json& json, const FilmPlan& plan) {
@@ -167,7 +187,8 @@ std::vector<PlannedSeams> seams_of(const Json& json, const FilmPlan& plan) {
     PlannedSeams placed{static_cast<std::uint64_t>(segment), {}};
     placed.labels.reserve(kMapPixels);
     for (const std::int64_t label : values_of(one.at("labels"), "seams.labels", kMapPixels)) {
-      const bool known = label >= 0 && label < static_cast<std::int64_t>(plan.heads.size());
+      const std::size_t heads = plan.take ? plan.take->heads.size() : plan.heads.size();
+      const bool known = label >= 0 && label < static_cast<std::int64_t>(heads);
       if (!known && label != seams::kNobody) throw std::out_of_range("seams.labels");
       placed.labels.push_back(static_cast<std::uint8_t>(label));
     }
@@ -179,9 +200,12 @@ std::vector<PlannedSeams> seams_of(const Json& json, const FilmPlan& plan) {
 FilmPlan read(const Json& json) {
   FilmPlan plan;
   plan.request = json.at("request");
-  auto calibration = parse_calibration(json.at("calibration").dump());
-  if (!calibration) throw std::out_of_range(calibration.error().message);
-  plan.calibration = std::move(*calibration);
+  const Json& take = json.at("take");
+  if (take.is_null()) {
+    auto calibration = parse_calibration(json.at("calibration").dump());
+    if (!calibration) throw std::out_of_range(calibration.error().message);
+    plan.calibration = std::move(*calibration);
+  }
   const Json& raymap = json.at("raymap");
   plan.raymap.layout = raymap.at("layout").get<std::string>();
   plan.raymap.width = static_cast<int>(whole(raymap.at("width"), "raymap.width", 1, INT32_MAX));
@@ -191,6 +215,8 @@ FilmPlan read(const Json& json) {
   plan.raymap.seam_width_deg = real(raymap.at("seam_width"), "raymap.seam_width");
   plan.raymap.feather = real(raymap.at("feather"), "raymap.feather");
   plan.raymap.seams = raymap.at("placed").get<bool>() ? SeamPlacement::kPlaced : SeamPlacement::kFixed;
+  plan.raymap.soft = raymap.at("soft").get<bool>();
+  plan.raymap.fields = raymap.at("separate").get<bool>() ? FieldUse::kSeparate : FieldUse::kWeave;
   const Json& coding = json.at("coding");
   const auto codec = codec_named(coding.at("codec").get<std::string>());
   const auto term = [&](std::size_t k) {
@@ -201,13 +227,14 @@ FilmPlan read(const Json& json) {
   plan.coding = {*codec,
                  plan.raymap.width,
                  plan.raymap.height,
-                 plan.raymap.format,
+                 in_8_bits(plan.raymap.format),
                  *rate,
                  static_cast<int>(whole(coding.at("quality"), "coding.quality", -1, 51)),
                  coding.at("preset").get<std::string>(),
                  coding.at("transfer").get<std::string>()};
   plan.container = static_cast<Container>(whole(json.at("container"), "container", 0, 2));
   plan.frames = static_cast<std::uint64_t>(whole(json.at("frames"), "frames", 1, FilmPlan::kMaxFrames));
+  if (!take.is_null()) plan.take = take_of(take, plan.frames);
   const Json& heads = json.at("heads");
   if (!heads.is_array() || heads.size() != plan.calibration.heads.size()) throw std::out_of_range("heads");
   for (std::size_t h = 0; h < heads.size(); ++h) {
@@ -227,7 +254,7 @@ FilmPlan read(const Json& json) {
 std::string to_text(const FilmPlan& plan) {
   const RaymapConfig& raymap = plan.raymap;
   Json json{{"file", kFormat}, {"request", plan.request}};
-  json["calibration"] = Json::parse(nodal::to_json(plan.calibration));
+  json["calibration"] = plan.take ? Json(nullptr) : Json::parse(nodal::to_json(plan.calibration));
   json["raymap"] = {{"layout", raymap.layout},
                     {"width", raymap.width},
                     {"height", raymap.height},
@@ -235,7 +262,9 @@ std::string to_text(const FilmPlan& plan) {
                     {"transition", static_cast<int>(raymap.transition)},
                     {"seam_width", raymap.seam_width_deg},
                     {"feather", raymap.feather},
-                    {"placed", raymap.seams == SeamPlacement::kPlaced}};
+                    {"placed", raymap.seams == SeamPlacement::kPlaced},
+                    {"soft", raymap.soft},
+                    {"separate", raymap.fields == FieldUse::kSeparate}};
   json["coding"] = {{"codec", name_of(plan.coding.codec)},
                     {"rate", {plan.coding.rate.numerator, plan.coding.rate.denominator}},
                     {"quality", plan.coding.quality},
@@ -245,6 +274,13 @@ std::string to_text(const FilmPlan& plan) {
   json["frames"] = plan.frames;
   json["heads"] = Json::array();
   for (const PlannedHead& head : plan.heads) json["heads"].push_back(to_json(head));
+  json["take"] = nullptr;
+  if (plan.take) {
+    json["take"] = {{"folder", plan.take->folder},
+                    {"heads", plan.take->heads},
+                    {"farthest", plan.take->farthest_s},
+                    {"raymaps", runs_of(steps_of(plan.take->raymaps))}};
+  }
   json["times_residual"] = plan.times_residual_s;
   json["sound"] = nullptr;
   if (plan.sound) {

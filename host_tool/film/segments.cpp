@@ -7,12 +7,10 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
-#include <memory>
 
 #include "host_tool/console/files.h"
 #include "host_tool/film/attempts.h"
 #include "host_tool/film/film_encoder.h"
-#include "host_tool/film/head_film.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/try.h"
 #include "protocol/files/open_file.h"
@@ -55,26 +53,6 @@ struct Attempt {
     if (!file.empty()) ::unlink(file.c_str());
   }
 };
-
-Result<std::vector<std::unique_ptr<HeadFilm>>> open_heads(const FilmPlan& plan, const Programs& programs,
-                                                          std::uint64_t frame) {
-  std::vector<std::unique_ptr<HeadFilm>> heads;
-  for (const PlannedHead& head : plan.heads) {
-    NODAL_TRY_ASSIGN(auto film, HeadFilm::open(programs, head.film, head.times[frame]));
-    heads.push_back(std::move(film));
-  }
-  return heads;
-}
-
-Result<std::vector<ImageView>> pictures_at(const FilmPlan& plan, std::uint64_t frame,
-                                           std::vector<std::unique_ptr<HeadFilm>>& heads) {
-  std::vector<ImageView> pictures;
-  for (std::size_t h = 0; h < heads.size(); ++h) {
-    NODAL_TRY_ASSIGN(const ImageView picture, heads[h]->at(plan.heads[h].times[frame]));
-    pictures.push_back(picture);
-  }
-  return pictures;
-}
 
 auto stopped() { return fail(Errc::kCancelled, "stopped"); }
 
@@ -133,14 +111,11 @@ Result<FilmPlan> store_plan(const PartsFolder& parts, const FilmPlan& plan) {
   return std::move(*stored);
 }
 
-Status plan_seams(FilmPlan& plan, FilmBlend& blend, const Programs& programs, const FilmProgress& progress) {
+Status plan_seams(FilmPlan& plan, FrameSource& source, const FilmProgress& progress) {
   if (plan.raymap.seams != SeamPlacement::kPlaced) return {};
   for (std::uint64_t segment = 0; segment < plan.segments(); ++segment) {
     if (!progress(segment)) return stopped();
-    const std::uint64_t frame = plan.begin_of(segment);
-    NODAL_TRY_ASSIGN(auto heads, open_heads(plan, programs, frame));
-    NODAL_TRY_ASSIGN(const auto pictures, pictures_at(plan, frame, heads));
-    NODAL_TRY_ASSIGN(auto labels, blend.place_seams(pictures));
+    NODAL_TRY_ASSIGN(auto labels, source.place_seams(segment));
     const PlannedSeams* const before = plan.seams_at(segment);
     if (labels.empty() || (before != nullptr && before->labels == labels)) continue;
     plan.seams.push_back({segment, std::move(labels)});
@@ -149,32 +124,22 @@ Status plan_seams(FilmPlan& plan, FilmBlend& blend, const Programs& programs, co
 }
 
 Result<RenderedSegment> render_segment(const FilmPlan& plan, std::uint64_t segment, const PartsFolder& parts,
-                                       FilmBlend& blend, const Programs& programs, const FilmProgress& progress) {
+                                       FrameSource& source, const Programs& programs, const FilmProgress& progress) {
   const std::uint64_t begin = plan.begin_of(segment), end = plan.end_of(segment);
   const std::string file = parts.segment_file(plan, segment);
   RenderedSegment rendered;
   remove_dead_attempts(file);
-  NODAL_TRY(blend.use(plan.seams_at(segment)));
-  NODAL_TRY_ASSIGN(auto heads, open_heads(plan, programs, begin));
+  NODAL_TRY(source.begin(segment));
   Attempt attempt{attempt_name(file)};
   NODAL_TRY_ASSIGN(const auto encoder, FilmEncoder::open(programs, plan.coding, attempt.file));
   for (std::uint64_t frame = begin; frame < end; ++frame) {
     if (!progress(frame - begin)) return stopped();
-    NODAL_TRY_ASSIGN(const auto pictures, pictures_at(plan, frame, heads));
     std::vector<std::uint8_t> raymap = encoder->memory();
-    blend.blend(pictures, raymap.data());
+    NODAL_TRY(source.next(raymap));
     NODAL_TRY(encoder->write(std::move(raymap)));
   }
   NODAL_TRY(encoder->finish());
-  for (std::size_t h = 0; h < heads.size(); ++h) {
-    const std::uint64_t replaced = heads[h]->replaced();
-    const std::string complaint = heads[h]->finish();
-    if (replaced == 0) continue;
-    rendered.notes.push_back(
-        fmt::format("{}: {} of frames {} to {} cannot be decoded, and the ones before are shown "
-                    "instead{}{}",
-                    plan.heads[h].film.path, replaced, begin, end - 1, complaint.empty() ? "" : ": ", complaint));
-  }
+  rendered.notes = source.finish();
   NODAL_TRY_ASSIGN(const Content content, content_of(attempt.file, true));
   if (::rename(attempt.file.c_str(), file.c_str()) != 0) {
     return fail(Errc::kIo, fmt::format("{}: {}", file, std::strerror(errno)));

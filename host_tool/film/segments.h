@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "host_tool/film/film_blend.h"
 #include "host_tool/film/film_json.h"
 #include "host_tool/film/film_plan.h"
+#include "host_tool/film/frame_source.h"
 #include "protocol/base/result.h"
 
 namespace nodal::film {
@@ -36,15 +36,15 @@ Result<std::optional<FilmPlan>> stored_plan(const PartsFolder& parts, const Json
 /// Tells how far it is: frames that are done of the whole work. Returns false to stop.
 using FilmProgress = std::function<bool(std::uint64_t frames)>;
 
-/// Places the seams of every segment, by the first frames of each. Errors: those of the decoders; kCancelled.
-Status plan_seams(FilmPlan& plan, FilmBlend& blend, const Programs& programs, const FilmProgress& progress);
+/// Places the seams of every segment, by the first frame of each. Errors: those of the source; kCancelled.
+Status plan_seams(FilmPlan& plan, FrameSource& source, const FilmProgress& progress);
 
 struct RenderedSegment {
   std::vector<std::string> notes;  ///< whole sentences for the user
 };
 /// Renders a segment into the folder: under a name of this attempt, which is renamed when it is whole and on disk.
-/// Errors: those of the decoders and of the encoder; kCancelled; kDiskFull.
+/// Errors: those of the source and of the encoder; kCancelled; kDiskFull.
 Result<RenderedSegment> render_segment(const FilmPlan& plan, std::uint64_t segment, const PartsFolder& parts,
-                                       FilmBlend& blend, const Programs& programs, const FilmProgress& progress);
+                                       FrameSource& source, const Programs& programs, const FilmProgress& progress);
 
 }  // namespace nodal::film

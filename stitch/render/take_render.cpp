@@ -14,6 +14,7 @@
 #include "protocol/take/seam_map.h"
 #include "protocol/take/tally.h"
 #include "stitch/decode/frame_decoder.h"
+#include "stitch/render/raymap_times.h"
 #include "stitch/sets/plan_job.h"
 #include "stitch/sets/raymap_toml.h"
 #include "stitch/sets/rig_heads.h"
@@ -96,6 +97,7 @@ Result<bool> TakeRender::next(RenderedRaymap& into, const std::function<void(dou
   if (next_field_ == 0) {
     const Result<bool> got = next_set(compiled);
     if (!got || !*got) return got;
+    if (std::exchange(seek_.second_field, false)) next_field_ = 1;
   }
   blend(into);
   next_field_ = (next_field_ + 1) % blend_.plan()->tables.size();
@@ -104,29 +106,66 @@ Result<bool> TakeRender::next(RenderedRaymap& into, const std::function<void(dou
 
 Result<bool> TakeRender::next_set(const std::function<void(double)>& compiled) {
   std::array<sets::SetFrame, kMaxHeads> before{};  // the settings of heads in the sets that are not rendered
-  for (;;) {
+  for (;; ++seek_.next_set) {
     const Result<bool> more = sets_.next(set_);
     if (!more || !*more) return more;
     if (!first_) first_ = set_.mid_exposure;
     const Duration since = set_.mid_exposure - *first_;
     if (since >= options_.to) return false;
-    if (since >= options_.from) break;
+    if (since >= options_.from && seek_.next_set >= seek_.first_set) break;
     for (std::size_t i = 0; i < before.size(); ++i) {
       if (set_.heads[i].present) before[i] = blended(set_.heads[i]);
     }
   }
+  ++seek_.next_set;
   NODAL_TRY(use_tables(compiled));
   NODAL_TRY(sets_.read_pictures(set_));
   const std::uint64_t number = set_.evidence.number();
   if (has_seams()) {
     NODAL_TRY(use_seams());
+  } else if (given_) {
+    NODAL_TRY(use_given_seams());
   } else if (seams_.due(number)) {
     if (sets::PlanPtr plan = seams_.take().plan) blend_.move_seams(std::move(plan));
   }
   blend_.note_exposures(before);
-  begin_set(blend_.plan()->seams && !has_seams() && seams_.wants(number));
-  if (blend_.views()) NODAL_TRY(place_seams(number));
+  const bool places = blend_.plan()->seams && !has_seams() && !given_ && seams_.wants(number);
+  begin_set(places);
+  if (places && blend_.views()) NODAL_TRY(place_seams(number));
   return true;
+}
+
+void TakeRender::seek(std::uint64_t raymap, std::vector<std::uint8_t> seams) {
+  const auto a_set = static_cast<std::uint64_t>(options_.raymap.raymaps_a_set());
+  sets_.restart();
+  seek_ = {raymap / a_set, 0, raymap % a_set != 0};
+  next_field_ = 0;
+  used_ = &calibrations_.front();
+  segment_.reset();
+  seams_ = {};
+  given_ = std::move(seams);
+  blend_ = {};  // it keeps exposures of later sets
+  if (own_seams_) blend_.adopt(sets::with_memory(own_seams_));
+}
+
+Result<std::vector<std::uint8_t>> TakeRender::suitable_seams(std::uint64_t raymap, std::vector<std::uint8_t> before) {
+  seek(raymap, std::move(before));
+  NODAL_TRY_ASSIGN(const bool more, next_set({}));
+  if (!more || !blend_.plan()->seams || has_seams()) return std::vector<std::uint8_t>{};
+  begin_set(true);
+  if (!blend_.views()) return std::vector<std::uint8_t>{};
+  const sets::PlacedSeams placed = sets::place_seams(*blend_.plan(), *blend_.views());
+  if (!placed.refused.empty()) return fail(Errc::kTableInvalid, "placing seams: " + placed.refused);
+  if (!placed.plan || !placed.plan->seam_labels) return std::vector<std::uint8_t>{};
+  return *placed.plan->seam_labels;
+}
+
+Status TakeRender::use_given_seams() {
+  const sets::SeamLabels& now = blend_.plan()->seam_labels;
+  if (given_->empty() || !blend_.plan()->seams || (now && *now == *given_)) return {};
+  NODAL_TRY_ASSIGN(auto seamed, sets::with_seams(*blend_.plan(), *given_));
+  blend_.move_seams(std::move(seamed));
+  return {};
 }
 
 /// Whether the rig recorded with which seams it blended the segment, with the take's calibration.
@@ -234,14 +273,6 @@ std::optional<FrameRate> TakeRender::rate() {
   return raymap_rate(sets, options_.raymap.raymaps_a_set());
 }
 
-/// How much later than the first the second field of a frame was exposed.
-Duration TakeRender::second_field() {
-  constexpr std::uint64_t kLongest = 1'000'000'000'000;  // ns
-  const std::uint64_t recorded = sets_.segment().evidence().begin.second_field_ns();
-  if (recorded != 0) return Duration::nanoseconds(static_cast<std::int64_t>(std::min(recorded, kLongest)));
-  return folder_.about().rate.period() / 2;
-}
-
 void TakeRender::blend(RenderedRaymap& into) {
   const RaymapConfig& raymap = options_.raymap;
   into.pixels.format = raymap.format;
@@ -258,7 +289,8 @@ void TakeRender::blend(RenderedRaymap& into) {
   if (const auto parity = blend_.table().sources[0].field) {
     into.field = static_cast<int>(next_field_);
     into.parity = *parity;
-    if (next_field_ == 1) into.mid_exposure = set_.mid_exposure + second_field();
+    if (next_field_ == 1)
+      into.mid_exposure = set_.mid_exposure + second_field(sets_.segment().evidence().begin, folder_.about().rate);
   }
 }
 

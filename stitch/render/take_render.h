@@ -59,6 +59,13 @@ class TakeRender {
 
   /// The next raymap; false after the last. `compiled` is told the part of a table that is compiled, 0 to 1.
   Result<bool> next(RenderedRaymap& into, const std::function<void(double)>& compiled = {});
+  /// Goes to a raymap of the take, counted from 0: next() gives it, with the bytes that it has after those before it.
+  /// Where the take has no seams, the given ones are in force from now on, and none are placed; empty: the calibration's
+  /// own.
+  void seek(std::uint64_t raymap, std::vector<std::uint8_t> seams);
+  /// Seams that suit the set of a raymap, near the given ones. Empty: the take has seams there, or none are placed.
+  /// Moves the position: call seek() next.
+  Result<std::vector<std::uint8_t>> suitable_seams(std::uint64_t raymap, std::vector<std::uint8_t> before);
   /// The calibrations that raymaps are made with, in order; at least one.
   std::vector<const Calibration*> calibrations() const;
   /// The set of the newest raymap, with the head's settings.
@@ -84,9 +91,9 @@ class TakeRender {
   void run_rounds();
   bool has_seams();
   Status use_seams();
+  Status use_given_seams();
   Status place_seams(std::uint64_t set);
   void blend(RenderedRaymap& into);
-  Duration second_field();
 
   const media::TakeFolder& folder_;
   RenderOptions options_;
@@ -104,6 +111,12 @@ class TakeRender {
   sets::PlanPtr own_seams_;     ///< the plan as compiled
   sets::SeamSchedule seams_;    ///< the seams of this plan
   std::size_t next_field_ = 0;  ///< next field of the set that was read; 0: the next set comes first
+  struct Seek {
+    std::uint64_t first_set = 0;  ///< index of the first set to render
+    std::uint64_t next_set = 0;   ///< index of the set that is read next
+    bool second_field = false;    ///< the first raymap to render is the second of its set
+  } seek_;
+  std::optional<std::vector<std::uint8_t>> given_;  ///< seams of seek()
   std::size_t undecodable_ = 0;
   bool of_take_ = true;
 };

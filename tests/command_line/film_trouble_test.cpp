@@ -68,7 +68,7 @@ TEST_F(FilmTrouble, PlanOfOtherSettingsOrAnotherVersion_IsRefused) {
   expect_no_film(stitch("s.mp4", {"--width", "256"}), "other settings (width, height)", "s.mp4");
   expect_no_film(stitch("s.mp4", {"--width", "128", "--segments", "1"}), "the film has the segments 0 to 0", "s.mp4");
   std::string plan = read("s.mp4.parts/plan.json");
-  plan.replace(plan.find("film plan 1"), 11, "film plan 2");
+  plan.replace(plan.find("film plan 2"), 11, "film plan 3");
   write("s.mp4.parts/plan.json", plan);
   expect_no_film(stitch("s.mp4", {"--width", "128"}), "another version of nodal", "s.mp4");
 }

@@ -118,6 +118,8 @@ class TakeSets {
   explicit TakeSets(const TakeFolder& folder) : folder_(folder) {}
   /// The next set, without pictures; false after the last.
   Result<bool> next(TakeSet& set);
+  /// From the first set on again.
+  void restart() { segment_.reset(), next_segment_ = next_set_ = 0; }
   /// Reads the pictures of the set that next() gave last.
   Status read_pictures(TakeSet& set);
   /// The same of one head; one without a picture in the set is left as it is.

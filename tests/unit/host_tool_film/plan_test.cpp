@@ -38,6 +38,16 @@ FilmPlan small_plan() {
   return plan;
 }
 
+FilmPlan take_plan() {
+  FilmPlan plan = small_plan();
+  plan.calibration = {};
+  plan.heads.clear();
+  plan.sound.reset();
+  plan.take = PlannedTake{"takes/000001", {"cam0", "cam1"}, {}, 0.001};
+  for (int k = 0; k < 300; ++k) plan.take->raymaps.push_back(k < 7 ? 3 : k + 2);
+  return plan;
+}
+
 std::string id_of(const FilmPlan& plan) { return plan_of(to_text(plan)).value().id; }
 
 TEST(FilmPlanText, WrittenAndRead_IsTheSamePlan) {
@@ -51,6 +61,40 @@ TEST(FilmPlanText, WrittenAndRead_IsTheSamePlan) {
   EXPECT_EQ(read->heads.at(1).times, plan.heads.at(1).times);
   EXPECT_EQ(read->seams.at(0).labels, plan.seams.at(0).labels);
   EXPECT_EQ(read->id.size(), 12u);
+}
+
+TEST(FilmPlanText, OfATake_IsTheSamePlanAndEveryFieldCounts) {
+  const FilmPlan plan = take_plan();
+  const auto read = plan_of(to_text(plan));
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(to_text(*read), to_text(plan));
+  ASSERT_TRUE(read->take);
+  EXPECT_EQ(read->take->raymaps, plan.take->raymaps);
+  EXPECT_EQ(read->take->heads, plan.take->heads);
+  EXPECT_TRUE(read->heads.empty());
+  using Change = std::function<void(FilmPlan&)>;
+  const std::vector<Change> changes{
+      [](FilmPlan& p) { p.take->folder = "x"; },      [](FilmPlan& p) { p.take->heads[1] = "x"; },
+      [](FilmPlan& p) { p.take->raymaps[299] += 1; }, [](FilmPlan& p) { p.take->farthest_s = 0; },
+      [](FilmPlan& p) { p.raymap.soft = false; },     [](FilmPlan& p) { p.raymap.fields = FieldUse::kSeparate; }};
+  for (const Change& change : changes) {
+    FilmPlan other = plan;
+    change(other);
+    EXPECT_NE(id_of(other), read->id);
+  }
+  const Json whole = Json::parse(to_text(plan));
+  for (const auto& [field, value] : std::vector<std::pair<std::string, std::string>>{{"/take", "1"},
+                                                                                     {"/take/heads", "[]"},
+                                                                                     {"/take/heads/0", "1"},
+                                                                                     {"/take/raymaps", "[-1,300]"},
+                                                                                     {"/take/raymaps", "[1,299]"},
+                                                                                     {"/take/raymaps", "[9,1,-1,299]"},
+                                                                                     {"/seams/0/labels", "[2,32768]"},
+                                                                                     {"/raymap/soft", "1"}}) {
+    Json json = whole;
+    json[Json::json_pointer(field)] = Json::parse(value);
+    EXPECT_FALSE(plan_of(json.dump())) << field << " " << value;
+  }
 }
 
 TEST(FilmPlanText, AnyFieldChanges_IsAnotherPlan) {
@@ -150,7 +194,7 @@ TEST(FilmPlanText, ValuesThatAreNone_AreOneErrorWithoutMemory) {
                                                               {"/seams/0/labels", "[1,32769]"},
                                                               {"/calibration", "null"},
                                                               {"/sound", "1"},
-                                                              {"/file", "\"nodal film plan 2\""}};
+                                                              {"/file", "\"nodal film plan 3\""}};
   for (const auto& [field, value] : lies) {
     Json json = whole;
     json[Json::json_pointer(field)] = Json::parse(value);
@@ -168,10 +212,10 @@ TEST(FilmPlanText, ValuesThatAreNone_AreOneErrorWithoutMemory) {
 
 TEST(FilmPlanText, DeepOrWide_IsOneError) {
   const Json whole = Json::parse(to_text(small_plan()));
-  std::string heads = R"({"file":"nodal film plan 1","calibration":)" + std::string(1'000'000, '[') + "1";
+  std::string heads = R"({"file":"nodal film plan 2","calibration":)" + std::string(1'000'000, '[') + "1";
   heads += std::string(1'000'000, ']') + "}";
   EXPECT_FALSE(plan_of(heads));
-  std::string fields = R"({"file":"nodal film plan 1")";
+  std::string fields = R"({"file":"nodal film plan 2")";
   for (int k = 0; k < 200'000; ++k) fields += ",\"" + std::to_string(k) + "\":1";
   EXPECT_FALSE(plan_of(fields + "}"));
   Json many = whole;
