@@ -60,8 +60,8 @@ class TakeRender {
   /// The next raymap; false after the last. `compiled` is told the part of a table that is compiled, 0 to 1.
   Result<bool> next(RenderedRaymap& into, const std::function<void(double)>& compiled = {});
   /// Goes to a raymap of the take, counted from 0: next() gives it, with the bytes that it has after those before it.
-  /// Where the take has no seams, the given ones are in force from now on, and none are placed; empty: the calibration's
-  /// own.
+  /// Where the take has no seams, the given ones are in force from now on, and none are placed; empty: those of the
+  /// calibration.
   void seek(std::uint64_t raymap, std::vector<std::uint8_t> seams);
   /// Seams that suit the set of a raymap, near the given ones. Empty: the take has seams there, or none are placed.
   /// Moves the position: call seek() next.
