@@ -20,6 +20,7 @@ void add_all_commands(CLI::App& app, CommandLine& line) {
   add_convert(app, line);
   add_view(app, line);
   add_look(app, line);
+  add_web(app, line);
   add_mesh(app, line);
   add_import(app, line);
   add_pairs(app, line);

@@ -32,6 +32,7 @@ void add_render(CLI::App& app, CommandLine& line);
 void add_convert(CLI::App& app, CommandLine& line);
 void add_view(CLI::App& app, CommandLine& line);
 void add_look(CLI::App& app, CommandLine& line);
+void add_web(CLI::App& app, CommandLine& line);
 void add_mesh(CLI::App& app, CommandLine& line);
 void add_export(CLI::App& app, CommandLine& line);
 void add_pattern(CLI::App& app, CommandLine& line);

@@ -13,11 +13,11 @@
 
 #include "hal/linux/confine/confine.h"
 #include "hal/linux/link/link_helper.h"
+#include "host_tool/child/find_program.h"
 #include "host_tool/commands/look.h"
 #include "host_tool/commands/render_film.h"
 #include "host_tool/commands/stitch_film.h"
 #include "host_tool/console/overwriting.h"
-#include "host_tool/film/programs.h"
 #include "host_tool/input/picture_masks.h"
 #include "host_tool/input/project_pictures.h"
 #include "host_tool/output/cube_faces.h"
@@ -121,7 +121,7 @@ void add_option(const CLI::Option& option, CommandRights& rights) {
 }
 
 void add_cpfind(CommandRights& rights) {
-  rights.execute = {film::find_program("cpfind"), "/usr", "/lib", "/lib64"};
+  rights.execute = {find_program("cpfind"), "/usr", "/lib", "/lib64"};
   rights.write.push_back(fs::temp_directory_path().string());
   rights.read.push_back("/etc");
 }
@@ -129,9 +129,9 @@ void add_cpfind(CommandRights& rights) {
 /// The two programs that read and write films, and what loads them: nothing else is started.
 void add_film_programs(CommandRights& rights) {
   for (const char* const name : {"ffmpeg", "ffprobe"}) {
-    const std::string program = film::find_program(name);
+    const std::string program = find_program(name);
     if (program.empty()) continue;
-    for (const std::string& file : {program, film::loader_of(program)}) {
+    for (const std::string& file : {program, loader_of(program)}) {
       if (!file.empty()) rights.execute.push_back(file);
     }
   }
@@ -235,7 +235,7 @@ CommandRights rights_of(const CLI::App& command) {
 }
 
 Status confine_command(Context& context, const CLI::App& command) {
-  if (command.get_name() == kLookCommand) {
+  if (command.get_name() == kLookCommand || command.get_name() == kWebCommand) {
     NODAL_TRY(prepare_look(context, command));
   }
   if (is_off()) return {};

@@ -22,7 +22,6 @@
 namespace nodal::host {
 namespace {
 
-constexpr const char* kOpenFlag = "--open";
 constexpr std::chrono::milliseconds kEndsAfter{60'000};  // after the last page was closed
 constexpr int kTickMs = 100;
 
@@ -100,31 +99,41 @@ Result<Shown> read_input(Context& context, const LookArgs& args) {
 }
 
 Status run_look(Context& context, const LookArgs& args) {
-  Console& console = context.console();
   NODAL_TRY_ASSIGN(const Shown shown, read_input(context, args));
-  if (context.page == nullptr) {
-    NODAL_TRY_ASSIGN(look::Prepared prepared, look::prepare(args.open));
-    context.page = std::make_shared<look::Prepared>(std::move(prepared));
-  }
-  NODAL_TRY_ASSIGN(const std::string token, look::make_token());
-  const look::Rules rules{context.page->loopback.port, token, shown.heads != nullptr};
-  const auto respond = [&](const look::Wanted& wanted) { return shown.answer(wanted); };
-  NODAL_TRY_ASSIGN(const std::unique_ptr<look::Server> server,
-                   look::Server::start(context.page->loopback.socket.get(), rules, respond, {}));
-  if (shown.rig != nullptr) shown.rig->on_newer([&server] { server->wake(); });
-  console.document({{"link", rules.link()}, {"port", rules.port}});
-  console.line(rules.link());
-  console.note("Open this link in a browser of this computer. Ctrl-C ends it, and so does a minute without a page.");
-  if (context.page->browser != nullptr) context.page->browser->open(rules.link());
-  while (!interrupted() && server->without_page() < kEndsAfter && !console.output_gone()) {
-    (void)::poll(nullptr, 0, kTickMs);
-    server->tick();
-  }
-  if (shown.rig != nullptr) shown.rig->on_newer({});
-  return {};
+  ServedPage page{args.open, shown.heads != nullptr, [&](const look::Wanted& wanted) { return shown.answer(wanted); }};
+  page.started = [&](look::Server* server) {
+    if (shown.rig == nullptr) return;
+    shown.rig->on_newer(server == nullptr ? std::function<void()>() : [server] { server->wake(); });
+  };
+  page.note = "Open this link in a browser of this computer. Ctrl-C ends it, and so does a minute without a page.";
+  page.ends_after = kEndsAfter;
+  return serve_page(context, page);
 }
 
 }  // namespace
+
+Status serve_page(Context& context, const ServedPage& page) {
+  Console& console = context.console();
+  if (context.page == nullptr) {
+    NODAL_TRY_ASSIGN(look::Prepared prepared, look::prepare(page.open));
+    context.page = std::make_shared<look::Prepared>(std::move(prepared));
+  }
+  NODAL_TRY_ASSIGN(const std::string token, look::make_token());
+  const look::Rules rules{context.page->loopback.port, token, page.changes};
+  NODAL_TRY_ASSIGN(const std::unique_ptr<look::Server> server,
+                   look::Server::start(context.page->loopback.socket.get(), rules, page.respond, {}));
+  if (page.started) page.started(server.get());
+  console.document({{"link", rules.link()}, {"port", rules.port}});
+  console.line(rules.link());
+  console.note(page.note);
+  if (context.page->browser != nullptr) context.page->browser->open(rules.link());
+  while (!interrupted() && server->without_page() < page.ends_after && !console.output_gone()) {
+    (void)::poll(nullptr, 0, kTickMs);
+    server->tick();
+  }
+  if (page.started) page.started(nullptr);
+  return {};
+}
 
 Status prepare_look(Context& context, const CLI::App& command) {
   NODAL_TRY_ASSIGN(look::Prepared prepared, look::prepare(command.count(kOpenFlag) > 0));

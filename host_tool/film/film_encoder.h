@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-#include "host_tool/film/child.h"
+#include "host_tool/child/child.h"
 #include "host_tool/film/codec.h"
 #include "protocol/base/result.h"
 

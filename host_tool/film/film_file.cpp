@@ -11,7 +11,7 @@
 #include <filesystem>
 #include <string_view>
 
-#include "host_tool/film/child.h"
+#include "host_tool/child/child.h"
 #include "host_tool/film/film_json.h"
 #include "protocol/base/file_ending.h"
 #include "protocol/base/text.h"

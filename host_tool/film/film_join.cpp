@@ -11,10 +11,10 @@
 #include <filesystem>
 #include <vector>
 
+#include "host_tool/child/child.h"
 #include "host_tool/console/files.h"
 #include "host_tool/console/overwriting.h"
 #include "host_tool/film/attempts.h"
-#include "host_tool/film/child.h"
 #include "host_tool/film/film_encoder.h"
 #include "host_tool/film/spherical_mp4.h"
 #include "protocol/base/try.h"

@@ -6,7 +6,7 @@
 #include <span>
 #include <utility>
 
-#include "host_tool/film/child.h"
+#include "host_tool/child/child.h"
 #include "protocol/base/try.h"
 
 namespace nodal::film {

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <optional>
 
-#include "host_tool/film/child.h"
+#include "host_tool/child/child.h"
 #include "host_tool/film/head_film.h"
 #include "host_tool/film/nut_reader.h"
 #include "protocol/base/try.h"

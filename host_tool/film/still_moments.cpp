@@ -7,7 +7,7 @@
 #include <cstdlib>
 #include <utility>
 
-#include "host_tool/film/child.h"
+#include "host_tool/child/child.h"
 #include "host_tool/film/film_time.h"
 #include "host_tool/film/head_film.h"
 #include "protocol/base/try.h"

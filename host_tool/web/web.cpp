@@ -107,7 +107,13 @@ Json state_json(const RigDesk::State& state) {
 }  // namespace
 
 Web::Web(RigDesk::Connect connect, std::filesystem::path devices)
+    : Web(std::move(connect), std::move(devices), std::nullopt) {}
+
+Web::Web(RigDesk::Connect connect, Device owner) : Web(std::move(connect), {}, std::optional(std::move(owner))) {}
+
+Web::Web(RigDesk::Connect connect, std::filesystem::path devices, std::optional<Device> owner)
     : devices_(std::move(devices)),
+      owner_(std::move(owner)),
       desk_(connect),
       downloads_(std::make_unique<Downloads>(connect, [this] { wake(); })),
       live_(std::make_unique<look::LiveRig>(connect)) {
@@ -127,6 +133,7 @@ void Web::wake() {
 }
 
 std::optional<Device> Web::device_of(const Wanted& wanted) {
+  if (owner_) return owner_;
   if (const auto cookie = only_value(wanted, "Cookie")) {
     if (const auto secret = secret_of_cookie(*cookie, kCookie)) return devices_.find(*secret);
   }
@@ -138,13 +145,13 @@ std::optional<Device> Web::device_of(const Wanted& wanted) {
 
 Answer Web::respond(const Wanted& wanted) {
   const std::string& name = wanted.name;
-  if (wanted.changes) return name == "api/pair" ? pair(wanted) : change(wanted);
+  if (wanted.changes) return name == "api/pair" && !owner_ ? pair(wanted) : change(wanted);
   if (name == "healthz") {
     Answer answer;
     answer.work = [this] { return desk_.state() ? plain("ok\n") : Answer::text(503, "The rig does not answer.\n"); };
     return answer;
   }
-  if (name == "pair") return page("pair.html");
+  if (name == "pair" && !owner_) return page("pair.html");
   if (is_among(kOpenFiles, name)) return page(name);
   const std::optional<Device> device = device_of(wanted);
   if (!device) {
@@ -315,7 +322,8 @@ Answer Web::change(const Wanted& wanted) {
   if (!request) return refused(request.error());
   Answer answer;
   answer.work = [this, request = std::move(*request), device = *device] {
-    const auto reply = desk_.change(request, fmt::format("{} (device {})", device.name, device.number));
+    const auto reply =
+        desk_.change(request, owner_ ? device.name : fmt::format("{} (device {})", device.name, device.number));
     if (!reply) return refused(reply.error());
     Json done{{"done", true}};
     if (reply->has_take()) done["take"] = reply->take().take();

@@ -35,6 +35,8 @@ namespace nodal::host::web {
 class Web {
  public:
   Web(RigDesk::Connect connect, std::filesystem::path devices);
+  /// For a server whose link alone lets in: whoever asks is this device, and none is paired.
+  Web(RigDesk::Connect connect, Device owner);
   ~Web();
   Web(const Web&) = delete;
   Web& operator=(const Web&) = delete;
@@ -46,6 +48,7 @@ class Web {
   static constexpr const char* kCookie = "__Host-nodal";
 
  private:
+  Web(RigDesk::Connect connect, std::filesystem::path devices, std::optional<Device> owner);
   std::optional<Device> device_of(const look::Wanted& wanted);
   look::Answer read(const look::Wanted& wanted, const Device& device);
   look::Answer change(const look::Wanted& wanted);
@@ -56,6 +59,7 @@ class Web {
   void wake();
 
   Devices devices_;
+  const std::optional<Device> owner_;
   RigDesk desk_;
   std::mutex server_mutex_;  ///< protects server_
   look::Server* server_ = nullptr;

@@ -75,5 +75,41 @@ TEST_F(LookRig, ATake_IsShownRaymapByRaymap_AsItsFilmIs) {
   }
 }
 
+TEST_F(LookRig, TheRigsPage_IsServedHereWithTheUsersRightsAndForWhoeverHasTheLink) {
+  start_rig_with_takes();
+  fake_ssh("exec BRIDGE\n");
+  const auto web = start({"--rig", "ssh://rig.test", "web"});
+  const PageLink link = PageLink::of(*web);
+  EXPECT_NE(link.body("").find("rig.js"), std::string::npos);
+  EXPECT_EQ(Json::parse(link.body("api/me"))["rights"], "operate");
+  EXPECT_EQ(Json::parse(link.body("api/state"))["status"]["rig"], "six");
+  EXPECT_TRUE(link.body("live?after=0").starts_with("\xFF\xD8\xFF"));
+  EXPECT_NE(link.answer("pair").find(" 404 "), std::string::npos) << "there is nothing to pair";
+  EXPECT_EQ(get(link.port, "/api/state"), "") << "without the secret";
+  EXPECT_NE(link.post("api/record", R"({"on": true})", "").find(" 403 "), std::string::npos) << "no page of ours";
+  EXPECT_NE(link.post("api/record", R"({"on": true})", "http://evil.example").find(" 403 "), std::string::npos);
+  EXPECT_NE(link.post("api/record", R"({"on": true})").find(R"("take":1)"), std::string::npos);
+  EXPECT_NE(link.post("api/record", R"({"on": false})").find(" 200 "), std::string::npos);
+  const std::string film = link.body("takes/1/cam0-0000.mkv");
+  EXPECT_TRUE(!film.empty() && film == read("takes/000001/cam0-0000.mkv"));
+  EXPECT_NE(nodal_json({"audit"}).at(0).dump().find("for \\\"This computer\\\""), std::string::npos);
+
+  const auto watching = start({"web", "--watch"});
+  const PageLink watched = PageLink::of(*watching);
+  EXPECT_EQ(Json::parse(watched.body("api/me"))["rights"], "watch");
+  EXPECT_NE(watched.post("api/record", R"({"on": true})").find(" 403 "), std::string::npos);
+  EXPECT_NE(watched.answer("takes/1").find(" 403 "), std::string::npos);
+  for (Process* each : {web.get(), watching.get()}) {
+    each->signal(SIGINT);
+    EXPECT_EQ(each->wait().code, 0);
+  }
+}
+
+TEST_F(LookRig, WithoutARigThePageOfOne_IsNotServed) {
+  const Finished none = nodal({"--rig", "unix:" + path("nowhere.sock"), "--timeout", "1s", "web"});
+  EXPECT_NE(none.code, 0);
+  EXPECT_NE(none.err.find("nowhere.sock"), std::string::npos) << none.err;
+}
+
 }  // namespace
 }  // namespace nodal::command_line

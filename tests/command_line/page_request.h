@@ -8,14 +8,15 @@
 #include <unistd.h>
 
 #include <array>
+#include <optional>
 #include <string>
 
 #include "tests/support/process.h"
 
 namespace nodal::command_line {
 
-/// What the server answers to a GET of a path, until it closes.
-inline std::string get(int port, const std::string& path) {
+/// What the server answers to a request, until it closes.
+inline std::string answer_of(int port, const std::string& asked) {
   const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   sockaddr_in to{};
   to.sin_family = AF_INET;
@@ -23,8 +24,6 @@ inline std::string get(int port, const std::string& path) {
   to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   std::string came;
   if (::connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof to) == 0) {
-    const std::string asked =
-        "GET " + path + " HTTP/1.1\r\nHost: 127.0.0.1:" + std::to_string(port) + "\r\nConnection: close\r\n\r\n";
     (void)!::send(fd, asked.data(), asked.size(), MSG_NOSIGNAL);
     std::array<char, 4096> piece{};
     for (ssize_t got = 1; (got = ::recv(fd, piece.data(), piece.size(), 0)) > 0;)
@@ -32,6 +31,14 @@ inline std::string get(int port, const std::string& path) {
   }
   ::close(fd);
   return came;
+}
+
+inline std::string first_lines(const std::string& method, int port, const std::string& path) {
+  return method + " " + path + " HTTP/1.1\r\nHost: 127.0.0.1:" + std::to_string(port) + "\r\nConnection: close\r\n";
+}
+
+inline std::string get(int port, const std::string& path) {
+  return answer_of(port, first_lines("GET", port, path) + "\r\n");
 }
 
 /// The link that a `nodal look` prints, in parts.
@@ -46,6 +53,14 @@ struct PageLink {
     return {std::stoi(link.substr(begin.size())), link.substr(link.find('/', begin.size()))};
   }
   std::string answer(const std::string& name) const { return get(port, path + name); }
+  /// The answer to a POST of JSON; without an origin it is that of the page itself, with "" there is none.
+  std::string post(const std::string& name, const std::string& json,
+                   const std::optional<std::string>& origin = std::nullopt) const {
+    const std::string from = origin.value_or("http://127.0.0.1:" + std::to_string(port));
+    return answer_of(port, first_lines("POST", port, path + name) + (from.empty() ? "" : "Origin: " + from + "\r\n") +
+                               "Content-Type: application/json\r\nContent-Length: " + std::to_string(json.size()) +
+                               "\r\n\r\n" + json);
+  }
   /// The answer without its headers.
   std::string body(const std::string& name) const {
     const std::string whole = answer(name);

@@ -51,7 +51,7 @@ TEST(HostRules, ProgramsAreStarted_WhereTheirRightsAreKnown) {
   expect_rule(host, {"posix_spawnp(", {"hal/linux/link/spawn_link.cpp", "host_tool/input/pairs_file.cpp"}, why});
   expect_rule(
       host,
-      {"fork()", {"hal/linux/link/link_helper.cpp", "host_tool/look/loopback.cpp", "host_tool/film/child.cpp"}, why});
+      {"fork()", {"hal/linux/link/link_helper.cpp", "host_tool/look/loopback.cpp", "host_tool/child/child.cpp"}, why});
 }
 
 TEST(HostRules, PicturesAreReadAndWritten_WhereTheirColoursAreKept) {

@@ -53,7 +53,7 @@ TEST(Ways, ADescriptor_IsOpenedByPortsOnlyAndNeverWaits) {
   const std::vector<std::string> ports{"protocol/files/open_file.cpp",
                                        "host_tool/offload/local_file.cpp",
                                        "host_tool/web/devices.cpp",
-                                       "host_tool/film/child.cpp",
+                                       "host_tool/child/child.cpp",
                                        "hal/linux/disk.cpp",
                                        "hal/linux/disk_folder.cpp",
                                        "firmware/daemon/confined_work.cpp",

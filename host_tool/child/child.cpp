@@ -1,4 +1,4 @@
-#include "host_tool/film/child.h"
+#include "host_tool/child/child.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -16,7 +16,7 @@
 
 #include "protocol/base/text.h"
 
-namespace nodal::film {
+namespace nodal {
 namespace {
 
 constexpr int kPipeBytes = 1 << 20;  // the default limit of /proc/sys/fs/pipe-max-size
@@ -200,4 +200,4 @@ std::string end_of(const Child::End& end, const std::string& complaint) {
   return complaint.empty() ? fmt::format("failed with exit code {}", end.code) : "failed: " + complaint;
 }
 
-}  // namespace nodal::film
+}  // namespace nodal

@@ -1,4 +1,4 @@
-// A program that runs beside this one, with pipes to and from it: ffmpeg, ffprobe.
+// A program that runs beside this one, with pipes to and from it: ffmpeg, ffprobe, nginx, avahi-browse.
 #pragma once
 
 #include <sys/types.h>
@@ -12,7 +12,7 @@
 
 #include "protocol/base/result.h"
 
-namespace nodal::film {
+namespace nodal {
 
 struct ChildSpec {
   std::string program;                 ///< path
@@ -77,4 +77,4 @@ class Child {
 /// What went wrong with a program, as the end of a sentence: "was killed by SIGKILL", "failed: moov atom not found".
 std::string end_of(const Child::End& end, const std::string& complaint);
 
-}  // namespace nodal::film
+}  // namespace nodal
