@@ -21,6 +21,8 @@ void add_coding_options(CLI::App& command, CodingArgs& args) {
       .add_option("--preset", args.preset, "Of a film in h264 and h265: how long they search (medium when not given)")
       ->type_name("ultrafast|superfast|veryfast|faster|fast|medium|slow|slower|veryslow")
       ->check(CLI::IsMember(presets));
+  command.add_flag("--preview", args.preview,
+                   "Of a film: 48 of its frames at most, at their times, and 1280 px wide without --width; in seconds");
 }
 
 void add_parts_options(CLI::App& command, PartsArgs& args) {

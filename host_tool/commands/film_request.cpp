@@ -149,8 +149,8 @@ Result<film::FilmRequest> make_request(Console& console, const StitchArgs& args,
   if (!layout) return fail(layout.error().in("--layout"));
   NODAL_TRY_ASSIGN(const double resolution, offline::resolution_of(request.calibration));
   const double natural = layout->width_for_resolution(resolution);
-  const geometry::RaymapSize size =
-      layout->size_for_width(args.width > 0 ? args.width : std::min<double>(natural, kWidestUsual));
+  const geometry::RaymapSize size = layout->size_for_width(
+      args.width > 0 ? args.width : std::min<double>(natural, words.coding.preview ? kPreviewWidth : kWidestUsual));
   request.raymap.layout = layout->text();
   request.raymap.width = size.width;
   request.raymap.height = size.height;

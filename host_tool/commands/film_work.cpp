@@ -202,7 +202,8 @@ class FilmWork {
 void set_coding(film::FilmLook& look, const CodingArgs& args, const std::string& out) {
   if (!args.codec.empty()) look.codec = film::codec_named(args.codec);
   look.quality = args.quality;
-  look.preset = args.preset;
+  look.preset = args.preset.empty() && args.preview ? "veryfast" : args.preset;
+  look.preview = args.preview;
   look.container = film::container_of(out).value_or(film::Container::kMp4);
 }
 

@@ -18,13 +18,16 @@ struct CodingArgs {
   std::string codec;
   int quality = -1;
   std::string preset;
+  bool preview = false;
 };
 struct PartsArgs {
   std::string segments;
   bool plan = false;
   bool join = false;
 };
-/// --codec, --crf, --preset.
+/// The width of a preview, px, when the user names none.
+inline constexpr int kPreviewWidth = 1280;
+/// --codec, --crf, --preset, --preview.
 void add_coding_options(CLI::App& command, CodingArgs& args);
 /// --plan, --segments, --join.
 void add_parts_options(CLI::App& command, PartsArgs& args);

@@ -47,16 +47,18 @@ struct RenderArgs {
 /// The take's [raymap] with what the arguments change in it.
 Result<RaymapConfig> wanted_raymap(const media::TakeFolder& folder, const RenderArgs& args) {
   Result<RaymapConfig> raymap = render::raymap_of(folder);
-  if (!raymap || (args.layout.empty() && args.width == 0 && args.quality == 0)) return raymap;
+  const bool small = args.film.coding.preview && args.width == 0;
+  if (!raymap || (args.layout.empty() && args.width == 0 && args.quality == 0 && !small)) return raymap;
   const std::string layout = args.layout.empty() ? raymap->layout : args.layout;
   const Result<geometry::LayoutName> name = layout_named(layout);
   if (!name) return fail(name.error().in("--layout"));
   NODAL_TRY_ASSIGN(const geometry::LayoutName before, geometry::LayoutName::parse(raymap->layout));
   if (args.quality != 0) raymap->jpeg_quality = args.quality;
-  if (args.layout.empty() && args.width == 0) return raymap;
+  if (args.layout.empty() && args.width == 0 && !small) return raymap;
   // As fine as the rig's own, unless a width is given.
   const double natural = name->width_for_resolution(raymap->width / before.width_for_resolution(1));
-  const geometry::RaymapSize size = name->size_for_width(args.width > 0 ? args.width : natural);
+  const double chosen = small ? std::min<double>(natural, kPreviewWidth) : natural;
+  const geometry::RaymapSize size = name->size_for_width(args.width > 0 ? args.width : chosen);
   raymap->layout = name->text();
   raymap->width = size.width;
   raymap->height = size.height;
@@ -207,7 +209,7 @@ Status run_render(Context& context, RenderArgs args) {
   if (is_coded_film(args.out, args.film.given())) return render_film(console, folder, options, args.out, args.film);
   if (args.film.given()) {
     return fail(Errc::kBadValue,
-                fmt::format("--out {}: --codec, --crf, --preset, --plan, --segments and --join are for "
+                fmt::format("--out {}: --codec, --crf, --preset, --preview, --plan, --segments and --join are for "
                             "films: let it end in .mp4, .mov or .mkv",
                             args.out));
   }

@@ -72,7 +72,7 @@ bool is_coded_film(const std::string& out, bool options_given) {
 bool is_coded_film(const CLI::App& render) {
   const CLI::Option* const out = render.get_option_no_throw("--out");
   if (out == nullptr || out->empty()) return false;
-  constexpr std::array kOptions{"--codec", "--crf", "--preset", "--plan", "--segments", "--join"};
+  constexpr std::array kOptions{"--codec", "--crf", "--preset", "--preview", "--plan", "--segments", "--join"};
   return is_coded_film(out->results().front(), std::ranges::any_of(kOptions, [&](const char* name) {
                          const CLI::Option* const option = render.get_option_no_throw(name);
                          return option != nullptr && !option->empty();

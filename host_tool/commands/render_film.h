@@ -14,8 +14,8 @@ struct TakeFilmArgs {
   PartsArgs parts;
 
   bool given() const {
-    return !coding.codec.empty() || coding.quality >= 0 || !coding.preset.empty() || !parts.segments.empty() ||
-           parts.plan || parts.join;
+    return !coding.codec.empty() || coding.quality >= 0 || !coding.preset.empty() || coding.preview ||
+           !parts.segments.empty() || parts.plan || parts.join;
   }
 };
 

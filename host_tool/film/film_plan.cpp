@@ -165,6 +165,7 @@ void add_words(Json& words, const FilmLook& look, const Programs& programs) {
   words["quality"] = look.quality;
   words["preset"] = look.preset;
   words["container"] = static_cast<int>(look.container);
+  words["preview"] = look.preview;
 }
 
 const PlannedSeams* FilmPlan::seams_at(std::uint64_t segment) const {
@@ -200,15 +201,14 @@ Result<FilmPlan> make_plan(const FilmRequest& request, const std::vector<FilmFil
                  request.quality,
                  request.preset,
                  films.front().transfer};
-  NODAL_TRY(check(plan.coding, request.container, programs));
   for (std::size_t h = 0; h < films.size(); ++h) {
     for (const std::string& note : films[h].notes) notes.push_back(fmt::format("{}: {}", films[h].path, note));
     plan.heads.push_back({times[h].head, films[h], {}, 0, times[h]});
     plan.heads.back().film.times.resize(1);
     plan.heads.back().film.notes.clear();
   }
-  const double period = 1.0 * plan.coding.rate.denominator / plan.coding.rate.numerator;
-  NODAL_TRY_ASSIGN(const FilmSpan span, common_span(films, times, period));
+  NODAL_TRY_ASSIGN(const FilmSpan span, chosen_span(films, times, request.preview, plan.coding.rate));
+  NODAL_TRY(check(plan.coding, request.container, programs));
   NODAL_TRY(choose_frames(plan, films, times, span, notes));
   NODAL_TRY_ASSIGN(plan.sound, choose_sound(request, films, times, span, programs));
   return plan;

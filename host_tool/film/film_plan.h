@@ -38,6 +38,7 @@ struct FilmLook {
   int quality = -1;
   std::string preset;
   Container container = Container::kMp4;
+  bool preview = false;  ///< kPreviewFrames frames at most, one in N, at the times that they have in the film
 };
 
 /// What a user asks for. Two runs with the same request make the same film.

@@ -6,6 +6,8 @@
 #include <array>
 #include <cmath>
 
+#include "protocol/base/try.h"
+
 namespace nodal::film {
 namespace {
 
@@ -60,6 +62,18 @@ Result<FilmSpan> common_span(const std::vector<FilmFile>& films, const std::vect
                                   length + period_s, films[earliest].path, films[longest].path, more);
   }
   return span;
+}
+
+Result<FilmSpan> chosen_span(const std::vector<FilmFile>& films, const std::vector<HeadTime>& times, bool preview,
+                             FrameRate& rate) {
+  const auto period = [&] { return 1.0 * rate.denominator / rate.numerator; };
+  NODAL_TRY_ASSIGN(FilmSpan span, common_span(films, times, period()));
+  if (!preview || span.frames <= kPreviewFrames) return span;
+  const std::uint64_t one_in = (span.frames + kPreviewFrames - 1) / kPreviewFrames;
+  const auto slow = FrameRate::make(rate.numerator, std::uint64_t{rate.denominator} * one_in);
+  if (!slow) return fail(Errc::kTooLarge, films.front().path + ": the film is too long for a preview");
+  rate = *slow;
+  return common_span(films, times, period());
 }
 
 std::vector<std::size_t> nearest_frames(const FilmFile& film, const HeadTime& time, const FilmSpan& span,

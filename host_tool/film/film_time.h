@@ -26,6 +26,12 @@ struct FilmSpan {
 /// `times`: one per film. Errors: kBadValue, naming the two films, if there is none; kTooLarge.
 Result<FilmSpan> common_span(const std::vector<FilmFile>& films, const std::vector<HeadTime>& times, double period_s);
 
+/// The same, one period of `rate` apart. For a preview `rate` becomes one of which the span has kPreviewFrames frames
+/// at most: every N-th. Errors: also kTooLarge for a rate that is too low.
+Result<FilmSpan> chosen_span(const std::vector<FilmFile>& films, const std::vector<HeadTime>& times, bool preview,
+                             FrameRate& rate);
+inline constexpr std::uint64_t kPreviewFrames = 48;
+
 /// The head's nearest frame for every instant. `farthest_s`: the largest distance.
 std::vector<std::size_t> nearest_frames(const FilmFile& film, const HeadTime& time, const FilmSpan& span,
                                         double period_s, double* farthest_s);

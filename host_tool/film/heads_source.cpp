@@ -15,12 +15,20 @@ Result<std::unique_ptr<HeadsSource>> HeadsSource::make(const FilmPlan& plan, con
 }
 
 Status HeadsSource::open_heads() {
+  for (std::size_t h = 0; h < heads_.size(); ++h) replaced_[h] += heads_[h]->replaced();
   heads_.clear();
   for (const PlannedHead& head : plan_.heads) {
     NODAL_TRY_ASSIGN(auto film, HeadFilm::open(programs_, head.film, head.times[frame_]));
     heads_.push_back(std::move(film));
   }
   return {};
+}
+
+/// Whether seeking to the next frame takes less time than decoding all frames up to it.
+bool HeadsSource::is_far() const {
+  constexpr double kFar = 1.5;  // s; a decoder that seeks begins at a key frame, which may be so far back
+  const PlannedHead& head = plan_.heads.front();
+  return frame_ > begin_ && seconds_of(head.times[frame_] - head.times[frame_ - 1], head.film.time_base) > kFar;
 }
 
 Result<std::vector<ImageView>> HeadsSource::pictures() {
@@ -35,10 +43,12 @@ Result<std::vector<ImageView>> HeadsSource::pictures() {
 Status HeadsSource::begin(std::uint64_t segment) {
   begin_ = frame_ = plan_.begin_of(segment);
   NODAL_TRY(blend_.use(plan_.seams_at(segment)));
+  replaced_.assign(plan_.heads.size(), 0);
   return open_heads();
 }
 
 Status HeadsSource::next(std::span<std::uint8_t> into) {
+  if (is_far()) NODAL_TRY(open_heads());
   NODAL_TRY_ASSIGN(const auto now, pictures());
   blend_.blend(now, into.data());
   ++frame_;
@@ -48,7 +58,7 @@ Status HeadsSource::next(std::span<std::uint8_t> into) {
 std::vector<std::string> HeadsSource::finish() {
   std::vector<std::string> notes;
   for (std::size_t h = 0; h < heads_.size(); ++h) {
-    const std::uint64_t replaced = heads_[h]->replaced();
+    const std::uint64_t replaced = replaced_[h] + heads_[h]->replaced();
     const std::string complaint = heads_[h]->finish();
     if (replaced == 0) continue;
     notes.push_back(
@@ -61,6 +71,7 @@ std::vector<std::string> HeadsSource::finish() {
 
 Result<std::vector<std::uint8_t>> HeadsSource::place_seams(std::uint64_t segment) {
   begin_ = frame_ = plan_.begin_of(segment);
+  replaced_.assign(plan_.heads.size(), 0);
   NODAL_TRY(open_heads());
   NODAL_TRY_ASSIGN(const auto now, pictures());
   auto labels = blend_.place_seams(now);

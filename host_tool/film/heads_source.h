@@ -27,12 +27,15 @@ class HeadsSource final : public FrameSource {
   HeadsSource(const FilmPlan& plan, const Programs& programs, FilmBlend blend)
       : plan_(plan), programs_(programs), blend_(std::move(blend)) {}
   Status open_heads();
+  bool is_far() const;
+  /// The heads' pictures of the next frame.
   Result<std::vector<ImageView>> pictures();
 
   const FilmPlan& plan_;
   const Programs& programs_;
   FilmBlend blend_;
   std::vector<std::unique_ptr<HeadFilm>> heads_;
+  std::vector<std::uint64_t> replaced_;  ///< frames that decoders could not give, of those that have ended
   std::uint64_t begin_ = 0, frame_ = 0;  ///< the segment's first frame, and the next one
 };
 

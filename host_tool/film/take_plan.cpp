@@ -43,7 +43,6 @@ Result<FilmPlan> make_plan(const TakeRequest& request, const media::TakeFolder& 
                  request.quality,
                  request.preset,
                  ""};
-  NODAL_TRY(check(plan.coding, request.container, programs));
 
   // As the frames of a head whose film has the take's times.
   FilmFile shown;
@@ -59,9 +58,10 @@ Result<FilmPlan> make_plan(const TakeRequest& request, const media::TakeFolder& 
   if (shown.times.empty()) {
     return fail(Errc::kNotFound, shown.path + ": the take has no set between --from and --to");
   }
-  const double period = 1.0 * plan.coding.rate.denominator / plan.coding.rate.numerator;
   const HeadTime own{};
-  NODAL_TRY_ASSIGN(const FilmSpan span, common_span({shown}, {own}, period));
+  NODAL_TRY_ASSIGN(const FilmSpan span, chosen_span({shown}, {own}, request.preview, plan.coding.rate));
+  NODAL_TRY(check(plan.coding, request.container, programs));
+  const double period = 1.0 * plan.coding.rate.denominator / plan.coding.rate.numerator;
   PlannedTake planned{shown.path, take.about().heads, {}, 0};
   for (const std::size_t frame : nearest_frames(shown, own, span, period, &planned.farthest_s)) {
     planned.raymaps.push_back(before + static_cast<std::int64_t>(frame));

@@ -95,6 +95,28 @@ TEST_F(Films, OneProcessShardsKillsAndATruncatedSegment_SameBytes) {
   for (std::size_t k = 0; k < times.size(); ++k) EXPECT_EQ(times[k], 512 * static_cast<long>(k)) << k;
 }
 
+TEST_F(Films, Preview_IsOneFrameInNAtItsTime) {
+  const Words how{"--codec", "ffv1", "--seams", "fixed", "--width", "128"};
+  Words small = how;
+  small.emplace_back("--preview");
+  for (const char* const rate : {"30", "1"}) {  // decoders go on to the next frame, or seek to it
+    write_films(100, ".mp4", kH264, rate);
+    const std::string name = std::string("s") + rate;
+    expect_good(stitch(name + ".mkv", how));
+    expect_good(stitch(name + "p.mkv", small));
+    constexpr std::size_t kFrame = 128 * 64 * 3 / 2;
+    const std::string all = pixels(path(name + ".mkv"), "yuv420p"), few = pixels(path(name + "p.mkv"), "yuv420p");
+    ASSERT_EQ(all.size(), 100 * kFrame);
+    ASSERT_EQ(few.size(), 34 * kFrame) << "100 frames are one in 3";
+    for (std::size_t k = 0; k < 34; ++k) {
+      EXPECT_TRUE(few.substr(k * kFrame, kFrame) == all.substr(3 * k * kFrame, kFrame)) << rate << ": frame " << k;
+    }
+    EXPECT_NE(ffprobe("stream=avg_frame_rate", path(name + "p.mkv")).find(std::string(rate) == "30" ? "=10/1" : "=1/3"),
+              std::string::npos);
+  }
+  EXPECT_EQ(nodal_json(stitch("p.mp4", {"--preview"})).back()["frames"], 34);
+}
+
 TEST_F(Films, OffsetAndClock_TheFramesOfOneInstantAreShownTogether) {
   write_films(20, ".mkv", kLossless);
   const Words how{"--codec", "ffv1", "--seams", "fixed", "--width", "128"};

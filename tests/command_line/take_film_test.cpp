@@ -110,6 +110,9 @@ TEST_F(TakeFilm, Lossless_FramesAreTheRaymapsOfTheTake) {
   EXPECT_NE(side.find("projection=equirectangular"), std::string::npos) << side;
   EXPECT_NE(side.find("r_frame_rate=25/1"), std::string::npos) << side;
 
+  const Json small = nodal_json(render("p.mkv", {"--preview", "--codec", "ffv1", "--width", "64"})).back();
+  EXPECT_EQ(small["width"], 64);
+  EXPECT_LE(small["frames"], 48);
   expect_no_film(render("s.mp4", {"--segments", "1"}), "the film has the segments 0 to 0", "s.mp4");
   expect_no_film(render("u.mp4", {"--from", "100s", "--to", "101s"}), "no set between --from and --to", "u.mp4");
   expect_no_film(render("t.mp4", {"--codec", "ffv1"}), "let --out end in .mkv", "t.mp4");
