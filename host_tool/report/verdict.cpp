@@ -60,7 +60,7 @@ std::string text_of(const SeamCheck& seam) {
   if (offline::usual_jump(seam) > offline::kFinePx) {
     return fmt::format("lines jump by up to {:.0f} px", std::ceil(offline::usual_jump(seam)));
   }
-  if (offline::usual_bend(seam) > offline::kBrokenPx) {
+  if (offline::usual_bend(seam) > offline::kFineBendPx) {
     return fmt::format("lines were bent by up to {:.0f} px so that they go on", std::ceil(offline::usual_bend(seam)));
   }
   if (std::abs(seam.step_levels) > offline::kFineStep) {

@@ -288,7 +288,7 @@ SeamVerdict verdict_of(const SeamCheck& seam) {
   const double step = std::abs(seam.step_levels);
   if ((broken > 1 && static_cast<double>(broken) > many) || step > kBrokenStep) return SeamVerdict::kLook;
   const bool jumps = static_cast<double>(worse(seam, kFinePx)) > many;
-  if (jumps || step > kFineStep || usual_bend(seam) > kBrokenPx) return SeamVerdict::kUsable;
+  if (jumps || step > kFineStep || usual_bend(seam) > kFineBendPx) return SeamVerdict::kUsable;
   return SeamVerdict::kGood;
 }
 

@@ -160,9 +160,22 @@ double largest_step(const std::vector<SeamCheck>& seams) {
   return most;
 }
 
+/// How often the word was wrong.
+struct Mistakes {
+  int broken_called_good = 0, good_called_broken = 0;
+  bool count(SeamVerdict said, bool is_good, bool is_broken) {
+    const bool missed = is_broken && said == SeamVerdict::kGood, false_alarm = is_good && said == SeamVerdict::kLook;
+    broken_called_good += missed;
+    good_called_broken += false_alarm;
+    return missed || false_alarm;
+  }
+  bool too_many(int good) const { return broken_called_good > 0 || 20 * good_called_broken > good; }
+};
+
 int run(int from, int to) {
   std::printf("  n rig fault         | true px | board: px, levels, word | best: px, bent px, levels, word\n");
-  int broken = 0, broken_called_good = 0, good = 0, good_called_broken = 0;
+  int broken = 0, good = 0;
+  Mistakes of_board, of_best;
   for (int n = from; n < to; ++n) {
     const Planted rig = planted(n);
     const std::vector<ImageView> frames = rig.rig.frames();
@@ -176,22 +189,22 @@ int run(int from, int to) {
     }
     const double truth = true_jump(rig, board);
     const bool stepped = rig.fault == "one stop";
-    const SeamVerdict said = offline::verdict_of(board);
     const bool is_broken = truth > offline::kBrokenPx || stepped;
     const bool is_good = truth <= offline::kFinePx && !stepped && rig.fault != "a third stop";
     broken += is_broken;
     good += is_good;
-    const bool wrong = (is_broken && said == SeamVerdict::kGood) || (is_good && said == SeamVerdict::kLook);
-    broken_called_good += is_broken && said == SeamVerdict::kGood;
-    good_called_broken += is_good && said == SeamVerdict::kLook;
+    const bool wrong_board = of_board.count(offline::verdict_of(board), is_good, is_broken);
+    const bool wrong_best = of_best.count(offline::verdict_of(best), is_good, is_broken);
     std::printf("%3d %3d %-13s | %7.1f | %6.1f %6.1f %-6s | %6.1f %6.1f %6.1f %-6s%s\n", n, n % kKinds,
-                rig.fault.c_str(), truth, largest_jump(board), largest_step(board), word(said), largest_jump(best),
-                largest_bend(best), largest_step(best), word(offline::verdict_of(best)), wrong ? "  WRONG" : "");
+                rig.fault.c_str(), truth, largest_jump(board), largest_step(board), word(offline::verdict_of(board)), largest_jump(best),
+                largest_bend(best), largest_step(best), word(offline::verdict_of(best)),
+                wrong_board || wrong_best ? "  WRONG" : "");
     std::fflush(stdout);
   }
-  std::printf("%d broken, of which %d were called good; %d good, of which %d were called broken\n", broken,
-              broken_called_good, good, good_called_broken);
-  return broken_called_good > 0 || 20 * good_called_broken > good;
+  std::printf("%d broken, of which board and best called good: %d, %d; %d good, of which they called broken: %d, %d\n",
+              broken, of_board.broken_called_good, of_best.broken_called_good, good, of_board.good_called_broken,
+              of_best.good_called_broken);
+  return of_board.too_many(good) || of_best.too_many(good);
 }
 
 }  // namespace
