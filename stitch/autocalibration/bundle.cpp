@@ -27,7 +27,9 @@ constexpr double kAspectSigma = 0.01;      // standard deviation of the log aspe
 constexpr double kMaxAspectChange = 0.05;  // largest change of the log aspect
 constexpr int kRounds = 8;
 constexpr int kStepsARound = 8;
-constexpr double kSettledNoise = 1e-3;  // the rounds end with a smaller relative change of the noise
+constexpr std::size_t kFirstMatches = 4000;  // if there are many more, they are adjusted first
+constexpr double kFirstLimit = 10;           // standard deviations of those within which the others may agree
+constexpr double kSettledNoise = 1e-3;       // the rounds end with a smaller relative change of the noise
 constexpr double kEnough = 1e-7;
 constexpr int kOwnUnknowns = 3;  // log focal, the axis's shift
 // px of the picture in which features are found: a blob of this scale has a spread of sqrt(2).
@@ -67,8 +69,9 @@ std::vector<LensRays> lenses_of(const BundleState& state) {
 
 class Bundle {
  public:
-  Bundle(const BundleState& start, const std::vector<UnitMatch>& matches, const BundleRules& rules)
-      : matches_(matches), rules_(rules) {
+  /// Matches that are farther off than `limit`, units, are outliers from the beginning.
+  Bundle(const BundleState& start, const std::vector<UnitMatch>& matches, const BundleRules& rules, double limit)
+      : matches_(matches), rules_(rules), limit_(limit) {
     Eigen::Index count = kLensUnknowns;
     for (std::size_t h = 0; h < start.R_head_rig.size(); ++h) {
       const bool turns = start.R_head_rig[h] && h != rules.first;
@@ -112,7 +115,7 @@ class Bundle {
   std::vector<Eigen::Index> turns_, own_;  // a head's first unknown of each kind; -1: none
   std::vector<bool> fixed_;
   std::vector<double> weights_;
-  double noise_ = 0, limit_ = kFarthest;
+  double noise_ = 0, limit_;
 };
 
 void Bundle::reweigh(const BundleState& state) {
@@ -296,7 +299,16 @@ std::vector<double> errors_of(const BundleState& state, const std::vector<UnitMa
 }
 
 BundleFit adjust(BundleState start, const std::vector<UnitMatch>& matches, const BundleRules& rules) {
-  return Bundle(start, matches, rules).run(std::move(start));
+  double limit = kFarthest;
+  if (matches.size() > 2 * kFirstMatches) {
+    // From the result of some matches, all of them need few steps.
+    std::vector<UnitMatch> some;
+    for (std::size_t n = 0; n < kFirstMatches; ++n) some.push_back(matches[n * matches.size() / kFirstMatches]);
+    BundleFit first = Bundle(start, some, rules, limit).run(start);
+    limit = std::min(limit, kFirstLimit * first.noise);
+    start = std::move(first.state);
+  }
+  return Bundle(start, matches, rules, limit).run(start);
 }
 
 }  // namespace nodal::autocalibration

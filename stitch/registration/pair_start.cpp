@@ -71,6 +71,13 @@ std::pair<std::size_t, std::size_t> combination(std::size_t number, std::size_t 
   return {i, i + 1 + (number - begin(i))};
 }
 
+/// How many combinations of two pairs must be tried so that, but for one time in a million, two that agree with the
+/// best rotation are among them, if this share of all pairs agrees with it.
+double tries_for(double share) {
+  const double both = share * share;
+  return both < 1 ? std::log(1e-6) / std::log1p(-both) : 1;
+}
+
 Joint joint_of(const std::vector<RayPair>& pairs, double tolerance) {
   Joint best;
   const std::size_t n = pairs.size(), all = n * (n - 1) / 2;
@@ -79,13 +86,26 @@ Joint joint_of(const std::vector<RayPair>& pairs, double tolerance) {
   std::size_t step = std::max<std::size_t>(1, static_cast<std::size_t>(0.6180339887 * static_cast<double>(all)));
   while (std::gcd(step, all) > 1) ++step;
   std::size_t number = 0;
-  for (std::size_t tried = 0; tried < std::min(all, kMaxTried); ++tried, number = (number + step) % all) {
+  double enough = kMaxTried;
+  int useful = 0;
+  const auto keep_better = [&](const Matrix3d& R) {
+    const int count = agreeing(pairs, R, tolerance, best.agreeing);
+    if (count <= best.agreeing) return false;
+    best = {R, count, 0};
+    enough = tries_for(count / static_cast<double>(n));
+    return true;
+  };
+  for (std::size_t tried = 0; tried < std::min(all, kMaxTried) && useful < enough;
+       ++tried, number = (number + step) % all) {
     const auto [i, j] = combination(number, n);
     const double apart_a = between(pairs[i].ray_a, pairs[j].ray_a), apart_b = between(pairs[i].ray_b, pairs[j].ray_b);
-    const bool holds = std::min(apart_a, apart_b) > kMinBase && std::max(apart_a, apart_b) < std::numbers::pi - 0.1;
-    if (!holds || std::abs(apart_a - apart_b) > 2 * tolerance) continue;
-    const Matrix3d R = frame_of(pairs[i].ray_b, pairs[j].ray_b) * frame_of(pairs[i].ray_a, pairs[j].ray_a).transpose();
-    if (const int count = agreeing(pairs, R, tolerance, best.agreeing); count > best.agreeing) best = {R, count, 0};
+    if (std::min(apart_a, apart_b) <= kMinBase || std::max(apart_a, apart_b) >= std::numbers::pi - 0.1) continue;
+    ++useful;
+    if (std::abs(apart_a - apart_b) > 2 * tolerance) continue;
+    // A rotation by two pairs has their errors; the one by all that agree with it is more accurate.
+    if (!keep_better(frame_of(pairs[i].ray_b, pairs[j].ray_b) * frame_of(pairs[i].ray_a, pairs[j].ray_a).transpose()))
+      continue;
+    while (keep_better(best_rotation(pairs, best.R_b_a, tolerance))) {}
   }
   if (best.agreeing > 0) best.R_b_a = best_rotation(pairs, best.R_b_a, tolerance);
   return best;
