@@ -100,11 +100,16 @@ Error single_picture(const std::string& file) {
   if (header && media::parse_xmp(header->metadata.xmp).area) {
     return {Errc::kBadValue, file + " is a sphere already, as its metadata say; see `nodal convert` and `nodal view`"};
   }
+  const bool as_sphere = header && header->width == 2 * header->height;
   return {
       Errc::kBadValue,
-      file +
-          " is one picture, and no two circles of fisheyes are found in it; give two or more pictures that overlap, "
-          "or, if it holds several pictures, say how they are arranged, such as --split 2x1"};
+      fmt::format(
+          "{} is one picture, and no two circles of fisheyes are found in it; give two or more pictures that overlap, "
+          "or, if it holds several pictures, say how they are arranged, such as --split 2x1{}",
+          file,
+          as_sphere ? "; if it is a sphere already, `nodal look`, `nodal view` and `nodal convert` take it with --from "
+                      "equirectangular"
+                    : "")};
 }
 
 std::vector<std::string> part_names(const PictureSplit& split) {

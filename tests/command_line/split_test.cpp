@@ -14,24 +14,24 @@ namespace {
 using Picture = std::vector<std::uint8_t>;  // RGB, square
 constexpr int kPair = 640;
 
-/// Two fisheyes back to back. `radius`: of the circles, px; larger than half the side, they are cut by the edges.
-test::RenderedRig pair_of(double radius) {
+/// Two fisheyes back to back. `radii`: of the circles, px; what is larger than half the side is cut by the edges.
+test::RenderedRig pair_of(std::array<double, 2> radii) {
   Calibration rig = test::six_fisheyes(kPair, 196);
   rig.heads = {rig.heads[0], rig.heads[2]};
   for (std::size_t h = 0; h < 2; ++h) {
     HeadCalibration& head = rig.heads[h];
     head.name = h == 0 ? "left" : "right";
-    head.region.circle = Region::Circle{kPair / 2.0 + 3, kPair / 2.0 - 2, radius};
+    head.region.circle = Region::Circle{kPair / 2.0 + 3, kPair / 2.0 - 2, radii[h]};
     head.center_x = head.region.circle->x;
     head.center_y = head.region.circle->y;
     head.max_angle = 98 * std::numbers::pi / 180;
-    head.lens = EquidistantLens{{radius / head.max_angle}};
+    head.lens = EquidistantLens{{radii[h] / head.max_angle}};
   }
   test::RenderedRig made = test::render_rig(rig, hal::sim::town_square_scene(3), {PixelFormat::kRgb24, 0, 5, 3});
-  for (Picture& picture : made.bytes) {
+  for (std::size_t h = 0; h < 2; ++h) {
     for (int i = 0; i < kPair * kPair; ++i) {
       const double from_middle = std::hypot(i % kPair + 0.5 - kPair / 2.0 - 3, i / kPair + 0.5 - kPair / 2.0 + 2);
-      if (from_middle >= radius) std::fill_n(picture.begin() + std::ptrdiff_t{3} * i, 3, std::uint8_t{3});
+      if (from_middle >= radii[h]) std::fill_n(made.bytes[h].begin() + std::ptrdiff_t{3} * i, 3, std::uint8_t{3});
     }
   }
   return made;
@@ -79,7 +79,7 @@ class OneFile : public StitchCommand {
 };
 
 TEST_F(OneFile, TwoCircles_AreFoundAndPlaced) {
-  const test::RenderedRig pair = pair_of(310);
+  const test::RenderedRig pair = pair_of({310, 310});
   const Eigen::Matrix3d back = Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitY()).toRotationMatrix();
   write_file_of(beside(pair.bytes[0], pair.bytes[1]), false);
   const Calibration rig = found();
@@ -109,15 +109,24 @@ TEST_F(OneFile, TwoCircles_AreFoundAndPlaced) {
 
 TEST_F(OneFile, CirclesThatAreTurnedOrCut_ArePlacedToo) {
   // The halves of a Theta's file lie on their sides, one turned against the other.
-  const test::RenderedRig pair = pair_of(310);
+  const test::RenderedRig pair = pair_of({310, 310});
   const Eigen::Matrix3d back = Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitY()).toRotationMatrix();
   const Eigen::Matrix3d quarter = geometry::to_R_head_rig({0, 0, 90});
   const Picture second = quarter_turned(quarter_turned(quarter_turned(pair.bytes[1])));
   write_file_of(beside(quarter_turned(pair.bytes[0]), second), false);
   EXPECT_LT(error_deg(found(), quarter.transpose() * back * quarter.transpose()), 1.5);
-  const test::RenderedRig cut = pair_of(345);  // 25 px are missing at each edge
+  const test::RenderedRig cut = pair_of({345, 345});  // 25 px are missing at each edge
   write_file_of(beside(cut.bytes[0], cut.bytes[1]), false);
   EXPECT_LT(error_deg(found(), back), 1.5);
+}
+
+TEST_F(OneFile, CirclesOfDifferentSize_AreEachTakenForAWholeLens) {
+  const test::RenderedRig pair = pair_of({310, 250});
+  write_file_of(beside(pair.bytes[0], pair.bytes[1]), false);
+  const Calibration rig = found();
+  EXPECT_LT(error_deg(rig, Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitY()).toRotationMatrix()), 1.5);
+  const auto focal = [&](std::size_t h) { return std::get<KannalaBrandtLens>(rig.heads[h].lens).focal; };
+  EXPECT_NEAR(focal(1) / focal(0), 250.0 / 310, 0.02);
 }
 
 TEST_F(OneFile, OtherArrangements_AreRefusedOrAsTheUserSays) {
@@ -145,7 +154,7 @@ TEST_F(OneFile, OtherArrangements_AreRefusedOrAsTheUserSays) {
   for (const char* nonsense : {"", "2", "0x2", "1x1", "9x1", "2x1x1", "-2x1", "2x", "axb", "99999999999x2"})
     expect_refused({path("grid.png"), "--split", nonsense, "-o", path("no.png")}, "--split");
   // One circle in the middle of a wide picture is no pair.
-  const Picture fisheye = pair_of(300).bytes[0];
+  const Picture fisheye = pair_of({300, 300}).bytes[0];
   Picture wide(static_cast<std::size_t>(3 * 1160 * kPair), 3);
   for (int y = 0; y < kPair; ++y)
     std::copy_n(fisheye.begin() + 3 * kPair * y, 3 * kPair, wide.begin() + 3 * (1160 * y + 260));
@@ -153,6 +162,8 @@ TEST_F(OneFile, OtherArrangements_AreRefusedOrAsTheUserSays) {
   expect_refused({path("wide.png"), "-o", path("no.png")}, "is one picture");
   ASSERT_EQ(nodal({"convert", path("sphere.png"), "-o", path("gpano.jpg")}).code, 0);
   expect_refused({path("gpano.jpg"), "-o", path("no.png")}, "is a sphere already");
+  test::write_bytes(path("plain.png"), test::png_of(Picture(3 * 512 * 256, 90), 512, 256, 3));
+  expect_refused({path("plain.png"), "-o", path("no.png")}, "--from equirectangular");
 }
 
 }  // namespace
