@@ -218,10 +218,11 @@ Result<RigPictures> own_pictures(const std::vector<std::string>& given, const Sp
     }
     if (own.sets.empty()) own.sets.resize(inside.size());
     if (inside.size() != own.sets.size()) {
-      return fail(Errc::kBadValue,
-                  fmt::format("{} has {} pictures, and {} has {}; with a folder for each head, every head needs one "
-                              "for each set",
-                              argument, inside.size(), arguments.front(), own.sets.size()));
+      return fail(
+          Errc::kBadValue,
+          fmt::format("{} has {} pictures, and {} has {}; several folders are taken for one head each, with a "
+                      "picture of each set; if these are pictures of one sphere, give them as files, such as {}/*",
+                      argument, inside.size(), arguments.front(), own.sets.size(), arguments.front()));
     }
     for (std::size_t n = 0; n < inside.size(); ++n) own.sets[n].emplace_back(inside[n]);
   }
@@ -241,6 +242,11 @@ Result<RigPictures> own_pictures(const std::vector<std::string>& given, const Sp
   }
   if (sequences) own.notes.push_back(folder_per_head(arguments.size(), own.sets.size()));
   own.heads = head_names(sequences ? arguments : files);
+  if (own.heads.size() > kMaxCalibratedHeads) {
+    return fail(Errc::kTooLarge, fmt::format("{} pictures, and at most {} can be placed together; leave some out: "
+                                             "neighbours must still overlap by a third",
+                                             own.heads.size(), kMaxCalibratedHeads));
+  }
   return own;
 }
 
@@ -249,11 +255,6 @@ Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const U
   PointMatch match;
   match.set = rig.sets.size() / 2;
   std::vector<HeadPicture>& pictures = rig.sets[match.set];
-  if (pictures.size() > kMaxCalibratedHeads) {
-    return fail(Errc::kTooLarge, fmt::format("{} pictures, and at most {} can be placed together; leave some out: "
-                                             "neighbours must still overlap by a third",
-                                             pictures.size(), kMaxCalibratedHeads));
-  }
   autocalibration::Options options;
   // Several pictures of one file are told apart by their heads.
   for (std::size_t n = 0; n < pictures.size(); ++n) {

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <regex>
 #include <string_view>
 
 #include "protocol/base/nearest_word.h"
@@ -48,25 +49,30 @@ std::string nearest(const std::string& word, const std::vector<std::string>& kno
   return std::string(nearest_word(word, views));
 }
 
-/// CLI11's message about a value, with the number that it could not read, or the range as "-90 to 90": its versions
-/// write "-90.000000 to 90.000000" and "[-90 - 90]".
+/// "-90.000000 to 0.001000" as "-90 to 0.001".
+std::string without_zeros(const std::string& limits) {
+  static const std::regex zeros(R"((\.\d*?)0+(?!\d))"), point(R"(\.(?!\d))");
+  return std::regex_replace(std::regex_replace(limits, zeros, "$1"), point, "");
+}
+
+/// CLI11's message about a value, in plain words. Its versions write ranges as "-90.000000 to 90.000000" and as
+/// "[-90 - 90]".
 std::string about_value(std::string text) {
-  constexpr std::string_view kConvert = "Could not convert: ", kIs = " = ", kRange = " not in range ",
-                             kZeros = ".000000", kTo = " - ";
+  constexpr std::string_view kConvert = "Could not convert: ", kIs = " = ", kValue = "Value ",
+                             kRange = " not in range ", kTo = " - ";
   if (const std::size_t is = text.find(kIs); text.starts_with(kConvert) && is != std::string::npos) {
     return fmt::format("{}: '{}' is not a number", text.substr(kConvert.size(), is - kConvert.size()),
                        printable(text.substr(is + kIs.size()), kLongestWord));
   }
-  const std::size_t range = text.find(kRange);
-  if (range == std::string::npos) return text;
-  for (std::size_t at; (at = text.find(kZeros, range)) != std::string::npos;) text.erase(at, kZeros.size());
-  const std::size_t open = range + kRange.size(), to = text.find(kTo, open);
-  if (text.size() > open && text[open] == '[' && text.back() == ']' && to != std::string::npos) {
-    text.pop_back();
-    text.replace(to, kTo.size(), " to ");
-    text.erase(open, 1);
+  const std::size_t value = text.find(kValue), range = text.rfind(kRange);
+  if (value == std::string::npos || range == std::string::npos || range < value + kValue.size()) return text;
+  std::string limits = text.substr(range + kRange.size());
+  if (const std::size_t to = limits.find(kTo);
+      limits.starts_with("[") && limits.ends_with("]") && to != std::string::npos) {
+    limits = fmt::format("{} to {}", limits.substr(1, to - 1), limits.substr(to + kTo.size(), limits.size() - to - 4));
   }
-  return text;
+  const std::string typed = printable(text.substr(value + kValue.size(), range - value - kValue.size()), kLongestWord);
+  return fmt::format("{}'{}' is not a number from {}", text.substr(0, value), typed, without_zeros(limits));
 }
 
 }  // namespace

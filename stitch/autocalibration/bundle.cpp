@@ -27,6 +27,8 @@ constexpr double kAspectSigma = 0.01;      // standard deviation of the log aspe
 constexpr double kMaxAspectChange = 0.05;  // largest change of the log aspect
 constexpr int kRounds = 8;
 constexpr int kStepsARound = 8;
+// So many matches count against what is expected of a lens: their errors have common causes, such as near things.
+constexpr double kIndependent = 500;
 constexpr std::size_t kFirstMatches = 4000;  // if there are many more, they are adjusted first
 constexpr double kFirstLimit = 10;           // standard deviations of those within which the others may agree
 constexpr double kSettledNoise = 1e-3;       // the rounds end with a smaller relative change of the noise
@@ -162,9 +164,11 @@ bool Bundle::add(const LensRays::RaySlopes& from, std::size_t from_head, const L
 }
 
 void Bundle::add_priors(const BundleState& state, solve::Evaluation& sum) const {
+  const auto used = static_cast<double>(std::ranges::count_if(weights_, [](double weight) { return weight > 0; }));
+  const double dependent = std::max(1.0, used / kIndependent);
   const auto hold = [&](Eigen::Index unknown, double off, double sigma) {
     const double one = 1;
-    sum.equations.add(std::span(&unknown, 1), std::span(&one, 1), off, std::pow(noise_ / sigma, 2));
+    sum.equations.add(std::span(&unknown, 1), std::span(&one, 1), off, dependent * std::pow(noise_ / sigma, 2));
   };
   if (rules_.stated_focal > 0) {
     hold(kLogFocal, std::log(state.lens.model.focal / rules_.stated_focal), kStatedFocalSigma);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <tuple>
 
@@ -19,6 +20,7 @@ constexpr double kTold = 30;         // how much larger the chi squared of a fam
 constexpr double kOutlierChi = 36;   // chi squared of a match that counts as an outlier
 constexpr double kKnownPart = 0.02;  // a radius is known if two standard deviations are at most this share of it
 constexpr int kRadii = 200;
+constexpr std::size_t kParts = 5;  // of the pairs of heads; each is left out once
 // How far beyond the range of seen radii matches still determine the lens, towards the axis and away from it, as a
 // share of that range.
 constexpr double kInward = 1.5, kOutward = 0.25;
@@ -70,9 +72,38 @@ std::optional<SharedLens> lens_of_family(Family family, const SharedLens& start,
   return lens;
 }
 
-/// Finds the radii at which the lens is known: they are near radii that have matches, and neither the fit's covariance
-/// nor another family that is not excluded leaves more doubt than kKnownPart.
-void find_known(const BundleFit& fit, const std::vector<const BundleFit*>& others, LensEvidence& evidence) {
+/// The covariance of log focal, k1 and k2 by what they are without a part of the pairs of heads, in turn (the
+/// jackknife). Errors that the matches of two heads have in common, such as those of near things, are in it and not in
+/// the covariance of a fit. Zero for a few pairs.
+Eigen::Matrix3d jackknife(const BundleFit& fit, const std::vector<UnitMatch>& matches, const BundleRules& rules,
+                          const parallel::Workers& workers) {
+  std::map<std::pair<std::size_t, std::size_t>, std::size_t> pairs;
+  for (std::size_t m = 0; m < matches.size(); ++m) {
+    if (fit.used[m]) pairs.try_emplace({matches[m].a, matches[m].b}, pairs.size());
+  }
+  if (pairs.size() < 2 * kParts) return Eigen::Matrix3d::Zero();
+  std::array<Eigen::Vector3d, kParts> lenses;
+  workers.run(static_cast<int>(kParts), [&](int i) {
+    const auto part = static_cast<std::size_t>(i);
+    std::vector<UnitMatch> others;
+    for (std::size_t m = 0; m < matches.size(); ++m) {
+      if (fit.used[m] && pairs.at({matches[m].a, matches[m].b}) % kParts != part) others.push_back(matches[m]);
+    }
+    const KannalaBrandtLens lens = adjust(fit.state, others, rules).state.lens.model;
+    lenses[part] = {std::log(lens.focal), lens.k[0], lens.k[1]};
+  });
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& lens : lenses) mean += lens / kParts;
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  for (const Eigen::Vector3d& lens : lenses)
+    covariance += (kParts - 1.0) / kParts * (lens - mean) * (lens - mean).transpose();
+  return covariance;
+}
+
+/// Finds the radii at which the lens is known: they are near radii that have matches, and neither the fit's covariance,
+/// nor the jackknife's, nor another family that is not excluded leaves more doubt than kKnownPart.
+void find_known(const BundleFit& fit, const Eigen::Matrix3d& left_out, const std::vector<const BundleFit*>& others,
+                LensEvidence& evidence) {
   const Result<LensRays> rays = LensRays::make(fit.state.lens);
   evidence.known_from = 1;
   evidence.known_to = 0;
@@ -88,7 +119,7 @@ void find_known(const BundleFit& fit, const std::vector<const BundleFit*>& other
     if (angle) {
       const double g = radius / fit.state.lens.model.focal;
       const Eigen::Vector3d by(1, std::pow(*angle, 3) / g, std::pow(*angle, 5) / g);
-      unsure = 2 * std::sqrt(std::max(0.0, by.dot(fit.covariance * by)));
+      unsure = 2 * std::sqrt(std::max({0.0, by.dot(fit.covariance * by), by.dot(left_out * by)}));
       for (const BundleFit* other : others) {
         const Result<LensRays> its = LensRays::make(other->state.lens);
         const std::optional<double> expected = its ? its->radius(*angle) : std::nullopt;
@@ -172,7 +203,7 @@ LensChoice choose_lens(const BundleState& start, const std::vector<UnitMatch>& m
   if (const std::vector<double> seen = radii_used(chosen.fit, matches); !seen.empty()) {
     std::tie(choice.evidence.seen_from, choice.evidence.seen_to) = seen_range(seen);
   }
-  find_known(chosen.fit, others, choice.evidence);
+  find_known(chosen.fit, jackknife(chosen.fit, matches, chosen.rules, workers), others, choice.evidence);
   return choice;
 }
 

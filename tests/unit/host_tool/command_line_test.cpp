@@ -170,7 +170,7 @@ TEST(CommandLine, NumbersThatAreNone_OrOutOfRange_AreSaidInPlainWords) {
   };
   EXPECT_NE(said({"--fov", "90deg"}).find("nodal: --fov: '90deg' is not a number\n"), std::string::npos)
       << said({"--fov", "90deg"});
-  EXPECT_NE(said({"--pitch", "91"}).find("--pitch: Value 91 not in range -90 to 90\n"), std::string::npos)
+  EXPECT_NE(said({"--pitch", "91"}).find("--pitch: '91' is not a number from -90 to 90\n"), std::string::npos)
       << said({"--pitch", "91"});
 }
 
@@ -178,8 +178,11 @@ TEST(CommandLine, ARange_ReadsTheSameFromEveryVersionOfCli11) {
   const CLI::App app;
   for (const char* const says : {"Value 91 not in range -90.000000 to 90.000000", "Value 91 not in range -90 to 90",
                                  "Value 91 not in range [-90 - 90]"}) {
-    EXPECT_EQ(explain_usage(app, CLI::ValidationError("--pitch", says)), "--pitch: Value 91 not in range -90 to 90");
+    EXPECT_EQ(explain_usage(app, CLI::ValidationError("--pitch", says)),
+              "--pitch: '91' is not a number from -90 to 90");
   }
+  EXPECT_EQ(explain_usage(app, CLI::ValidationError("--tolerance", "Value x not in range 0.001000 to 1000")),
+            "--tolerance: 'x' is not a number from 0.001 to 1000");
 }
 
 TEST(CommandLine, AWordThatIsNoCommand_IsNamedWithTheNearestThatIs) {
