@@ -25,7 +25,7 @@ using bands::Window;
 
 /// Of the sphere that other layouts are sampled from, relative to their own resolution: sampling twice blurs less.
 constexpr double kFiner = 1.5;
-/// Of the charts on which flow is computed, on a whole circle: 0.7 degrees each.
+/// Of the charts on which flow is computed, on a whole circle: 0.7 degrees each, and less for a part of the sphere.
 constexpr int kFlowColumns = 512;
 /// A head is projected this far beyond the area that it shows: coarser bands reach there.
 constexpr double kMarginDeg = 15;
@@ -105,8 +105,8 @@ Result<BestBlend> BestBlend::make(const Calibration& calibration, const table::R
                             made.seen_.width, made.seen_.height));
   }
   // A part of the sphere has pixels that are finer, and seams must go around things that are smaller.
-  const int finer = made.seen_.width <= made.sphere_.width / 4 ? 4 : made.seen_.width <= made.sphere_.width / 2 ? 2 : 1;
-  made.map_ = {std::min(finer * kMapWidth, std::max(32, made.sphere_.width / 2)), 0};
+  made.finer_ = made.seen_.width <= made.sphere_.width / 4 ? 4 : made.seen_.width <= made.sphere_.width / 2 ? 2 : 1;
+  made.map_ = {std::min(made.finer_ * kMapWidth, std::max(32, made.sphere_.width / 2)), 0};
   made.map_.height = made.map_.width / 2;
   made.power_ = table::linear_power(calibration);
   made.threads_ = threads;
@@ -147,7 +147,7 @@ Result<DecodedImage> BestBlend::blend(std::span<const ImageView> pictures, std::
   };
   const parallel::Workers workers(threads_);
   const int colours = component_count(format_);
-  const Parallax parallax(heads_, pictures, kFlowColumns, workers);
+  const Parallax parallax(heads_, pictures, finer_ * kFlowColumns, workers);
   tell(0.15);
   {
     std::vector<Layer> views;

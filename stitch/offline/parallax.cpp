@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kHighestDeg = 75;  ///< highest latitude of a chart
 constexpr double kFadeDeg = 10;     ///< width of the fade at its upper and lower edge
-constexpr int kProbe = 4;           ///< px between the rays that are tried first
+constexpr int kProbes = 128;        ///< rays along a whole circle that are tried first
 constexpr int kMinOverlap = 24;     ///< px; smaller ones are left alone
 constexpr int kTurned = 32;         ///< px that a whole circle is continued by at its ends
 
@@ -48,6 +48,23 @@ void OverlapChart::place(const Eigen::Vector3d& ray, double& u, double& v) const
   v = std::atan2(at.z(), std::hypot(at.x(), at.y())) / pitch_ + rows_ / 2.0;
 }
 
+OverlapChart::Part OverlapChart::part(int left, int top, int width, int height) const {
+  constexpr double kMargin = 1e-6;
+  const auto sine_at = [&](int v) {
+    const double up = (v - rows_ / 2.0) * pitch_;
+    return std::sin(std::clamp(up, -std::numbers::pi / 2, std::numbers::pi / 2));
+  };
+  const double along = (left + width / 2.0 - columns_ / 2.0) * pitch_, half = width / 2.0 * pitch_;
+  return {sine_at(top) - kMargin, sine_at(top + height) + kMargin, Eigen::Vector2d(std::cos(along), std::sin(along)),
+          half < std::numbers::pi ? std::cos(half) - kMargin : -2};
+}
+
+bool OverlapChart::may_be_in(const Part& part, const Eigen::Vector3d& ray) const {
+  const Eigen::Vector3d at = axes_ * ray;
+  if (at.z() < part.least_up || at.z() > part.most_up) return false;
+  return at.head<2>().dot(part.middle) >= part.least_along * at.head<2>().norm();
+}
+
 Parallax::Parallax(const std::vector<HeadView>& heads, std::span<const ImageView> pictures, int columns,
                    const parallel::Workers& workers)
     : heads_(heads), of_head_(heads.size()) {
@@ -62,7 +79,7 @@ Parallax::Parallax(const std::vector<HeadView>& heads, std::span<const ImageView
       if (!known[a] || !known[b]) continue;
       const Eigen::Vector3d from = heads[a].head().axis().direction();
       const Eigen::Vector3d to = heads[b].head().axis().direction();
-      overlaps_.push_back({a, b, OverlapChart(from, to, columns), 0, 0, {}});
+      overlaps_.push_back({a, b, OverlapChart(from, to, columns), 0, 0, {}, {}});
     }
   }
   workers.run(static_cast<int>(overlaps_.size()), [&](int i) { find(overlaps_[static_cast<std::size_t>(i)], known); });
@@ -75,10 +92,11 @@ Parallax::Parallax(const std::vector<HeadView>& heads, std::span<const ImageView
 
 void Parallax::find(Overlap& overlap, std::span<const HeadPicture* const> pictures) const {
   const OverlapChart& chart = overlap.chart;
+  const int probe = std::max(1, chart.columns() / kProbes);
   const HeadView &a = heads_[overlap.a], &b = heads_[overlap.b];
   int left = chart.columns(), right = -1, top = chart.rows(), bottom = -1;
-  for (int y = 0; y < chart.rows(); y += kProbe) {
-    for (int x = 0; x < chart.columns(); x += kProbe) {
+  for (int y = 0; y < chart.rows(); y += probe) {
+    for (int x = 0; x < chart.columns(); x += probe) {
       const Eigen::Vector3d ray = chart.ray(x + 0.5, y + 0.5);
       if (!a.see(ray) || !b.see(ray)) continue;
       left = std::min(left, x);
@@ -88,11 +106,11 @@ void Parallax::find(Overlap& overlap, std::span<const HeadPicture* const> pictur
     }
   }
   if (right - left < kMinOverlap || bottom - top < kMinOverlap) return;
-  const bool closed = left < kProbe && right >= chart.columns() - kProbe;
-  left = closed ? -kTurned : std::max(0, left - kProbe);
-  right = closed ? chart.columns() + kTurned : std::min(chart.columns(), right + kProbe);
-  top = std::max(0, top - kProbe);
-  bottom = std::min(chart.rows(), bottom + kProbe);
+  const bool closed = left < probe && right >= chart.columns() - probe;
+  left = closed ? -kTurned : std::max(0, left - probe);
+  right = closed ? chart.columns() + kTurned : std::min(chart.columns(), right + probe);
+  top = std::max(0, top - probe);
+  bottom = std::min(chart.rows(), bottom + probe);
   const int width = right - left, height = bottom - top;
   const std::size_t size = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   SeenPicture of_a{width, height, std::vector<float>(size), std::vector<float>(size)}, of_b = of_a;
@@ -121,6 +139,7 @@ void Parallax::find(Overlap& overlap, std::span<const HeadPicture* const> pictur
   overlap.left = left;
   overlap.top = top;
   overlap.flow = flow_between(of_a, of_b, share);
+  overlap.part = chart.part(left, top, width, height);
 }
 
 Eigen::Vector3d Parallax::moved(std::size_t head, const Eigen::Vector3d& ray) const {
@@ -134,6 +153,7 @@ Eigen::Vector3d Parallax::moved(std::size_t head, const Eigen::Vector3d& ray) co
   Eigen::Vector3d by = Eigen::Vector3d::Zero();
   for (const std::size_t k : of_head_[head]) {
     const Overlap& overlap = overlaps_[k];
+    if (!overlap.chart.may_be_in(overlap.part, ray)) continue;
     const std::size_t other = overlap.a == head ? overlap.b : overlap.a;
     double u, v;
     overlap.chart.place(ray, u, v);

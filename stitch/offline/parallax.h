@@ -29,6 +29,16 @@ class OverlapChart {
   void place(const Eigen::Vector3d& ray, double& u, double& v) const;
   double radians_per_pixel() const { return pitch_; }
 
+  /// A part of the chart, as what can be compared without angles.
+  struct Part {
+    double least_up = -1, most_up = 1;  ///< sines
+    Eigen::Vector2d middle{1, 0};       ///< along the circle
+    double least_along = -2;            ///< cosine
+  };
+  Part part(int left, int top, int width, int height) const;
+  /// False only for rays outside of the part.
+  bool may_be_in(const Part& part, const Eigen::Vector3d& ray) const;
+
  private:
   int columns_, rows_;
   double pitch_;
@@ -58,6 +68,7 @@ class Parallax {
     OverlapChart chart;
     int left = 0, top = 0;  ///< place of the flow's first pixel in the chart
     Flow flow;
+    OverlapChart::Part part{};  ///< where the flow is
   };
   void find(Overlap& overlap, std::span<const HeadPicture* const> pictures) const;
 
