@@ -10,6 +10,7 @@
 
 #include "stitch/offline/offline_blend.h"
 #include "tests/support/rendered_rig.h"
+#include "tests/support/rigs.h"
 
 namespace nodal::offline {
 namespace {
@@ -167,6 +168,28 @@ TEST(BestBlend, ThePartThatHeadsSee_IsThatOfTheWholeSphere) {
     }
     EXPECT_LE(most, 1) << "levels; yaw " << yaw;
   }
+}
+
+TEST(BestBlend, NarrowPicturesFromTwoPlaces_AreBroughtTogetherInAPartOfTheSphere) {
+  Calibration two;
+  for (const double yaw : {-6.0, 6.0}) {
+    two.heads.push_back(test::plain_head(yaw < 0 ? "left" : "right", 320, 240, yaw, 24));
+    two.heads.back().position = {yaw / 300, 0, 0};  // 4 cm apart, which is 1.1 degrees at 2 m
+  }
+  const test::RenderedRig rig = test::render_rig_in({test::Room::Shape::kBall, 2}, two, hal::sim::town_square_scene(3));
+  for (HeadCalibration& head : two.heads) head.position = {};  // which nobody knows
+  constexpr int kCircle = 4096;
+  const bands::Window part{kCircle / 2 - 220, kCircle / 4 - 120, 440, 240};
+  const table::RaymapSpec sphere{"equirectangular", kCircle, kCircle / 2, PixelFormat::kGrey8};
+  const auto checked = check_seams(two, rig.frames(), {kCircle, kCircle / 2}, 2);
+  ASSERT_TRUE(checked) << checked.error().text();
+  const std::vector<SeamCheck> board = *checked;
+  std::vector<SeamCheck> best;
+  ASSERT_TRUE(BestBlend::make(two, sphere, 2, part)->blend(rig.frames(), &best));
+  ASSERT_EQ(board.size(), 1U);
+  ASSERT_EQ(best.size(), 1U);
+  EXPECT_NEAR(usual_jump(board[0]), 1.1 / 360 * kCircle, 4) << "px, by geometry";
+  EXPECT_LE(usual_jump(best[0]), kFinePx);
 }
 
 TEST(BestBlend, ACube_ShowsTheScene) {
