@@ -27,7 +27,8 @@ constexpr double kAspectSigma = 0.01;      // standard deviation of the log aspe
 constexpr double kMaxAspectChange = 0.05;  // largest change of the log aspect
 constexpr int kRounds = 8;
 constexpr int kStepsARound = 8;
-// So many matches count against what is expected of a lens: their errors have common causes, such as near things.
+// Number of matches that count against what is expected of a lens: errors of more have common causes, such as near
+// things.
 constexpr double kIndependent = 500;
 constexpr std::size_t kFirstMatches = 4000;  // if there are many more, they are adjusted first
 constexpr double kFirstLimit = 10;           // standard deviations of those within which the others may agree

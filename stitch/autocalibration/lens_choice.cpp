@@ -20,7 +20,7 @@ constexpr double kTold = 30;         // how much larger the chi squared of a fam
 constexpr double kOutlierChi = 36;   // chi squared of a match that counts as an outlier
 constexpr double kKnownPart = 0.02;  // a radius is known if two standard deviations are at most this share of it
 constexpr int kRadii = 200;
-constexpr std::size_t kParts = 5;  // of the pairs of heads; each is left out once
+constexpr std::size_t kParts = 5;  // parts of the pairs of heads; each is left out once
 // How far beyond the range of seen radii matches still determine the lens, towards the axis and away from it, as a
 // share of that range.
 constexpr double kInward = 1.5, kOutward = 0.25;

@@ -68,7 +68,7 @@ class BestBlend {
   std::unique_ptr<geometry::RaymapLayout> layout_;
   bool equirectangular_ = true;
   bands::Grid sphere_, map_;
-  int finer_ = 1;  ///< how much finer than for a whole sphere the seams' map and the flow are
+  int finer_ = 1;       ///< how much finer than for a whole sphere the seams' map and the flow are
   bands::Window seen_;  ///< the part of sphere_ that is blended
   double power_ = 1;
   double full_ = 255;  ///< number at which 65535 of linear light is blended; 255 if light is not linear

@@ -196,13 +196,13 @@ int run(int from, int to) {
     const bool wrong_board = of_board.count(offline::verdict_of(board), is_good, is_broken);
     const bool wrong_best = of_best.count(offline::verdict_of(best), is_good, is_broken);
     std::printf("%3d %3d %-13s | %7.1f | %6.1f %6.1f %-6s | %6.1f %6.1f %6.1f %-6s%s\n", n, n % kKinds,
-                rig.fault.c_str(), truth, largest_jump(board), largest_step(board), word(offline::verdict_of(board)), largest_jump(best),
-                largest_bend(best), largest_step(best), word(offline::verdict_of(best)),
+                rig.fault.c_str(), truth, largest_jump(board), largest_step(board), word(offline::verdict_of(board)),
+                largest_jump(best), largest_bend(best), largest_step(best), word(offline::verdict_of(best)),
                 wrong_board || wrong_best ? "  WRONG" : "");
     std::fflush(stdout);
   }
-  std::printf("%d broken, of which board and best called good: %d, %d; %d good, of which they called broken: %d, %d\n",
-              broken, of_board.broken_called_good, of_best.broken_called_good, good, of_board.good_called_broken,
+  std::printf("%d broken, called good by board and best: %d, %d; %d good, called broken by them: %d, %d\n", broken,
+              of_board.broken_called_good, of_best.broken_called_good, good, of_board.good_called_broken,
               of_best.good_called_broken);
   return of_board.too_many(good) || of_best.too_many(good);
 }
