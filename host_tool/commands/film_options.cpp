@@ -72,6 +72,11 @@ void add_film_options(CLI::App& command, FilmArgs& args) {
                   "Of a film: placed (when not given), where the pictures agree, once in 240 frames; or fixed")
       ->type_name("placed|fixed")
       ->check(CLI::IsMember({"placed", "fixed"}));
+  command
+      .add_option("--light", args.light,
+                  "Of a film: matched (when not given), heads whose exposures drift apart get one brightness; or fixed")
+      ->type_name("matched|fixed")
+      ->check(CLI::IsMember({"matched", "fixed"}));
   add_parts_options(command, args.parts);
 }
 

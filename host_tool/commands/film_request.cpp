@@ -158,6 +158,7 @@ Result<film::FilmRequest> make_request(Console& console, const StitchArgs& args,
   request.raymap.feather = args.feather;
   if (args.transition == "seam") request.raymap.transition = Transition::kSeam;
   if (args.transition == "feather") request.raymap.transition = Transition::kFeather;
+  request.matched = words.light == "matched";
   const bool placed = words.seams == "placed" && args.transition != "feather";
   request.raymap.seams = placed ? SeamPlacement::kPlaced : SeamPlacement::kFixed;
   set_coding(request, words.coding, args.out);

@@ -67,7 +67,9 @@ class FilmWork {
       return {};
     }
     if (args_.join) return no_plan(parts_);
-    NODAL_TRY_ASSIGN(plan_, content_.plan(notes_));
+    auto planned = content_.plan(notes_);
+    if (!planned) return as_stopped(fail(planned.error()));
+    plan_ = std::move(*planned);
     plan_.request = words;  // what was asked for, by which this plan is found again
     say_notes();
     if (plan_.raymap.seams == SeamPlacement::kPlaced) {

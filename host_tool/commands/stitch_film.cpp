@@ -14,6 +14,7 @@
 #include "host_tool/console/quantities.h"
 #include "host_tool/film/head_clocks.h"
 #include "host_tool/film/heads_source.h"
+#include "host_tool/film/light_plan.h"
 #include "host_tool/input/calibration_file.h"
 #include "host_tool/input/own_pictures.h"
 #include "protocol/base/sha256.h"
@@ -42,6 +43,13 @@ class HeadsFilm final : public FilmContent {
     NODAL_TRY_ASSIGN(const film::FilmRequest timed, with_times(request_, films, Lenses::kKnown));
     NODAL_TRY_ASSIGN(film::FilmPlan plan, film::make_plan(timed, films, programs_, notes));
     plan.times_residual_s = residual_s_;
+    if (!request_.matched) return plan;
+    Progress bar(console_, "matching the heads' light", 100);
+    const auto go_on = [&](double part) {
+      bar.update(static_cast<std::uint64_t>(100 * part), "");
+      return !interrupted();
+    };
+    NODAL_TRY(film::plan_light(plan, programs_, go_on, notes));
     return plan;
   }
 
@@ -67,6 +75,9 @@ class HeadsFilm final : public FilmContent {
                        {"ppm_sigma", clock.ppm_sigma},
                        {"by", clock.by.empty() ? "begin" : clock.by},
                        {"farthest_ms", 1000 * head.farthest_s}});
+      if (plan.light.stops.empty()) continue;
+      const auto [least, most] = std::ranges::minmax(plan.light.stops[heads.size() - 1]);
+      heads.back()["light_stops"] = {1.0 * least / kStop, 1.0 * most / kStop};
     }
     document["heads"] = heads;
     document["times_residual_ms"] = 1000 * plan.times_residual_s;

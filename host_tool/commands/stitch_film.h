@@ -17,10 +17,11 @@ struct FilmArgs {
   double readout_ms = 0;
   std::string sound = "auto";
   std::string seams = "placed";
+  std::string light = "matched";
   PartsArgs parts;
 };
 
-/// --codec, --crf, --preset, --offset, --times, --readout, --sound, --seams, --plan, --segments, --join.
+/// --codec, --crf, --preset, --offset, --times, --readout, --sound, --seams, --light, --plan, --segments, --join.
 void add_film_options(CLI::App& command, FilmArgs& args);
 
 /// Whether a result of this name is a film.

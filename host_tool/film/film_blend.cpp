@@ -50,7 +50,10 @@ Result<std::vector<std::uint8_t>> FilmBlend::place_seams(std::span<const ImageVi
 
 void FilmBlend::begin(std::span<const ImageView> pictures, bool views) {
   std::array<sets::SetFrame, kMaxHeads> frames;
-  for (std::size_t h = 0; h < pictures.size(); ++h) frames[h] = {true, pictures[h], Fields::kProgressive, {}, {}, 0};
+  for (std::size_t h = 0; h < pictures.size(); ++h) {
+    const Gain gain = light_.empty() ? Gain{} : gain_of(light_[h]);
+    frames[h] = {true, pictures[h], Fields::kProgressive, {}, gain, 0};
+  }
   blend_.begin(std::span(frames).first(pictures.size()), views);
   run();
 }

@@ -26,6 +26,8 @@ class FilmBlend {
 
   /// Puts a segment's seams in force.
   Status use(const PlannedSeams* seams);
+  /// Light of the heads in the pictures that are blended next, from their mean; by head. Empty: all are equal.
+  void set_light(std::vector<Stops> light) { light_ = std::move(light); }
   /// Seams where these pictures agree; they stay as they are in force unless others are clearly better. Empty: they
   /// stay.
   Result<std::vector<std::uint8_t>> place_seams(std::span<const ImageView> pictures);
@@ -42,6 +44,7 @@ class FilmBlend {
   parallel::Workers workers_;
   sets::PlanPtr own_;  ///< with the calibration's own seams
   sets::SetBlend blend_;
+  std::vector<Stops> light_;
   double seconds_ = 0;
 };
 

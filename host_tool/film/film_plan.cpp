@@ -145,6 +145,7 @@ Result<Json> words_of(const FilmRequest& request, const Programs& programs) {
              {"offsets", times},
              {"times", request.times_by},
              {"readout", request.readout_s},
+             {"light", request.matched ? "matched" : "fixed"},
              {"sound", sound}};
   add_words(words, request, programs);
   return words;

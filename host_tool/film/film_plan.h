@@ -13,6 +13,7 @@
 #include "host_tool/film/film_json.h"
 #include "protocol/base/raymap_config.h"
 #include "protocol/base/result.h"
+#include "protocol/base/stops.h"
 #include "protocol/calibration.h"
 
 namespace nodal::film {
@@ -41,6 +42,15 @@ struct FilmLook {
   bool preview = false;  ///< kPreviewFrames frames at most, one in N, at the times that they have in the film
 };
 
+/// Brightness of heads whose exposures drift apart.
+struct PlannedLight {
+  std::vector<std::uint64_t> frames;      ///< numbers of the frames of the result that it was measured in, rising
+  std::vector<std::vector<Stops>> stops;  ///< by head: how much more light it recorded than the mean of the heads
+
+  /// In between, it changes evenly.
+  Stops at(std::size_t head, std::uint64_t frame) const;
+};
+
 /// What a user asks for. Two runs with the same request make the same film.
 struct FilmRequest : FilmLook {
   Calibration calibration;         ///< heads in the order of the films
@@ -49,6 +59,7 @@ struct FilmRequest : FilmLook {
   std::vector<HeadTime> times;     ///< heads that are not named have no offset, or `times_by` finds it
   std::string times_by = "auto";   ///< or "begin", or sources: how other heads' times are found
   double readout_s = 0;            ///< readout of the heads' sensors, used for flashes; 0: not known
+  bool matched = true;             ///< brightness of heads is matched
   std::string sound = "auto";      ///< or "none", a head, or a file's absolute path
 };
 
@@ -99,6 +110,7 @@ struct FilmPlan {
   std::optional<PlannedSound> sound;
   std::uint64_t frames = 0;
   double times_residual_s = 0;      ///< difference between the lags of pairs of heads and the result, root mean square
+  PlannedLight light;               ///< empty: heads are as bright as the calibration says
   std::vector<PlannedSeams> seams;  ///< ordered by frame; empty: the calibration's own seams
   std::string id;                   ///< hash of the plan; set by id_of() or read_plan()
 

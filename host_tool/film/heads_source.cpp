@@ -33,6 +33,9 @@ bool HeadsSource::is_far() const {
 
 Result<std::vector<ImageView>> HeadsSource::pictures() {
   std::vector<ImageView> pictures;
+  std::vector<Stops> light;
+  for (std::size_t h = 0; h < plan_.light.stops.size(); ++h) light.push_back(plan_.light.at(h, frame_));
+  blend_.set_light(std::move(light));
   for (std::size_t h = 0; h < heads_.size(); ++h) {
     NODAL_TRY_ASSIGN(const ImageView picture, heads_[h]->at(plan_.heads[h].times[frame_]));
     pictures.push_back(picture);

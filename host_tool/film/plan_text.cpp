@@ -177,6 +177,27 @@ PlannedTake take_of(const Json& json, std::size_t frames) {
   return take;
 }
 
+PlannedLight light_of(const Json& json, const FilmPlan& plan) {
+  constexpr Stops kMost = 8 * kStop;
+  PlannedLight light;
+  if (json.is_null()) return light;
+  const Json& frames = json.at("frames");
+  const auto last = static_cast<std::int64_t>(plan.frames) - 1;
+  if (!frames.is_array() || frames.empty()) throw std::out_of_range("light.frames");
+  for (const Json& frame : frames) {
+    const std::int64_t least = light.frames.empty() ? 0 : static_cast<std::int64_t>(light.frames.back()) + 1;
+    light.frames.push_back(static_cast<std::uint64_t>(whole(frame, "light.frames", least, last)));
+  }
+  const Json& stops = json.at("stops");
+  if (!stops.is_array() || stops.size() != plan.heads.size()) throw std::out_of_range("light.stops");
+  for (const Json& head : stops) {
+    if (!head.is_array() || head.size() != light.frames.size()) throw std::out_of_range("light.stops");
+    std::vector<Stops>& own = light.stops.emplace_back();
+    for (const Json& one : head) own.push_back(static_cast<Stops>(whole(one, "light.stops", -kMost, kMost)));
+  }
+  return light;
+}
+
 std::vector<PlannedSeams> seams_of(const Json& json, const FilmPlan& plan) {
   std::vector<PlannedSeams> all;
   std::int64_t next = 0;
@@ -245,6 +266,7 @@ FilmPlan read(const Json& json) {
     plan.sound = PlannedSound{sound.at("file").get<std::string>(), sound.at("codec").get<std::string>(),
                               real(sound.at("from"), "sound.from"), real(sound.at("ppm"), "sound.ppm")};
   }
+  plan.light = light_of(json.at("light"), plan);
   plan.seams = seams_of(json.at("seams"), plan);
   return plan;
 }
@@ -289,6 +311,8 @@ std::string to_text(const FilmPlan& plan) {
                      {"from", plan.sound->from_s},
                      {"ppm", plan.sound->ppm}};
   }
+  json["light"] = nullptr;
+  if (!plan.light.frames.empty()) json["light"] = {{"frames", plan.light.frames}, {"stops", plan.light.stops}};
   json["seams"] = Json::array();
   for (const PlannedSeams& seams : plan.seams) {
     json["seams"].push_back({{"segment", seams.segment}, {"labels", runs_of(seams.labels)}});

@@ -155,19 +155,6 @@ Status find_responses(const std::vector<geometry::Head>& heads, const std::vecto
   return {};
 }
 
-LightModel model_of(const Calibration& prior) {
-  LightModel model;
-  for (const HeadCalibration& head : prior.heads) {
-    model.response.push_back(head.response);
-    model.log_gain.push_back({std::log(head.gain[0]), std::log(head.gain[1]), std::log(head.gain[2])});
-    // The same curve, expressed over the radius that the fit uses for all heads, around the lens's centre.
-    const double scale = std::pow(fall_off_radius(head) / head.vignetting.radius, 2);
-    const auto& v = head.vignetting.coefficients;
-    model.vignetting.push_back({v[0] * scale, v[1] * scale * scale, v[2] * scale * scale * scale});
-  }
-  return model;
-}
-
 /// Writes the model into the calibration. A fall-off that check_head refuses is held at the limit, with a note.
 void fill_heads(const LightModel& model, const std::vector<bool>& placed, LightReport& report) {
   for (std::size_t h = 0; h < report.calibration.heads.size(); ++h) {

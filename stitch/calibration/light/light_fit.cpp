@@ -137,12 +137,6 @@ double log_decoded(const Response& response, double value) {
   return std::log(std::max(geometry::decode(response, value), kMinLight));
 }
 
-double log_light(const LightModel& model, const Observation& o) {
-  const auto h = static_cast<std::size_t>(o.head);
-  return log_decoded(model.response[h], o.value) - model.log_gain[h][static_cast<std::size_t>(o.channel)] -
-         std::log(std::max(fall_off(model.vignetting[h], o.s), kMinFall)) - std::log(2.0) * o.stops;
-}
-
 /// The curve with unknowns x: 1 / gamma alone, or c2, c3, c4 of a polynomial (the coefficients sum to one).
 Response curve_of(const Eigen::VectorXd& x) {
   Response response;
@@ -211,6 +205,25 @@ CurveFit descend_curve(const LightGroups& groups, const Eigen::VectorXd& start) 
 }
 
 }  // namespace
+
+LightModel model_of(const Calibration& calibration) {
+  LightModel model;
+  for (const HeadCalibration& head : calibration.heads) {
+    model.response.push_back(head.response);
+    model.log_gain.push_back({std::log(head.gain[0]), std::log(head.gain[1]), std::log(head.gain[2])});
+    // The same curve, expressed over the radius that the fit uses for all heads, around the lens's centre.
+    const double scale = std::pow(fall_off_radius(head) / head.vignetting.radius, 2);
+    const auto& v = head.vignetting.coefficients;
+    model.vignetting.push_back({v[0] * scale, v[1] * scale * scale, v[2] * scale * scale * scale});
+  }
+  return model;
+}
+
+double log_light(const LightModel& model, const Observation& o) {
+  const auto h = static_cast<std::size_t>(o.head);
+  return log_decoded(model.response[h], o.value) - model.log_gain[h][static_cast<std::size_t>(o.channel)] -
+         std::log(std::max(fall_off(model.vignetting[h], o.s), kMinFall)) - std::log(2.0) * o.stops;
+}
 
 Disagreement disagreement(const LightGroups& groups, const LightModel& model) {
   Disagreement result{0, std::vector<double>(model.response.size(), 0.0)};

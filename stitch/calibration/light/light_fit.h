@@ -17,6 +17,11 @@ struct LightModel {
   std::vector<std::array<double, 3>> vignetting;  ///< equal for all heads if shared
 };
 
+/// The radiometry that a calibration says.
+LightModel model_of(const Calibration& calibration);
+/// ln of the light that an observation is of.
+double log_light(const LightModel& model, const Observation& observation);
+
 /// The spread of observations of one light under a model, natural logarithms.
 struct Disagreement {
   double rms = 0;                ///< weighted

@@ -34,6 +34,7 @@ FilmPlan small_plan() {
     plan.heads.push_back(std::move(planned));
   }
   plan.sound = PlannedSound{"/films/cam0.mp4", "aac", 0.25, 12};
+  plan.light = {{0, 240}, {{10, -20}, {-10, 20}}};
   plan.seams.push_back({1, std::vector<std::uint8_t>(256 * 128, 1)});
   return plan;
 }
@@ -41,6 +42,7 @@ FilmPlan small_plan() {
 FilmPlan take_plan() {
   FilmPlan plan = small_plan();
   plan.calibration = {};
+  plan.light = {};
   plan.heads.clear();
   plan.sound.reset();
   plan.take = PlannedTake{"takes/000001", {"cam0", "cam1"}, {}, 0.001};
@@ -139,6 +141,9 @@ TEST(FilmPlanText, AnyFieldChanges_IsAnotherPlan) {
                                     [](FilmPlan& p) { p.sound->codec = "mp3"; },
                                     [](FilmPlan& p) { p.sound->from_s = 0.5; },
                                     [](FilmPlan& p) { p.sound->ppm = 0; },
+                                    [](FilmPlan& p) { p.light = {}; },
+                                    [](FilmPlan& p) { p.light.frames[1] += 1; },
+                                    [](FilmPlan& p) { p.light.stops[1][0] += 1; },
                                     [](FilmPlan& p) { p.seams[0].segment = 0; },
                                     [](FilmPlan& p) { p.seams[0].labels[7] = 0; }};
   std::vector<std::string> ids{id_of(small_plan())};
@@ -192,6 +197,13 @@ TEST(FilmPlanText, ValuesThatAreNone_AreOneErrorWithoutMemory) {
                                                               {"/seams/0/labels", "[2,32768]"},
                                                               {"/seams/0/labels", "[257,32768]"},
                                                               {"/seams/0/labels", "[1,32769]"},
+                                                              {"/light", "1"},
+                                                              {"/light/frames", "[]"},
+                                                              {"/light/frames", "[240,0]"},
+                                                              {"/light/frames", "[0,300]"},
+                                                              {"/light/stops", "[[1,2]]"},
+                                                              {"/light/stops/0", "[1]"},
+                                                              {"/light/stops/0/0", "9000"},
                                                               {"/calibration", "null"},
                                                               {"/sound", "1"},
                                                               {"/file", "\"nodal film plan 3\""}};
