@@ -77,6 +77,9 @@ void add_film_options(CLI::App& command, FilmArgs& args) {
                   "Of a film: matched (when not given), heads whose exposures drift apart get one brightness; or fixed")
       ->type_name("matched|fixed")
       ->check(CLI::IsMember({"matched", "fixed"}));
+  command.add_option("--rate", args.rate, "Of a film of folders with pictures: how many a second (30 when not given)")
+      ->type_name("N")
+      ->check(CLI::Range(1, 1000));
   add_parts_options(command, args.parts);
 }
 

@@ -7,9 +7,12 @@
 #include <filesystem>
 
 #include "host_tool/console/quantities.h"
+#include "host_tool/film/film_list.h"
 #include "host_tool/input/calibration_file.h"
+#include "host_tool/input/pictures.h"
 #include "host_tool/output/layout_name.h"
 #include "protocol/base/try.h"
+#include "stitch/media/picture_bytes.h"
 #include "stitch/offline/offline_blend.h"
 
 namespace nodal::host {
@@ -61,7 +64,40 @@ Result<SegmentRange> parse_segments(const std::string& text) {
               fmt::format("'{}': write a segment's number, or the first and the last one, such as 0-9", text));
 }
 
-bool films_alone(const StitchArgs& args) { return film::is_film_name(args.inputs.front()); }
+bool films_alone(const StitchArgs& args) {
+  std::error_code error;
+  return film::is_film_name(args.inputs.front()) || fs::is_directory(args.inputs.front(), error);
+}
+
+Result<std::vector<std::string>> one_for_each_head(const film::Programs& programs, const StitchArgs& args, int rate,
+                                                   const std::string& folder) {
+  const bool alone = films_alone(args);
+  const std::vector<std::string> given(args.inputs.begin() + (alone ? 0 : 1), args.inputs.end());
+  for (const std::string& input : given) {
+    if (!film::is_list(input)) continue;
+    return fail(Errc::kUnsupported,
+                fmt::format("{}: it is no film but a list that names other files; name the films", input));
+  }
+  NODAL_TRY_ASSIGN(const auto heads, film::files_of_heads(given));
+  const auto size_of = [](const std::string& file) -> Result<film::PictureSize> {
+    NODAL_TRY_ASSIGN(media::PictureBytes bytes, media::PictureBytes::open(file));
+    NODAL_TRY_ASSIGN(const ImageHeader header, read_picture_header(bytes));
+    return film::PictureSize{header.width, header.height};
+  };
+  std::vector<std::string> inputs;
+  if (!alone) inputs.push_back(args.inputs.front());
+  for (const film::HeadFiles& head : heads) {
+    const auto named = std::ranges::find_if(
+        given, [&](const std::string& input) { return fs::absolute(input) == head.files.front(); });
+    if (head.files.size() == 1 && named != given.end()) {
+      inputs.push_back(*named);
+      continue;
+    }
+    NODAL_TRY_ASSIGN(std::string list, film::make_list(programs, head, rate, size_of, fs::absolute(folder).string()));
+    inputs.push_back(std::move(list));
+  }
+  return inputs;
+}
 
 Result<std::vector<film::HeadTime>> given_times(const FilmArgs& words) {
   std::vector<film::HeadTime> times;

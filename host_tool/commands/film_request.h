@@ -22,6 +22,11 @@ Result<SegmentRange> parse_segments(const std::string& text);
 /// Whether the inputs are films only, without a calibration in front of them.
 bool films_alone(const StitchArgs& args);
 
+/// The inputs, with one file for each head: for heads whose film is in several files, or in a folder, a list of them in
+/// `folder`, that of the film's parts. `rate`: of pictures. Errors: those of film::files_of_heads() and make_list().
+Result<std::vector<std::string>> one_for_each_head(const film::Programs& programs, const StitchArgs& args, int rate,
+                                                   const std::string& folder);
+
 /// Every --offset. Errors: kBadValue.
 Result<std::vector<film::HeadTime>> given_times(const FilmArgs& words);
 

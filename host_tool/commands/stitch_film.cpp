@@ -31,7 +31,9 @@ class HeadsFilm final : public FilmContent {
 
   Status run() {
     NODAL_TRY_ASSIGN(programs_, film::find_programs());
-    if (films_alone(args_)) NODAL_TRY(find_calibration());
+    const bool alone = films_alone(args_);
+    NODAL_TRY_ASSIGN(args_.inputs, one_for_each_head(programs_, args_, words_.rate, parts_.path));
+    if (alone) NODAL_TRY(find_calibration());
     NODAL_TRY_ASSIGN(request_, make_request(console_, args_, words_, found_, notes_));
     return make_film(console_, args_.out, words_.parts, programs_, *this, notes_);
   }
@@ -177,7 +179,7 @@ class HeadsFilm final : public FilmContent {
   }
 
   Console& console_;
-  const StitchArgs& args_;
+  StitchArgs args_;
   const FilmArgs& words_;
   film::PartsFolder parts_;
   film::Programs programs_;

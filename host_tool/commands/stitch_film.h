@@ -18,10 +18,11 @@ struct FilmArgs {
   std::string sound = "auto";
   std::string seams = "placed";
   std::string light = "matched";
+  int rate = 30;  ///< pictures a second, of folders with pictures
   PartsArgs parts;
 };
 
-/// --codec, --crf, --preset, --offset, --times, --readout, --sound, --seams, --light, --plan, --segments, --join.
+/// Those of film_work.h, and --offset, --times, --readout, --sound, --seams, --light, --rate.
 void add_film_options(CLI::App& command, FilmArgs& args);
 
 /// Whether a result of this name is a film.

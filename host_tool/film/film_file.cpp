@@ -13,6 +13,7 @@
 
 #include "host_tool/child/child.h"
 #include "host_tool/film/film_json.h"
+#include "host_tool/film/film_list.h"
 #include "protocol/base/file_ending.h"
 #include "protocol/base/text.h"
 #include "protocol/base/try.h"
@@ -201,7 +202,7 @@ Status read_times(FilmFile& film, std::string_view packets) {
 Result<std::string> ask(const Programs& programs, const std::string& path, std::vector<std::string> what,
                         std::size_t limit) {
   std::vector<std::string> words{"-v", "error"};
-  const std::vector<std::string> rules = input_rules();
+  const std::vector<std::string> rules = input_rules(path);
   words.insert(words.end(), rules.begin(), rules.end());
   words.insert(words.end(), what.begin(), what.end());
   words.push_back(file_url(path));
@@ -278,6 +279,7 @@ Result<FilmFile> probe(const Programs& programs, const std::string& path, int tr
   auto film = film_of(*streams, *packets, track);
   if (!film) return fail(film.error().in(path));
   film->path = path;
+  if (is_list(path)) film->gpmf.reset();  // telemetry is not read across files
   film->bytes = std::filesystem::file_size(path, error);
   return film;
 }

@@ -16,6 +16,7 @@
 #include "host_tool/console/overwriting.h"
 #include "host_tool/film/attempts.h"
 #include "host_tool/film/film_encoder.h"
+#include "host_tool/film/film_list.h"
 #include "host_tool/film/spherical_mp4.h"
 #include "protocol/base/try.h"
 #include "protocol/files/open_file.h"
@@ -74,7 +75,7 @@ bool holds(Container container, const std::string& codec) {
 
 /// The sound as the second input; `length_s` of it.
 Words sound_input(const FilmPlan& plan) {
-  Words words = input_rules();
+  Words words = input_rules(plan.sound->path);
   if (plan.sound->from_s > 0) add(words, {"-ss", fmt::format("{:.6f}", plan.sound->from_s)});
   else add(words, {"-itsoffset", fmt::format("{:.6f}", -plan.sound->from_s)});
   add(words, {"-seek_timestamp", "1", "-i", file_url(plan.sound->path)});
@@ -201,7 +202,7 @@ void remove_parts(const PartsFolder& parts) {
   constexpr std::size_t kRigFile = 25;  // "rig-", 16 digits, ".json"
   const auto is_own = [&](const std::string& name) {
     return name == "plan.json" || (name.starts_with("rig-") && name.size() == kRigFile) ||
-           name.starts_with("plan.json.part-") || is_segment(name) ||
+           name.starts_with("plan.json.part-") || is_segment(name) || is_list(name) ||
            (name.starts_with("join-") && name.find(".ffconcat") != std::string::npos);
   };
   std::error_code error;

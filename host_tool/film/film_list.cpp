@@ -77,7 +77,8 @@ tl::unexpected<Error> gap(const std::string& before, const std::string& after) {
 
 /// Puts chapters in order, and names one that is missing.
 Status put_in_order(std::vector<std::string>& files, bool pictures) {
-  const bool chapters = !pictures && std::ranges::all_of(files, [](const std::string& f) { return bool(chapter_of(f)); });
+  const bool chapters =
+      !pictures && std::ranges::all_of(files, [](const std::string& f) { return bool(chapter_of(f)); });
   const auto key = [&](const std::string& file) {
     if (chapters) {
       const Chapter chapter = *chapter_of(file);
@@ -124,8 +125,8 @@ Result<HeadFiles> in_folder(const std::string& folder) {
                                              "frames of this head, such as {}",
                                              folder, fs::path(pictures.files.front()).filename().string()));
   }
+  pictures.pictures = true;
   HeadFiles head = films.files.empty() ? std::move(pictures) : std::move(films);
-  head.pictures = films.files.empty();
   NODAL_TRY(put_in_order(head.files, head.pictures));
   const fs::path path = fs::path(folder).lexically_normal();
   head.name = (path.has_filename() ? path : path.parent_path()).filename().string();

@@ -12,7 +12,7 @@ namespace nodal::film {
 
 /// The files of one head, in the order of time.
 struct HeadFiles {
-  std::string name;                ///< of the head: that of the folder, or of the first file
+  std::string name;                ///< the folder's, or the first file's
   std::vector<std::string> files;  ///< absolute paths
   bool pictures = false;           ///< each is a frame
 };

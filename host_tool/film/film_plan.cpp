@@ -8,6 +8,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "host_tool/film/film_list.h"
 #include "host_tool/film/film_time.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/try.h"
@@ -16,23 +17,6 @@
 
 namespace nodal::film {
 namespace {
-
-/// Size of a file, and a hash of its two ends: of an hour's film, reading all would take minutes.
-Result<Json> identity_of(const std::string& path) {
-  constexpr std::uint64_t kEnd = 1 << 16;
-  const Result<FilePtr> file = open_to_read(path);
-  if (!file) return fail(file.error().in(path));
-  std::error_code error;
-  const std::uint64_t size = std::filesystem::file_size(path, error);
-  if (error) return fail(Errc::kIo, fmt::format("{}: {}", path, error.message()));
-  std::vector<std::uint8_t> bytes(std::min(size, 2 * kEnd));
-  const std::uint64_t front = std::min(size, kEnd), back = bytes.size() - front;
-  const bool read = std::fread(bytes.data(), 1, front, file->get()) == front &&
-                    ::fseeko(file->get(), static_cast<off_t>(size - back), SEEK_SET) == 0 &&
-                    std::fread(bytes.data() + front, 1, back, file->get()) == back;
-  if (!read) return fail(Errc::kIo, fmt::format("{}: it cannot be read", path));
-  return Json{{"file", path}, {"bytes", size}, {"ends", to_hex(sha256(bytes))}};
-}
 
 Result<double> number(std::string_view text) {
   if (text.starts_with('+')) text.remove_prefix(1);
@@ -99,6 +83,23 @@ Result<std::optional<PlannedSound>> choose_sound(const FilmRequest& request, con
 }
 
 }  // namespace
+
+Result<Json> identity_of(const std::string& path) {
+  // To read all of an hour's film would take minutes.
+  const std::uint64_t ends = is_list(path) ? std::uint64_t{1} << 26 : std::uint64_t{1} << 16;
+  const Result<FilePtr> file = open_to_read(path);
+  if (!file) return fail(file.error().in(path));
+  std::error_code error;
+  const std::uint64_t size = std::filesystem::file_size(path, error);
+  if (error) return fail(Errc::kIo, fmt::format("{}: {}", path, error.message()));
+  std::vector<std::uint8_t> bytes(std::min(size, 2 * ends));
+  const std::uint64_t front = std::min(size, ends), back = bytes.size() - front;
+  const bool read = std::fread(bytes.data(), 1, front, file->get()) == front &&
+                    ::fseeko(file->get(), static_cast<off_t>(size - back), SEEK_SET) == 0 &&
+                    std::fread(bytes.data() + front, 1, back, file->get()) == back;
+  if (!read) return fail(Errc::kIo, fmt::format("{}: it cannot be read", path));
+  return Json{{"file", path}, {"bytes", size}, {"ends", to_hex(sha256(bytes))}};
+}
 
 Result<HeadTime> parse_head_time(const std::string& text) {
   const std::size_t equals = text.rfind('=');

@@ -65,6 +65,8 @@ struct FilmRequest : FilmLook {
 
 /// The request in words, with what identifies its files. Errors: those of reading the films.
 Result<Json> words_of(const FilmRequest& request, const Programs& programs);
+/// Name, size, and a hash of both ends of a file, or of all of a list. Errors: those of the disk.
+Result<Json> identity_of(const std::string& path);
 /// Adds the programs' versions and how the film is to be.
 void add_words(Json& words, const FilmLook& look, const Programs& programs);
 

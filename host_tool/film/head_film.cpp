@@ -19,7 +19,7 @@ constexpr double kMarginSeconds = 0.5;
 std::vector<std::string> decoder_words(const FilmFile& film, std::optional<double> from_s) {
   std::vector<std::string> words{"-hide_banner",  "-nostats", "-v",       "error", "-nostdin",
                                  "-noautorotate", "-copyts",  "-threads", "2"};
-  const std::vector<std::string> rules = input_rules();
+  const std::vector<std::string> rules = input_rules(film.path);
   words.insert(words.end(), rules.begin(), rules.end());
   if (from_s) words.insert(words.end(), {"-ss", fmt::format("{:.6f}", *from_s)});
   words.insert(words.end(), {"-i", file_url(film.path), "-map", fmt::format("0:V:{}", film.track)});

@@ -43,7 +43,7 @@ Result<timing::SoundTrack> track_of(const Programs& programs, const FilmFile& fi
   Result<timing::SoundReducer> reducer = timing::SoundReducer::make(film.sound->rate, std::move(store));
   if (!reducer) return fail(reducer.error().in(film.path));
   std::vector<std::string> words{"-hide_banner", "-nostats", "-v", "error", "-nostdin"};
-  const std::vector<std::string> rules = input_rules();
+  const std::vector<std::string> rules = input_rules(film.path);
   words.insert(words.end(), rules.begin(), rules.end());
   words.insert(words.end(), {"-i", file_url(film.path), "-map", "0:a:0", "-ac", "1", "-ar",
                              fmt::format("{}", film.sound->rate), "-c:a", "pcm_f32le", "-f", "f32le", "pipe:1"});

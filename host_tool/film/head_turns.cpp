@@ -25,7 +25,7 @@ constexpr std::size_t kMaxTelemetry = 128 << 20;  // bytes; GoPro writes 10 to 2
 std::vector<std::string> small_words(const FilmFile& film, int width, int height, double from_s) {
   std::vector<std::string> words{"-hide_banner",  "-nostats", "-v",       "error", "-nostdin",
                                  "-noautorotate", "-copyts",  "-threads", "2"};
-  const std::vector<std::string> rules = input_rules();
+  const std::vector<std::string> rules = input_rules(film.path);
   words.insert(words.end(), rules.begin(), rules.end());
   if (from_s > 0) words.insert(words.end(), {"-ss", fmt::format("{:.6f}", from_s)});
   words.insert(words.end(),
@@ -115,7 +115,7 @@ std::optional<std::array<double, 3>> numbers_of(std::string_view line) {
 
 Result<std::string> answer(const std::string& program, const FilmFile& film, std::vector<std::string> before,
                            const std::vector<std::string>& after, std::size_t limit) {
-  const std::vector<std::string> rules = input_rules();
+  const std::vector<std::string> rules = input_rules(film.path);
   before.insert(before.end(), rules.begin(), rules.end());
   before.insert(before.end(), {"-i", file_url(film.path)});
   before.insert(before.end(), after.begin(), after.end());

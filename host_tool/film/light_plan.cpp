@@ -18,9 +18,9 @@ namespace nodal::film {
 namespace {
 
 constexpr double kSeen = 0.04;      // stops; what overlaps show below this may be their misalignment
-constexpr double kLargest = 3;      // stops
+constexpr double kMaxLight = 3;     // stops
 constexpr double kUncertain = 0.1;  // stops; a measurement with a larger standard deviation is not used
-constexpr std::uint64_t kLeastMoments = 8;
+constexpr std::uint64_t kMinMoments = 8;
 
 /// The luma of a picture as grey RGB, in full range.
 std::vector<std::uint8_t> grey_rgb(const ImageView& picture) {
@@ -63,7 +63,7 @@ Result<LightMoment> measure(const FilmPlan& plan, const Programs& programs, cons
   LightMoment moment;
   for (std::size_t h = 0; h < heads.size(); ++h) {
     const bool known = light.sigma[h] < kUncertain;
-    moment.push_back(known ? std::clamp(light.stops[h], -kLargest, kLargest)
+    moment.push_back(known ? std::clamp(light.stops[h], -kMaxLight, kMaxLight)
                            : std::numeric_limits<double>::quiet_NaN());
   }
   return moment;
@@ -80,8 +80,8 @@ std::vector<double> without_outliers(const std::vector<double>& values) {
   for (std::size_t k = 1; k + 1 < count; ++k) smooth[k] = median(values[k - 1], values[k], values[k + 1]);
   smooth[0] = median(values[0], smooth[1], 3 * smooth[1] - 2 * smooth[std::min<std::size_t>(2, count - 2)]);
   const std::size_t last = count - 1;
-  smooth[last] = median(values[last], smooth[last - 1],
-                        3 * smooth[last - 1] - 2 * smooth[std::max<std::size_t>(last - 2, 1)]);
+  smooth[last] =
+      median(values[last], smooth[last - 1], 3 * smooth[last - 1] - 2 * smooth[std::max<std::size_t>(last - 2, 1)]);
   return smooth;
 }
 
@@ -113,7 +113,8 @@ PlannedLight light_of(const std::vector<std::uint64_t>& frames, const std::vecto
     std::vector<Stops> own(moments.size(), 0);
     for (std::size_t k = 0; k < moments.size() && !known.empty(); ++k) {
       const auto next = std::ranges::lower_bound(known, k);
-      const double stops = smooth[static_cast<std::size_t>((next == known.end() ? std::prev(next) : next) - known.begin())];
+      const double stops =
+          smooth[static_cast<std::size_t>((next == known.end() ? std::prev(next) : next) - known.begin())];
       largest = std::max(largest, std::abs(stops));
       own[k] = static_cast<Stops>(std::lround(stops * kStop));
     }
@@ -128,7 +129,7 @@ Status plan_light(FilmPlan& plan, const Programs& programs, const std::function<
                   std::vector<std::string>& notes) {
   const auto heads = geometry::make_heads(plan.calibration);
   if (!heads) return fail(heads.error());
-  const std::uint64_t step = std::clamp<std::uint64_t>(plan.frames / kLeastMoments, 1, kLightFrames);
+  const std::uint64_t step = std::clamp<std::uint64_t>(plan.frames / kMinMoments, 1, kLightFrames);
   std::vector<std::uint64_t> frames;
   std::vector<LightMoment> moments;
   for (std::uint64_t frame = 0; frame < plan.frames; frame += step) {

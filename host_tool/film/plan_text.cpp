@@ -178,7 +178,7 @@ PlannedTake take_of(const Json& json, std::size_t frames) {
 }
 
 PlannedLight light_of(const Json& json, const FilmPlan& plan) {
-  constexpr Stops kMost = 8 * kStop;
+  constexpr Stops kMaxPlannedStops = 8 * kStop;
   PlannedLight light;
   if (json.is_null()) return light;
   const Json& frames = json.at("frames");
@@ -193,7 +193,8 @@ PlannedLight light_of(const Json& json, const FilmPlan& plan) {
   for (const Json& head : stops) {
     if (!head.is_array() || head.size() != light.frames.size()) throw std::out_of_range("light.stops");
     std::vector<Stops>& own = light.stops.emplace_back();
-    for (const Json& one : head) own.push_back(static_cast<Stops>(whole(one, "light.stops", -kMost, kMost)));
+    for (const Json& one : head)
+      own.push_back(static_cast<Stops>(whole(one, "light.stops", -kMaxPlannedStops, kMaxPlannedStops)));
   }
   return light;
 }

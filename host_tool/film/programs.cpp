@@ -1,5 +1,7 @@
 #include "host_tool/film/programs.h"
 
+#include "host_tool/film/film_list.h"
+
 #include <fmt/format.h>
 
 #include <charconv>
@@ -72,10 +74,17 @@ Result<Programs> find_programs() {
 
 std::string file_url(const std::string& path) { return "file:" + path; }
 
-std::vector<std::string> input_rules() {
-  return {"-protocol_whitelist", "file,pipe", "-format_whitelist",
-          "mov,mp4,matroska,webm,avi,mpegts,mpeg,mpegvideo,mxf,nut,ogg,flv,asf,dv,gxf,h264,hevc,ivf,m4v,obu,wav,flac,"
-          "mp3,aac"};
+std::vector<std::string> input_rules(const std::string& path) {
+  const std::string films =
+      "mov,mp4,matroska,webm,avi,mpegts,mpeg,mpegvideo,mxf,nut,ogg,flv,asf,dv,gxf,h264,hevc,ivf,m4v,obu,wav,flac,"
+      "mp3,aac";
+  std::vector<std::string> rules{"-protocol_whitelist", "file,pipe", "-format_whitelist"};
+  if (!is_list(path)) {
+    rules.push_back(films);
+    return rules;
+  }
+  rules.insert(rules.end(), {films + ",concat,png_pipe,jpeg_pipe,tiff_pipe", "-f", "concat", "-safe", "0"});
+  return rules;
 }
 
 }  // namespace nodal::film

@@ -29,7 +29,8 @@ Result<std::string> version_of(std::string_view answer);
 /// A file's name as ffmpeg's file protocol reads it, whatever the name begins with or contains.
 std::string file_url(const std::string& path);
 
-/// Options before every `-i`: only local files, only containers (never playlists or scripts that name other files).
-std::vector<std::string> input_rules();
+/// Options before every `-i` of this file: only local files, only containers (never playlists or scripts that name
+/// other files, but for the lists of film_list.h).
+std::vector<std::string> input_rules(const std::string& path);
 
 }  // namespace nodal::film

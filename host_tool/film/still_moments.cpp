@@ -23,7 +23,7 @@ constexpr std::size_t kMaxPng = std::size_t{512} << 20;  // bytes
 Result<std::string> decoded(const Programs& programs, const FilmFile& film, std::size_t frame,
                             const std::vector<std::string>& words, std::size_t limit) {
   std::vector<std::string> all{"-hide_banner", "-nostats", "-v", "error", "-nostdin", "-noautorotate", "-threads", "2"};
-  const std::vector<std::string> rules = input_rules();
+  const std::vector<std::string> rules = input_rules(film.path);
   all.insert(all.end(), rules.begin(), rules.end());
   if (frame > 0) {
     // Between the frame and the one before, so that rounding leads to neither of the others.

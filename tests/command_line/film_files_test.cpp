@@ -9,7 +9,7 @@ namespace fs = std::filesystem;
 class FilmFiles : public FilmCommand {
  protected:
   const Words kHow{"--codec", "ffv1", "--seams", "fixed", "--width", "128"};
-  static constexpr int kFrames = 30;
+  static constexpr int kFrames = 18;
 
   std::string stitched(const std::string& out, const Words& more = {}) const {
     Words words = kHow;
@@ -17,7 +17,7 @@ class FilmFiles : public FilmCommand {
     expect_good(stitch(out, words));
     return pixels(path(out), "rgb24");
   }
-  /// Chapters of ten frames of each head's film: GX010000.mkv, GX020000.mkv, ... of head 0, in `folder`.
+  /// Chapters of six frames of each head's film: GX010000.mkv, GX020000.mkv, ... of head 0, in `folder`.
   std::string chapter(std::size_t head, int number, const std::string& folder = ".") const {
     return path(folder + "/GX0" + std::to_string(number) + "000" + std::to_string(head) + ".mkv");
   }
@@ -26,7 +26,7 @@ class FilmFiles : public FilmCommand {
     for (std::size_t h = 0; h < films_.size(); ++h) {
       for (int n = 1; n <= 3; ++n) {
         ffmpeg({"-i", films_[h], "-vf",
-                "trim=start_frame=" + std::to_string(10 * (n - 1)) + ":end_frame=" + std::to_string(10 * n) +
+                "trim=start_frame=" + std::to_string(6 * (n - 1)) + ":end_frame=" + std::to_string(6 * n) +
                     ",setpts=PTS-STARTPTS",
                 "-c:v", "ffv1", chapter(h, n, folder)});
       }

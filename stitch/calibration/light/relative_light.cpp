@@ -16,7 +16,7 @@ constexpr double kLn2 = std::numbers::ln2;
 constexpr int kRounds = 12;
 constexpr double kFarFromOthers = 1.5;  // standard deviations
 constexpr double kHold = 1e-6;          // part of a typical weight that holds the mean of the heads at zero
-constexpr double kLeastScale = 1e-6;
+constexpr double kMinScale = 1e-6;
 
 /// One light, seen by some heads: their logarithms less the unknown gains.
 struct Light {
@@ -39,10 +39,10 @@ std::vector<Light> lights_of(const LightModel& model, const LightGroups& groups)
   return lights;
 }
 
-/// What is left of a weight at so many standard deviations. The first rounds find the many, whatever they begin with; the
-/// later ones leave out what is far from them, such as a thing that only one head sees.
+/// What is left of a weight at so many standard deviations. The first rounds find what most rays say; the later ones
+/// leave out what is far from it, such as a thing that only one head sees.
 double share_of(double deviations, int round) {
-  if (round < kRounds / 2) return std::min(1.0, kFarFromOthers / std::max(deviations, kLeastScale));
+  if (round < kRounds / 2) return std::min(1.0, kFarFromOthers / std::max(deviations, kMinScale));
   const double far = deviations / (2 * kFarFromOthers);
   return 1 / std::pow(1 + far * far, 2);
 }
@@ -79,7 +79,7 @@ RelativeLight relative_light(const Calibration& calibration, const std::vector<g
       for (std::size_t i = 0; i < apart.size(); ++i) sizes.push_back(std::abs(apart[i]) * std::sqrt(light.weight[i]));
     }
     std::vector<double> sorted = sizes;
-    scale = std::max(solve::kSigmaPerMedian * solve::median(sorted), kLeastScale);
+    scale = std::max(solve::kSigmaPerMedian * solve::median(sorted), kMinScale);
     Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(count, count);
     Eigen::VectorXd right = Eigen::VectorXd::Zero(count);
     std::size_t at = 0;
@@ -98,17 +98,17 @@ RelativeLight relative_light(const Calibration& calibration, const std::vector<g
       }
     }
     // Only differences are determined; of all gains with them those of least size are taken.
-    normal.diagonal().array() += std::max(kHold * normal.diagonal().maxCoeff(), kLeastScale);
+    normal.diagonal().array() += std::max(kHold * normal.diagonal().maxCoeff(), kMinScale);
     inverse = normal.ldlt().solve(Eigen::MatrixXd::Identity(count, count));
     gain = inverse * right;
   }
-  constexpr int kLeastRays = 60;
+  constexpr int kMinSharedRays = 60;
   std::vector<int> rays(heads.size(), 0);
   for (const Light& light : lights) {
     for (const Eigen::Index head : light.head) ++rays[static_cast<std::size_t>(head)];
   }
   for (std::size_t h = 0; h < heads.size(); ++h) {
-    if (rays[h] < kLeastRays) continue;
+    if (rays[h] < kMinSharedRays) continue;
     // The uncertain mean of all is no part of a head's difference from it.
     const auto k = static_cast<Eigen::Index>(h);
     const double variance = inverse(k, k) - inverse.row(k).mean() * 2 + inverse.mean();
