@@ -20,6 +20,8 @@ struct Prepared;
 
 namespace nodal::host {
 
+struct FoundRigs;
+
 /// What a command needs to run: options, console, connection.
 ///
 /// Threading: thread-bound.
@@ -51,6 +53,9 @@ class Context {
 
   /// The socket and the browser of `look`, which are prepared before the process gives up its rights; null: not yet.
   std::shared_ptr<look::Prepared> page;
+
+  /// What `rigs` found before the process gave up its rights; null: not yet.
+  std::shared_ptr<FoundRigs> found_rigs;
 
   /// The exit code of a command that succeeded, but with a negative result.
   ExitCode answer = ExitCode::kOk;

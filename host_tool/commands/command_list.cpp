@@ -3,6 +3,7 @@
 namespace nodal::host {
 
 void add_all_commands(CLI::App& app, CommandLine& line) {
+  add_rigs(app, line);
   add_status(app, line);
   add_heads(app, line);
   add_hosts(app, line);

@@ -11,6 +11,7 @@ class CommandLine;
 void add_all_commands(CLI::App& app, CommandLine& line);
 
 // One function per file; each adds its command below `app` and registers its action.
+void add_rigs(CLI::App& app, CommandLine& line);
 void add_status(CLI::App& app, CommandLine& line);
 void add_heads(CLI::App& app, CommandLine& line);
 void add_hosts(CLI::App& app, CommandLine& line);

@@ -16,6 +16,7 @@
 #include "host_tool/child/find_program.h"
 #include "host_tool/commands/look.h"
 #include "host_tool/commands/render_film.h"
+#include "host_tool/commands/rigs.h"
 #include "host_tool/commands/stitch_film.h"
 #include "host_tool/console/overwriting.h"
 #include "host_tool/input/picture_masks.h"
@@ -237,6 +238,9 @@ CommandRights rights_of(const CLI::App& command) {
 Status confine_command(Context& context, const CLI::App& command) {
   if (command.get_name() == kLookCommand || command.get_name() == kWebCommand) {
     NODAL_TRY(prepare_look(context, command));
+  }
+  if (command.get_name() == kRigsCommand) {
+    NODAL_TRY(prepare_rigs(context));
   }
   if (is_off()) return {};
   NODAL_TRY(give_helper(context));

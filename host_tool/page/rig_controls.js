@@ -1,6 +1,9 @@
 // The rig's state in words, and the controls. A control shows what the rig says, not what was pressed.
 
+import { SkewChart } from "./skew_chart.js";
+
 const at = (id) => document.getElementById(id);
+const chart = new SkewChart(at("skew"), at("apart"));
 
 const seconds = (ns) => {
   const whole = Math.floor(ns / 1e9);
@@ -80,8 +83,9 @@ export function showState({ status, heads, exposure }) {
   const lock = status.genlock;
   at("genlock").setAttribute("aria-pressed", String(lock.state !== "off"));
   at("genlock").textContent = lock.state === "off" ? "Start genlock" : "Stop genlock";
-  at("sync").textContent = `Genlock ${lock.state}; the heads are ${(lock.spread_ns / 1e3).toFixed(0)} µs apart, ` +
+  at("sync").textContent = `Genlock ${lock.state}; ` +
     `${sum(status.losses)} of ${status.frames_taken} frames lost.`;
+  chart.add(lock.state === "off" ? null : lock.spread_ns);
   if (!busy) {
     at("program").value = exposure.program;
     at("locked").checked = exposure.locked;

@@ -46,6 +46,7 @@ class Web {
   void set_server(look::Server* server);
 
   static constexpr const char* kCookie = "__Host-nodal";
+  static constexpr unsigned kConnections = 256;  ///< behind a server in front, which limits those of each browser
 
  private:
   Web(RigDesk::Connect connect, std::filesystem::path devices, std::optional<Device> owner);

@@ -12,9 +12,23 @@ const [socket, folder, key, certificate, operateCode, watchCode] = process.argv.
 const print = (document) => console.log(JSON.stringify(document));
 const sleep = (ms) => new Promise((done) => setTimeout(done, ms));
 
+// What the rig is made to say: a head without its cable, heads out of step.
+let change = null;
+const changed = (text) => {
+  const state = JSON.parse(text);
+  change(state);
+  return JSON.stringify(state);
+};
+
 const front = createServer({ key: readFileSync(key), cert: readFileSync(certificate) }, (asked, answer) => {
   const onwards = request({ socketPath: socket, path: asked.url, method: asked.method,
     headers: { ...asked.headers, "x-server-addr": "127.0.0.1" } }, (from) => {
+    if (change && asked.url === "/api/state" && from.statusCode === 200) {
+      const all = [];
+      from.on("data", (bytes) => all.push(bytes));
+      from.on("end", () => answer.end(changed(Buffer.concat(all).toString())));
+      return;
+    }
     answer.writeHead(from.statusCode, from.headers);
     from.on("data", (bytes) => {
       for (let k = 0; k < bytes.length;) {
@@ -110,8 +124,43 @@ for (let k = 0; k < 40; ++k) {
 }
 print({ step: "keys", reached: [...reached] });
 
+/// The texts of a head's row, and which of them are marked as bad.
+const row = (name) => page.evaluate((head) => {
+  const rows = [...document.getElementById("heads").children];
+  const cells = [...rows.find((each) => each.cells[0].textContent.startsWith(head)).cells];
+  return { cells: cells.map((each) => each.textContent), bad: cells.map((each) => each.className) };
+}, name);
+const showChart = () => page.$eval("#heads-title", (each) => each.scrollIntoView());
+const order = (path, document) => page.evaluate(async (where, json) => (await fetch(where, { method: "POST",
+  headers: { "Content-Type": "application/json" }, body: json })).status, path, JSON.stringify(document));
+// The heads fall out of step for some questions, and cam2 loses its cable.
+change = (state) => { state.status.genlock.state = "locked"; state.status.genlock.spread_ns = 1500000;
+  Object.assign(state.heads.find((each) => each.name === "cam2"), { present: false }); };
+await page.waitForFunction(() => Number(document.getElementById("skew").dataset.over) >= 3, { timeout: 20000 });
+const line = (id) => page.$eval(`#skew ${id}`, (each) => each.getAttribute(each.tagName === "line" ? "y1" : "d"));
+await showChart();
+await shot(page, "skew");
+print({ step: "skew", words: await page.$eval("#apart", (each) => each.textContent),
+  limit: Number(await line("line")), newest: Number((await line("path")).split(" ").pop()),
+  bad: await page.$eval("#skew", (each) => each.classList.contains("bad")),
+  unplugged: await row("cam2"), others: await row("cam1"), axe: await violations(page) });
+change = null;
+await page.waitForFunction(() => !document.getElementById("skew").classList.contains("bad"), { timeout: 20000 });
+
+// One head gets too much light from here on; the other heads' settings stay.
+print({ step: "overexpose", manual: await order("api/exposure", { program: "manual" }),
+  set: await order("api/heads", { heads: [3], exposure_ns: 30000000, gain_mdb: 12000 }) });
+await page.waitForFunction(() => [...document.getElementById("heads").children].some((each) =>
+  each.cells[0].textContent === "cam3" && parseFloat(each.cells[2].textContent) > 10), { timeout: 20000 });
+await sleep(2500);
+await shot(page, "overexposed");
+print({ step: "overexposed", heads: await Promise.all([0, 1, 2, 3, 4, 5].map((k) => row(`cam${k}`))) });
+
 await page.setViewport({ width: 320, height: 640 });
 await drawn(page);
+await showChart();
+await shot(page, "narrow-chart");
+await page.evaluate(() => scrollTo(0, 0));
 await shot(page, "narrow");
 print({ step: "narrow", wide: await page.evaluate(() => document.documentElement.scrollWidth),
   axe: await violations(page),
@@ -119,6 +168,24 @@ print({ step: "narrow", wide: await page.evaluate(() => document.documentElement
     .filter((each) => { const { right, width } = each.getBoundingClientRect(); return width > 0 && right > 320.5; })
     .map((each) => each.id || each.outerHTML.slice(0, 60))) });
 await page.setViewport({ width: 1280, height: 900 });
+
+// A phone at the edge of the network: 30 kB/s, and a processor that is six times slower.
+const devtools = await page.createCDPSession();
+await devtools.send("Network.emulateNetworkConditions",
+  { offline: false, latency: 50, downloadThroughput: 30000, uploadThroughput: 30000 });
+await devtools.send("Emulation.setCPUThrottlingRate", { rate: 6 });
+await sleep(4000);
+const ages = [], picturesBefore = await page.$eval("#age", (each) => Number(each.dataset.pictures));
+for (let k = 0; k < 40; ++k) {
+  ages.push(await page.$eval("#age", (each) => Number(each.dataset.age)));
+  await sleep(400);
+}
+print({ step: "slow", ages,
+  pictures: (await page.$eval("#age", (each) => Number(each.dataset.pictures))) - picturesBefore });
+await devtools.send("Network.emulateNetworkConditions",
+  { offline: false, latency: 0, downloadThroughput: -1, uploadThroughput: -1 });
+await devtools.send("Emulation.setCPUThrottlingRate", { rate: 1 });
+await devtools.detach();
 
 const hide = (hidden) => page.evaluate((value) => {
   Object.defineProperty(document, "hidden", { value, configurable: true });

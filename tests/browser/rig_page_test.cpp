@@ -101,10 +101,41 @@ TEST_F(RigPage, RecordsDownloadsComesBackAndFitsEverybody) {
   for (const std::string id : {"view", "turned 5", "record", "still", "program", "locked", "genlock", "summary", "a"})
     EXPECT_TRUE(std::ranges::find(keys["reached"], Json(id)) != keys["reached"].end()) << id << " " << keys;
 
+  const Json skew = step("skew");  // SkewInjected_ChartShowsIt: 1500 us, and the limit is 500
+  EXPECT_NEAR(skew["limit"].get<double>(), 40 * (1 - 500 / 1650.0), 0.02) << "of 40, from above";
+  EXPECT_NEAR(skew["newest"].get<double>(), 40 * (1 - 1500 / 1650.0), 0.02);
+  EXPECT_EQ(skew["bad"], true);
+  EXPECT_NE(skew["words"].get<std::string>().find("Apart: 1500 µs now, at most 1500 µs"), std::string::npos) << skew;
+  EXPECT_NE(skew["words"].get<std::string>().find("the limit is 500 µs"), std::string::npos) << skew;
+  EXPECT_EQ(skew["unplugged"]["cells"][0], "cam2 is missing");  // HeadUnplugged_IsNamed
+  EXPECT_EQ(skew["unplugged"]["bad"][0], "bad");
+  EXPECT_EQ(skew["others"]["cells"][0], "cam1");
+  EXPECT_EQ(skew["axe"], none);
+
+  const Json order = step("overexpose");  // OneHeadOverexposed_ClippedShareIsTrue
+  EXPECT_EQ(order["manual"], 200);
+  EXPECT_EQ(order["set"], 200);
+  const Json light = step("overexposed");
+  for (std::size_t k = 0; k < 6; ++k) {
+    const double clipped = nodal_json({"exposure", "show"}).at(0)["heads"][k]["clipped_ppm"].get<double>() / 1e4;
+    const Json& cells = light["heads"][k]["cells"];
+    EXPECT_NEAR(std::stod(cells[2].get<std::string>()), clipped, 1) << k << " " << cells;
+    EXPECT_EQ(k == 3, clipped > 10) << k << ": " << clipped << " %";
+    EXPECT_EQ(light["heads"][k]["bad"][2], clipped > 1 ? "bad" : "") << k;
+  }
+
   const Json narrow = step("narrow");  // Width320_NothingOverflows, AxeCore_NoViolations
   EXPECT_EQ(narrow["wide"], 320);
   EXPECT_EQ(narrow["beside"], none);
   EXPECT_EQ(narrow["axe"], none);
+  const Json slow = step("slow");  // SlowPhone_AgeBounded
+  std::vector<double> ages = slow["ages"];
+  EXPECT_GT(slow["pictures"], 3) << "fewer pictures, but some";
+  const auto half = ages.begin() + static_cast<std::ptrdiff_t>(ages.size() / 2);
+  std::sort(ages.begin(), half);
+  std::sort(half, ages.end());
+  EXPECT_LT(half[10], 4000) << "median age of later pictures, ms";
+  EXPECT_LT(half[10], ages[10] + 1500) << "it does not grow";
   EXPECT_EQ(step("hidden")["requests"], 0);  // HiddenTab_RequestsNothing
 
   const Json watch = step("watch");  // WatchOnly_ControlsDisabled

@@ -38,7 +38,7 @@ class WebFront : public WebTest {
     for (const char* const program : {"nginx", "curl", "openssl"}) {
       if (!has(program)) GTEST_SKIP() << program << " is not installed";
     }
-    for (const char* const folder : {"nginx", "nginx/sites-available", "nginx/sites-enabled"})
+    for (const char* const folder : {"nginx", "nginx/sites-available", "nginx/sites-enabled", "avahi"})
       fs::create_directory(path(folder));
     write("nginx/nginx.conf", configuration(""));
   }
@@ -51,7 +51,7 @@ class WebFront : public WebTest {
   }
   Finished front(Words words) const {
     words.insert(words.begin(), "front");
-    words.insert(words.end(), {"--nginx", path("nginx"), "--conf", path("conf")});
+    words.insert(words.end(), {"--nginx", path("nginx"), "--conf", path("conf"), "--avahi", path("avahi")});
     return nodal_web(words);
   }
   Finished enable(const Words& more = {}) const {
@@ -84,7 +84,7 @@ class WebFront : public WebTest {
   /// Every file of nginx's and the front's folders.
   std::vector<std::string> files() const {
     std::vector<std::string> all;
-    for (const char* const folder : {"nginx/sites-available", "nginx/sites-enabled", "conf"}) {
+    for (const char* const folder : {"nginx/sites-available", "nginx/sites-enabled", "conf", "avahi"}) {
       std::error_code none;
       for (const auto& each : fs::directory_iterator(path(folder), none)) all.push_back(each.path().string());
     }
@@ -142,6 +142,18 @@ TEST_F(WebFront, EnabledUsedAndDisabled_ServesThePageByItsCertificateAndLeavesNo
   EXPECT_EQ(files(), before);
   EXPECT_FALSE(fs::exists(path("conf")));
   EXPECT_EQ(front({"disable"}).code, 1);
+}
+
+TEST_F(WebFront, ListeningEverywhere_IsAnnouncedUntilItIsDisabled) {
+  const Finished enabled = front({"enable", "--port", port_, "--socket", path("web.sock")});
+  ASSERT_EQ(enabled.code, 0) << enabled.err;
+  const std::string service = read("avahi/nodal-web.service");
+  EXPECT_NE(service.find("<type>_nodal._tcp</type><port>" + port_ + "</port>"), std::string::npos) << service;
+  EXPECT_NE(enabled.out.find("nodal rigs"), std::string::npos) << enabled.out;
+  EXPECT_EQ(front({"disable"}).code, 0);
+  EXPECT_EQ(files(), std::vector<std::string>());
+  ASSERT_EQ(enable().code, 0);
+  EXPECT_FALSE(fs::exists(path("avahi/nodal-web.service"))) << "one address only is not announced at all";
 }
 
 TEST_F(WebFront, WhatNginxOrTheSystemRefuses_IsSaidAndNothingIsLeft) {

@@ -13,6 +13,17 @@
 namespace nodal::command_line {
 
 class WebTest : public RigTest {
+ public:
+  /// A connection to the server; the caller closes it.
+  int connected() const {
+    const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    sockaddr_un to{};
+    to.sun_family = AF_UNIX;
+    std::strncpy(to.sun_path, path("web.sock").c_str(), sizeof to.sun_path - 1);
+    (void)::connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof to);
+    return fd;
+  }
+
  protected:
   WebTest() {
     std::string toml = read("rig.toml");
@@ -37,19 +48,14 @@ class WebTest : public RigTest {
 
   /// What bytes are answered with, until the server closes or says nothing for so long.
   std::string send(const std::string& bytes, int patience_s = 30) const {
-    const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    sockaddr_un to{};
-    to.sun_family = AF_UNIX;
-    std::strncpy(to.sun_path, path("web.sock").c_str(), sizeof to.sun_path - 1);
+    const int fd = connected();
     std::string came;
     const timeval patience{patience_s, 0};
     ::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
-    if (::connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof to) == 0) {
-      (void)!::send(fd, bytes.data(), bytes.size(), MSG_NOSIGNAL);
-      std::array<char, 65536> piece{};
-      for (ssize_t got = 1; (got = ::recv(fd, piece.data(), piece.size(), 0)) > 0;)
-        came.append(piece.data(), static_cast<std::size_t>(got));
-    }
+    (void)!::send(fd, bytes.data(), bytes.size(), MSG_NOSIGNAL);
+    std::array<char, 65536> piece{};
+    for (ssize_t got = 1; (got = ::recv(fd, piece.data(), piece.size(), 0)) > 0;)
+      came.append(piece.data(), static_cast<std::size_t>(got));
     ::close(fd);
     return came;
   }

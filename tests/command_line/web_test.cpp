@@ -1,4 +1,6 @@
 // nodal-web in front of a real nodald, by requests to its Unix socket: pairing, recording, downloads, hostile requests.
+#include <algorithm>
+#include <cerrno>
 #include <csignal>
 
 #include "web_rig.h"
@@ -167,6 +169,51 @@ TEST_F(WebTest, AmbiguousAndMalformedRequests_AreAnsweredWith400OrNotAtAll) {
   }
   EXPECT_EQ(nodal_json({"genlock", "show"}).at(0)["state"], "off");
   EXPECT_EQ(status(post("api/genlock", body, secret_)), "200") << "the same request in order";
+}
+
+/// Connections that send some bytes of a request and then nothing.
+class Held {
+ public:
+  Held(const WebTest& web, std::size_t count, const std::string& bytes) {
+    for (std::size_t k = 0; k < count; ++k) {
+      sockets_.push_back(web.connected());
+      (void)!::send(sockets_.back(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
+    }
+  }
+  ~Held() {
+    for (const int each : sockets_) ::close(each);
+  }
+  Held(const Held&) = delete;
+  Held& operator=(const Held&) = delete;
+  /// How many the server has closed.
+  std::size_t closed() const {
+    return static_cast<std::size_t>(std::ranges::count_if(sockets_, [](int each) {
+      char byte = 0;
+      ssize_t got = 1;
+      while ((got = ::recv(each, &byte, 1, MSG_DONTWAIT)) == 1) {}  // an answer that says why
+      return got == 0 || (errno != EAGAIN && errno != EWOULDBLOCK);
+    }));
+  }
+
+ private:
+  std::vector<int> sockets_;
+};
+
+TEST_F(WebTest, HundredsOfHeldConnections_KeepNoPairedPhoneOutAndAreClosed) {
+  start_nodald();
+  bring_up();
+  start_web();
+  secret_ = paired("phone");
+  const std::string start = "POST /api/pair HTTP/1.1\r\nHost: rig.test\r\n";
+  const Held silent(*this, 100, ""), headers(*this, 100, start + "X-A: a"),
+      bodies(*this, 100,
+             start + "Origin: https://rig.test\r\nContent-Type: application/json\r\nContent-Length: 500\r\n\r\n{");
+  for (int k = 0; k < 5; ++k) {
+    EXPECT_EQ(status(get("api/state")), "200");
+    EXPECT_TRUE(body_of(get("live?after=0")).starts_with("\xFF\xD8\xFF"));
+  }
+  EXPECT_TRUE(wait_until([&] { return silent.closed() + headers.closed() + bodies.closed() == 300; }))
+      << "in ten seconds";
 }
 
 }  // namespace

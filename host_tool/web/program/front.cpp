@@ -39,8 +39,9 @@ struct Files {
         key(places.conf / "web.key"),
         certificate(places.conf / "web.crt"),
         site(places.nginx / "sites-available" / kSite),
-        enabled(places.nginx / "sites-enabled" / kSite) {}
-  fs::path front, key, certificate, site, enabled;
+        enabled(places.nginx / "sites-enabled" / kSite),
+        service(places.avahi / "nodal-web.service") {}
+  fs::path front, key, certificate, site, enabled, service;
 };
 
 tl::unexpected<Error> failed(const fs::path& file, const char* what) {
@@ -218,6 +219,15 @@ Result<std::vector<std::string>> start(const FrontPlaces& places, const std::str
 
 }  // namespace
 
+std::string avahi_service(std::uint16_t port) {
+  std::string text =
+      "<?xml version=\"1.0\" standalone=\"no\"?>\n<!DOCTYPE service-group SYSTEM \"avahi-service.dtd\">\n"
+      "<service-group>\n  <name replace-wildcards=\"yes\">Nodal rig on %h</name>\n";
+  for (const char* const type : {"_nodal._tcp", "_https._tcp"})
+    text += fmt::format("  <service><type>{}</type><port>{}</port></service>\n", type, port);
+  return text + "</service-group>\n";
+}
+
 std::string Front::page() const {
   std::string host = names.empty() ? listen : names.front();
   if (host.empty()) {
@@ -282,8 +292,13 @@ Result<std::vector<std::string>> enable_front(const FrontPlaces& places, const s
   NODAL_TRY(making.file(files.site, nginx_site(site), 0644));
   NODAL_TRY(making.link(files.site, files.enabled));
   NODAL_TRY(check_nginx(places));
+  const bool announced = front.listen.empty() && fs::is_directory(places.avahi, none);
+  if (announced) {
+    NODAL_TRY(making.file(files.service, avahi_service(front.port), 0644));
+  }
   auto sentences = start(places, socket, front);
   if (!sentences) return sentences;
+  if (announced) sentences->emplace_back("avahi, if it runs, announces the page; `nodal rigs` lists it");
   making.keep();
   return sentences;
 }
@@ -298,7 +313,7 @@ Result<std::vector<std::string>> disable_front(const FrontPlaces& places) {
                                            "rest",
                                            files.site.string()));
   }
-  std::vector<fs::path> made{files.enabled, files.site, files.front};
+  std::vector<fs::path> made{files.service, files.enabled, files.site, files.front};
   if (front && (*front)->made_certificate) made.insert(made.end(), {files.key, files.certificate});
   for (const fs::path& each : made) {
     if (::unlink(each.c_str()) != 0 && errno != ENOENT) return failed(each, "cannot be removed");

@@ -13,9 +13,11 @@ namespace nodal::host::web {
 
 /// Where the front's files are.
 struct FrontPlaces {
-  static constexpr const char *kConf = "/etc/nodal-web", *kNginx = "/etc/nginx";
+  static constexpr const char *kConf = "/etc/nodal-web", *kNginx = "/etc/nginx", *kAvahi = "/etc/avahi/services";
   std::filesystem::path conf = kConf;    ///< folder of key, certificate and front.json
   std::filesystem::path nginx = kNginx;  ///< folder of nginx.conf, sites-available and sites-enabled
+
+  std::filesystem::path avahi = kAvahi;  ///< folder of services that avahi-daemon announces; it need not be there
 
   /// systemd's units are asked about the usual places only.
   bool usual() const { return conf == kConf && nginx == kNginx; }
@@ -37,8 +39,11 @@ struct Front {
 /// Nothing if no front is enabled. Errors: kBadFormat, kIo.
 Result<std::optional<Front>> read_front(const std::filesystem::path& conf);
 
-/// Makes key and certificate, unless `front` names files of both, then front.json and the site; asks `nginx -t`,
-/// enables nodal-web.socket and lets nginx read its configuration again. After an error nothing of it is left.
+/// The service of avahi that announces the page at a port: as a rig's, for `nodal rigs`, and as a page.
+std::string avahi_service(std::uint16_t port);
+
+/// Makes key and certificate, unless `front` names files of both, then front.json, the site and,
+/// where avahi is and nginx listens at all addresses, its service; asks `nginx -t`, enables nodal-web.socket and lets nginx read its configuration again. After an error nothing of it is left.
 /// Returns sentences for people: what listens now, and what is left to do.
 /// Errors: kExists for a front that is enabled, or for a file in the way; kBadValue for a name that a site may not
 /// have; kNotFound without nginx; kBusy for a port in use; kDeviceFailed with nginx's words; kIo.

@@ -91,7 +91,7 @@ Status serve(const Options& options) {
   rules.front = look::Front{std::move(names)};
   look::ServerLimits limits;
   limits.pages = 0;          // pages keep no connection open
-  limits.connections = 256;  // the server in front limits those of browsers
+  limits.connections = Web::kConnections;
   NODAL_TRY_ASSIGN(const std::unique_ptr<look::Server> server,
                    look::Server::start(
                        socket, rules, [&](const look::Wanted& wanted) { return web.respond(wanted); }, limits));
@@ -159,6 +159,10 @@ void add_front(CLI::App& app, Options& options, Status& done) {
   front->require_subcommand(1);
   front->fallthrough();
   front->add_option("--nginx", options.places.nginx, fmt::format("Folder of nginx ({})", FrontPlaces::kNginx))
+      ->type_name("DIR");
+  front
+      ->add_option("--avahi", options.places.avahi,
+                   fmt::format("Folder of the services that avahi announces ({})", FrontPlaces::kAvahi))
       ->type_name("DIR");
   CLI::App* enabling = front->add_subcommand("enable", "Make a key, a certificate and a site, and say what listens");
   enabling->add_option("--name", options.front.names, "A name or address by which phones reach it; may be repeated")
