@@ -10,6 +10,7 @@
 #include <condition_variable>
 #include <mutex>
 #include <optional>
+#include <stop_token>
 #include <thread>
 
 #include "hal/linux/cable/host/cable_link.h"
@@ -85,26 +86,16 @@ std::optional<Announced> announced(std::string_view line) {
 class Deadline {
  public:
   Deadline(Child& child, Duration at_most)
-      : thread_([this, &child, at_most] {
+      : thread_([this, &child, at_most](const std::stop_token& stop) {
           std::unique_lock lock(mutex_);
-          if (!changed_.wait_for(lock, std::chrono::nanoseconds(at_most.ns()), [this] { return done_; })) child.kill();
+          never_.wait_for(lock, stop, std::chrono::nanoseconds(at_most.ns()), [] { return false; });
+          if (!stop.stop_requested()) child.kill();
         }) {}
-  ~Deadline() {
-    {
-      const std::lock_guard lock(mutex_);
-      done_ = true;
-    }
-    changed_.notify_all();
-    thread_.join();
-  }
-  Deadline(const Deadline&) = delete;
-  Deadline& operator=(const Deadline&) = delete;
 
  private:
   std::mutex mutex_;
-  std::condition_variable changed_;
-  bool done_ = false;
-  std::thread thread_;
+  std::condition_variable_any never_;
+  std::jthread thread_;  ///< the last member: it ends first
 };
 
 Result<std::string> ask_avahi(Duration at_most) {

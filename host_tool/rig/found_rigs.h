@@ -13,13 +13,14 @@ namespace nodal::host {
 /// Its texts are claims of whoever announces it.
 struct FoundRig {
   std::string name;
-  std::string address;  ///< for --rig
+  std::string address;  ///< as --rig takes it
   std::string page;     ///< https address of the page for phones; empty: none
 };
 
 /// The type of service that `nodal-web front enable` announces.
 inline constexpr const char* kRigService = "_nodal._tcp";
-inline constexpr std::size_t kMaxAnnouncedRigs = 64, kMaxAnnouncements = 256 << 10;
+inline constexpr std::size_t kMaxAnnouncedRigs = 64;
+inline constexpr std::size_t kMaxAnnouncements = 256 << 10;  ///< bytes of avahi-browse's output
 
 /// The rigs in the output of `avahi-browse --resolve --parsable`, each once, an IPv4 address before others. Whatever is
 /// malformed, and what is beyond kMaxAnnouncedRigs, is left out.

@@ -14,7 +14,7 @@ namespace nodal::limits {
 namespace {
 
 constexpr std::uint64_t kMebibyte = 1 << 20;
-constexpr std::uint64_t kHeaders = 16 << 10;  // of a connection, host_tool/look/server.cpp
+constexpr std::uint64_t kHeaders = 16 << 10;  // a connection has so many bytes for them (host_tool/look/server.cpp)
 constexpr std::uint64_t kClosing = 16;        // connections whose end is not noticed yet, the same
 
 TEST(LimitsOfMemory, OfNodalWeb) {

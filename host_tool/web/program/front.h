@@ -42,8 +42,9 @@ Result<std::optional<Front>> read_front(const std::filesystem::path& conf);
 /// The service of avahi that announces the page at a port: as a rig's, for `nodal rigs`, and as a page.
 std::string avahi_service(std::uint16_t port);
 
-/// Makes key and certificate, unless `front` names files of both, then front.json, the site and,
-/// where avahi is and nginx listens at all addresses, its service; asks `nginx -t`, enables nodal-web.socket and lets nginx read its configuration again. After an error nothing of it is left.
+/// Makes key and certificate, unless `front` names files of both; front.json; the site; and, where avahi is and nginx
+/// listens at all addresses, avahi's service. Asks `nginx -t`, enables nodal-web.socket and lets nginx read its
+/// configuration again. After an error nothing of it is left.
 /// Returns sentences for people: what listens now, and what is left to do.
 /// Errors: kExists for a front that is enabled, or for a file in the way; kBadValue for a name that a site may not
 /// have; kNotFound without nginx; kBusy for a port in use; kDeviceFailed with nginx's words; kIo.

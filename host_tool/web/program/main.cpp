@@ -90,7 +90,7 @@ Status serve(const Options& options) {
   rules.changes = true;
   rules.front = look::Front{std::move(names)};
   look::ServerLimits limits;
-  limits.pages = 0;          // pages keep no connection open
+  limits.pages = 0;  // pages keep no connection open
   limits.connections = Web::kConnections;
   NODAL_TRY_ASSIGN(const std::unique_ptr<look::Server> server,
                    look::Server::start(
