@@ -124,7 +124,7 @@ std::string verdict(const DriftReport& report, bool live) {
 Result<DriftReport> measured(Console& console, const RigPictures& rig, registration::DriftOptions options) {
   Progress bar(console, "comparing", 1000);
   options.progress = [&](const registration::Step& step, double done) {
-    bar.update(static_cast<std::uint64_t>(1000 * done), fmt::format("raymap {} wide", step.width));
+    bar.update(static_cast<std::uint64_t>(1000 * done), fmt::format("at a width of {} px", step.width));
   };
   return interruptible(console, [&] { return registration::measure_drift(rig.calibration, rig.frames(), options); });
 }

@@ -159,8 +159,9 @@ Result<Report> registered(Console& console, const RigPictures& rig, Options opti
     });
   }
   options.progress = [&](const registration::Step& step, double done) {
-    bar.update(begun + static_cast<std::uint64_t>(static_cast<double>(kRegistered - begun) * done),
-               fmt::format("raymap {} wide, differ by {:.3f} levels", step.width, std::sqrt(step.objective)));
+    bar.update(
+        begun + static_cast<std::uint64_t>(static_cast<double>(kRegistered - begun) * done),
+        fmt::format("at a width of {} px, heads differ by {:.3f} levels", step.width, std::sqrt(step.objective)));
   };
   return interruptible(console, [&] { return registration::register_heads(rig.calibration, rig.frames(), options); });
 }
