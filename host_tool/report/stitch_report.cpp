@@ -162,8 +162,9 @@ void add_table(const StitchedSphere& sphere, HtmlReport& page) {
   HtmlReport table("", "");
   table.paragraph(fmt::format(
       "At places along each seam, the two pictures are laid over each other and shifted until they look alike. A seam "
-      "is good if that takes at most {} pixels of this sphere at nine places out of ten, and usable up to {}.",
-      offline::kFinePx, offline::kBrokenPx));
+      "is good if that takes at most {} pixels of this sphere at nine places out of ten, and usable up to {}, or "
+      "if lines were bent by more than {} so that they go on.",
+      offline::kFinePx, offline::kBrokenPx, offline::kFineBendPx));
   table.table(
       {"picture", "and", "", "lines jump by, px", "bent by, px", "brighter by, levels of 255", "places with detail"},
       rows);
