@@ -47,7 +47,7 @@ enum class SeamVerdict : std::uint8_t {
 /// Lines that jump by up to kFinePx are not seen: a sharp edge is as wide as that. Those that jump by more than
 /// kBrokenPx are seen at once: a thin line jumps by more than its own width.
 inline constexpr double kFinePx = 2, kBrokenPx = 6;
-/// Lines that were bent by more than this so that they go on: who knows that they are straight sees it.
+/// Largest bend of lines, made so that they go on, that nobody sees; a larger one shows on lines known to be straight.
 inline constexpr double kFineBendPx = 4;
 /// A seam of which at most this share of the places with detail is worse than that is still called good or usable: a
 /// leaf that moved is no broken picture.

@@ -71,8 +71,8 @@ std::pair<std::size_t, std::size_t> combination(std::size_t number, std::size_t 
   return {i, i + 1 + (number - begin(i))};
 }
 
-/// How many combinations of two pairs must be tried so that, but for one time in a million, two that agree with the
-/// best rotation are among them, if this share of all pairs agrees with it.
+/// Number of combinations of two pairs to try, so that with a probability of 1 - 1e-6 both pairs of one of them agree
+/// with the best rotation. `share`: of all pairs, those that agree with it.
 double tries_for(double share) {
   const double both = share * share;
   return both < 1 ? std::log(1e-6) / std::log1p(-both) : 1;

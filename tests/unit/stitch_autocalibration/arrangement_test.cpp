@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
 #include <random>
 
 #include "protocol/base/angles.h"
@@ -74,6 +75,40 @@ double angle_at(const SharedLens& lens, double radius) {
     (r < radius ? low : high) = a;
   }
   return low;
+}
+
+/// An arc of narrow pictures. Each match has an error of its own, and all matches of two pictures have one in common:
+/// one picture is larger than the other by `common`, a standard deviation, as near things make it.
+Result<Arrangement> narrow_arc(double common, std::uint64_t seed) {
+  Calibration truth;
+  for (int h = 0; h < 12; ++h) {
+    truth.heads.push_back(test::plain_head("p" + std::to_string(h), 640, 360, 7 * h - 38, 26));
+  }
+  std::vector<Match> matches = matches_of(truth, 400000, {}, seed);
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  std::map<std::pair<std::size_t, std::size_t>, double> scales;
+  for (Match& match : matches) {
+    const double scale = scales.try_emplace({match.a, match.b}, 1 + common * normal(random)).first->second;
+    match.pixel_b = {320 + scale * (match.pixel_b.x - 320), 180 + scale * (match.pixel_b.y - 180)};
+  }
+  return find_arrangement(shapes_of(truth), matches, 2);
+}
+
+TEST(Arrangement, ErrorsThatTwoPicturesHaveInCommon_MakeTheLensLessCertain) {
+  constexpr double kEdge = 13 * kRadiansPerDegree;
+  double unsure = 0, unsure_in_common = 0;
+  for (const std::uint64_t seed : {1, 3}) {
+    const Result<Arrangement> own = narrow_arc(0, seed), common = narrow_arc(0.01, seed);
+    ASSERT_TRUE(own && common);
+    for (const Arrangement* found : {&*own, &*common}) {
+      EXPECT_LT(std::abs(angle_at(found->lens, 1) / kEdge - 1), found->evidence.unsure) << "seed " << seed;
+    }
+    unsure += own->evidence.unsure;
+    unsure_in_common += common->evidence.unsure;
+  }
+  // By the covariance of the fits alone, which takes all errors for independent, it is 1.8 times.
+  EXPECT_GT(unsure_in_common, 3 * unsure);
 }
 
 TEST(Arrangement, RectilinearRing_LensAndRotationsWithHalfOfTheMatchesWrong) {
