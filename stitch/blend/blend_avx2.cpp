@@ -18,6 +18,7 @@ NODAL_TARGET_BEGIN("avx2")
 #include "stitch/blend/patch_avx2.h"
 #include "stitch/blend/places_avx2.h"
 #include "stitch/blend/tile_driver.h"
+#include "stitch/blend/triples_avx2.h"
 
 namespace nodal::blend {
 namespace {
@@ -171,6 +172,19 @@ struct Avx2 {
                                                               Light<N>& negative_light) {
     const PatchRecord& record = job.grid->records[r];
     Coordinates coordinates(out_of_sight(kConstants), *job.grid, record);
+    if constexpr (N == 3) {
+      if (Triples::can_read(job.plane(record))) {
+        const Triples triples(job, job.plane(record), record);
+        if (kBegin == 1) coordinates.positions(0);
+        for (std::size_t half = kBegin; half < kEnd; ++half) {
+          const Positions at = coordinates.positions(half);
+          const RowsOfThree upper = triples.mix(at.x.upper, at.y.upper), lower = triples.mix(at.x.lower, at.y.lower);
+          for (std::size_t c = 0; c < 3; ++c) negative_light[c][half] = {upper.of[c], lower.of[c]};
+        }
+        if (job.curves || job.gains) tone<N, kBegin, kEnd>(job, r, negative_light);
+        return;
+      }
+    }
     alignas(32) std::array<Staged, N> staged;
     std::array<Patch, N> patch;
     find_patch<N>(job.plane(record), record, staged, patch);
@@ -340,15 +354,10 @@ struct Avx2 {
 #pragma GCC unroll 2
         for (std::size_t side = 0; side < 2; ++side) {
           if (triples) {
-            for (std::size_t k = 0; k < 6; ++k) {
-              __m128i bytes = _mm_setzero_si128();
-              for (std::size_t c = 0; c < N; ++c) {
-                const V of = rows[c][side][j];
-                const __m128i two = k < 3 ? _mm256_castsi256_si128(of) : _mm256_extracti128_si256(of, 1);
-                bytes = _mm_or_si128(bytes, shuffled(two, kTriplePicks[k % 3][c]));
-              }
-              _mm_storeu_si128(reinterpret_cast<__m128i*>(to[0] + 96 * side + 16 * k), bytes);
-            }
+            const V of[3] = {rows[0][side][j], rows[N > 1 ? 1 : 0][side][j], rows[N - 1][side][j]};
+            V thirds[3];
+            interleave(of, thirds);
+            for (std::size_t k = 0; k < 3; ++k) put(to[0] + 96 * side + 32 * k, thirds[k]);
           } else if (pairs) {
             const V u = rows[0][side][j], v = rows[N - 1][side][j];
             const V low = _mm256_unpacklo_epi8(u, v), high = _mm256_unpackhi_epi8(u, v);

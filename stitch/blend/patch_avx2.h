@@ -48,6 +48,19 @@ constexpr auto triple_picks() {
   return picks;
 }
 constexpr auto kTriplePicks = triple_picks();
+/// 32 pixels as R G B R G B ..: the first, the second and the last third of the bytes.
+inline void interleave(const V of[3], V thirds[3]) {
+  V parts[3];  // 16 bytes of the left and of the right 16 pixels
+  for (std::size_t k = 0; k < 3; ++k) {
+    parts[k] = _mm256_setzero_si256();
+    for (std::size_t c = 0; c < 3; ++c) {
+      parts[k] = _mm256_or_si256(parts[k], _mm256_shuffle_epi8(of[c], row(kTriplePicks[k][c].of.data())));
+    }
+  }
+  thirds[0] = _mm256_permute2x128_si256(parts[0], parts[1], 0x20);
+  thirds[1] = _mm256_permute2x128_si256(parts[2], parts[0], 0x30);
+  thirds[2] = _mm256_permute2x128_si256(parts[1], parts[2], 0x31);
+}
 /// The inverse: shuffles that extract 16 samples of a component: [component][16 input bytes].
 constexpr auto component_picks() {
   std::array<std::array<Picks, 3>, 3> picks{};

@@ -113,17 +113,23 @@ struct Places {
   Rows down;    ///< the lower row's share, in 1/2^15; minus one if the upper row, relative to the first, is odd
 };
 
+/// Places::across for two rows.
+[[gnu::always_inline]] inline V across_shares(const Constants& k, V x) {
+  const V share = _mm256_and_si256(_mm256_srli_epi16(x, 5), load(&k.share_bits));
+  return add(mul(share, load(&k.share_by)), load(&k.one_across));
+}
+
 [[gnu::always_inline]] inline Places places(const Constants& k, Rows x, Rows y, V first_row) {
-  const auto across = [&](V of) {
-    const V share = _mm256_and_si256(_mm256_srli_epi16(of, 5), load(&k.share_bits));
-    return add(mul(share, load(&k.share_by)), load(&k.one_across));
-  };
   y = {_mm256_sub_epi16(y.upper, first_row), _mm256_sub_epi16(y.lower, first_row)};
   return {_mm256_packus_epi16(_mm256_srli_epi16(x.upper, 12), _mm256_srli_epi16(x.lower, 12)),
           _mm256_packus_epi16(_mm256_srli_epi16(y.upper, 9), _mm256_srli_epi16(y.lower, 9)),
-          {across(x.upper), across(x.lower)},
+          {across_shares(k, x.upper), across_shares(k, x.lower)},
           {_mm256_slli_epi16(y.upper, 3), _mm256_slli_epi16(y.lower, 3)}};
 }
+
+struct Positions {
+  Rows x, y;
+};
 
 /// Computes the coordinates of a record's pixels; call half() for half 0, then for half 1.
 class Coordinates {
@@ -158,6 +164,11 @@ class Coordinates {
     const V first_row = _mm256_and_si256(_mm256_sllv_epi32(first_, load(&k.shifts[half])), load(&k.row_bits));
     if (list_ != nullptr) return places(k, listed_half(list_, half), listed_half(list_ + kTilePixels, half), first_row);
     return places(k, x_.half(), y_.half(), first_row);
+  }
+  /// The coordinates themselves, instead of half().
+  [[gnu::always_inline]] Positions positions(std::size_t half) {
+    if (list_ != nullptr) return {listed_half(list_, half), listed_half(list_ + kTilePixels, half)};
+    return {x_.half(), y_.half()};
   }
 
  private:
