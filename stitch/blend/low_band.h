@@ -33,6 +33,8 @@ class LowBand {
 
   static constexpr std::int64_t kSure = 255;  ///< confidence without doubt
 
+  static constexpr std::size_t kTogether = 64;  ///< sights whose light is computed together
+
   explicit LowBand(const BlendJob& job);
 
   /// Computes the corrections of a block.
@@ -43,31 +45,59 @@ class LowBand {
     const int part = (row & cell_bits_) * 2 + (column & cell_bits_);
     tile_ = static_cast<std::size_t>(part) * cell_count_ + static_cast<std::size_t>(cell);
   }
-  /// Whether the head is corrected anywhere in the block.
-  bool corrects(HeadIndex head) const { return (corrected_ >> head & 1) != 0; }
+  /// Whether the head's correction is not 0 everywhere in the tile.
+  bool corrects(HeadIndex head) const { return (corrected_[head] >> tile_ & 1) != 0; }
   /// If so, coefficients of 1, i, j, ij: its correction in the tile, negative light, in 1/4 of the unit of light.
   const std::int16_t* coefficients(HeadIndex head, std::size_t c) const { return coefficients_[head][c][tile_].data(); }
 
  private:
-  using Corrections = std::array<std::int16_t, GridTable::kMaxLowPoints>;
   static constexpr std::int16_t kUnseen = -32768;
+  static constexpr std::size_t kNoBlock = ~std::size_t{0};
+  static constexpr std::size_t kMaxSights = GridTable::kMaxLowPoints * kMaxHeads;  ///< per block
+  /// Numbers of the block's sights, one after another; with room for whole registers.
+  template <class Number>
+  using OfSights = std::array<Number, kMaxSights + kTogether>;
+  using Corrections = std::array<std::int16_t, GridTable::kMaxLowPoints>;
 
-  void correct(std::size_t point);
+  void locate(std::size_t block);
+  void look_at_sights(std::size_t first, std::size_t count);
+  void correct(std::size_t first, std::size_t count, std::size_t points);
   void correct_carefully(std::size_t point);
-  void set(HeadIndex head, std::size_t c, std::size_t point, std::int16_t correction);
-  void compute(HeadIndex head, std::size_t c);
-  static void fill_unseen(std::array<int, 4>& corners);
+  std::uint32_t heads_of(std::size_t block) const;
+  void compute(HeadIndex head);
   std::int16_t negative_light(const LowSight& sight, std::size_t c) const;
   std::uint32_t confidence(const LowSight& sight) const;
 
+  /// A head's low picture.
+  struct Place {
+    std::array<const std::uint8_t*, kMaxPlanes> data{};  ///< by component of the grid
+    std::ptrdiff_t row_stride = 0;
+  };
+  /// What the light of kTogether sights is computed from. `above` and `below`: a sample and the one to its right.
+  struct Looks {
+    std::array<std::array<std::uint64_t, kTogether>, kMaxPlanes> above;
+    std::array<std::array<std::uint64_t, kTogether>, kMaxPlanes> below;
+    std::array<std::uint16_t, kTogether> x;
+    std::array<std::uint16_t, kTogether> y;
+    std::array<std::int16_t, kTogether> own_gain;  ///< LowSight::gain
+    std::array<std::array<std::int16_t, kTogether>, kMaxPlanes> head_gain;
+  };
+
   const BlendJob& job_;
   const GridTable& grid_;
+  const std::size_t components_;
   const int cell_bits_;  ///< a cell is 1 << cell_bits_ tiles wide
+  std::array<Place, kMaxHeads> low_;
   std::size_t first_point_ = 0;
   const std::size_t cell_count_;                        ///< number of cells per block
   const std::array<std::uint8_t, 4>* cells_ = nullptr;  ///< the current block's cells
   std::size_t tile_ = 0;                                ///< the tile's place in a head's coefficients
-  std::uint32_t corrected_ = 0;                         ///< one bit for each head with a correction that is not 0
+  std::array<std::uint64_t, kMaxHeads> corrected_;      ///< one bit for each tile with a correction that is not 0
+  std::size_t located_ = kNoBlock;                      ///< the block that offset_ is of
+  Looks looks_{};
+  OfSights<std::int32_t> offset_;                         ///< where a low picture's plane has the sight's first sample
+  OfSights<std::uint8_t> point_;                          ///< in the block
+  std::array<OfSights<std::int16_t>, kMaxPlanes> light_;  ///< negative, by component
   std::array<std::array<Corrections, kMaxPlanes>, kMaxHeads> at_;
   /// Coefficients of the upper left tiles of all cells, cell by cell; with cells of several tiles then those of the
   /// upper right, the lower left and the lower right ones.

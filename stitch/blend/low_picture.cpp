@@ -33,7 +33,7 @@ struct LowRow {
 
 /// Sum, darkest and brightest sample of two rows of a picture, by eight columns, afterwards by square.
 struct Columns {
-  alignas(64) std::array<std::uint64_t, kColumns / kEight> sum;
+  alignas(64) std::array<std::uint32_t, kColumns / kEight> sum;
   alignas(64) std::array<std::uint8_t, kColumns / kEight> least;
   alignas(64) std::array<std::uint8_t, kColumns / kEight> most;
 };
@@ -58,9 +58,84 @@ template <bool kMax>
   to += (all & 0x00ff00ff00ff00ff) + (all >> 8 & 0x00ff00ff00ff00ff);
 }
 
+using Words [[gnu::vector_size(32)]] = std::uint16_t;
+using Doubles [[gnu::vector_size(32)]] = std::uint32_t;
+// Results are parameters: without AVX such registers are not returned.
+struct LeastOf {
+  [[gnu::always_inline]] static void apply(const Samples& a, const Samples& b, Samples& to) { to = a < b ? a : b; }
+};
+struct MostOf {
+  [[gnu::always_inline]] static void apply(const Samples& a, const Samples& b, Samples& to) { to = a > b ? a : b; }
+};
+struct SumOf {
+  [[gnu::always_inline]] static void apply(const Samples& a, const Samples& b, Samples& to) {
+    to = reinterpret_cast<Samples>(reinterpret_cast<Words>(a) + reinterpret_cast<Words>(b));
+  }
+};
+
+/// Reduces the upper and the lower half of each number to one: those of `a` to the lower half of the result's, those of
+/// `b` to the upper half.
+template <class Numbers, class Use>
+[[gnu::always_inline]] inline void join_halves(const Samples& a, const Samples& b, Samples& to) {
+  constexpr int kBits = 4 * sizeof(Numbers{}[0]);
+  const auto x = reinterpret_cast<Numbers>(a), y = reinterpret_cast<Numbers>(b);
+  const Numbers lower = (x << kBits >> kBits) | (y << kBits);
+  const Numbers upper = (x >> kBits) | (y >> kBits << kBits);
+  Use::apply(reinterpret_cast<Samples>(lower), reinterpret_cast<Samples>(upper), to);
+}
+
+/// Reduces each eight bytes of eight registers to one byte; in the order of the registers.
+template <class Use>
+[[gnu::always_inline]] inline void reduce_eight(const Samples (&of)[8], Samples& to) {
+  Samples four[4], two[2], all;
+  for (std::size_t k = 0; k < 4; ++k) join_halves<Words, Use>(of[2 * k], of[2 * k + 1], four[k]);
+  for (std::size_t k = 0; k < 2; ++k) join_halves<Doubles, Use>(four[2 * k], four[2 * k + 1], two[k]);
+  join_halves<Eights, Use>(two[0], two[1], all);
+  // Byte j of number k is that of register j.
+  constexpr Samples kOrder{0, 8,  16, 24, 1, 9,  17, 25, 2, 10, 18, 26, 3, 11, 19, 27,
+                           4, 12, 20, 28, 5, 13, 21, 29, 6, 14, 22, 30, 7, 15, 23, 31};
+  to = __builtin_shuffle(all, kOrder);
+}
+
+/// Sums of each four of the 16-bit numbers of four registers; in the order of the registers.
+[[gnu::always_inline]] inline void sum_fours(const Samples* of, std::uint32_t* to) {
+  Samples two[2], all;
+  for (std::size_t k = 0; k < 2; ++k) join_halves<Doubles, SumOf>(of[2 * k], of[2 * k + 1], two[k]);
+  join_halves<Eights, SumOf>(two[0], two[1], all);
+  constexpr Words kOrder{0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15};
+  const Words sums = __builtin_shuffle(reinterpret_cast<Words>(all), kOrder);
+  for (std::size_t k = 0; k < 16; ++k) to[k] = sums[k];
+}
+
+/// Columns that are added up together.
+constexpr std::size_t kAtOnce = 8 * sizeof(Samples);
+
+/// add_up() of kAtOnce columns, from column `begin` on.
+[[gnu::always_inline]] inline void add_up_together(const std::uint8_t* a, const std::uint8_t* b, std::size_t begin,
+                                                   Columns& columns) {
+  Samples least[8], most[8], pairs[8];
+  for (std::size_t k = 0; k < 8; ++k) {
+    Samples upper, lower;
+    std::memcpy(&upper, a + begin + k * sizeof upper, sizeof upper);
+    std::memcpy(&lower, b + begin + k * sizeof lower, sizeof lower);
+    LeastOf::apply(upper, lower, least[k]);
+    MostOf::apply(upper, lower, most[k]);
+    const auto x = reinterpret_cast<Words>(upper), y = reinterpret_cast<Words>(lower);
+    pairs[k] = reinterpret_cast<Samples>((x & 255) + (x >> 8) + (y & 255) + (y >> 8));
+  }
+  Samples all;
+  reduce_eight<LeastOf>(least, all);
+  std::memcpy(columns.least.data() + begin / kEight, &all, sizeof all);
+  reduce_eight<MostOf>(most, all);
+  std::memcpy(columns.most.data() + begin / kEight, &all, sizeof all);
+  for (std::size_t k = 0; k < 8; k += 4) sum_fours(pairs + k, columns.sum.data() + begin / kEight + 4 * k);
+}
+
 [[gnu::always_inline]] inline void add_up(const std::uint8_t* a, const std::uint8_t* b, std::size_t count,
                                           Columns& columns) {
-  for (std::size_t begin = 0; begin < count; begin += sizeof(Samples)) {
+  std::size_t begin = 0;
+  for (; begin + kAtOnce <= count; begin += kAtOnce) add_up_together(a, b, begin, columns);
+  for (; begin < count; begin += sizeof(Samples)) {
     const std::size_t bytes = std::min(sizeof(Samples), count - begin);
     Samples upper{};
     Samples lower{};
@@ -81,7 +156,7 @@ template <bool kMax>
     reduce<false>(upper < lower ? upper : lower, least);
     reduce<true>(upper > lower ? upper : lower, most);
     for (std::size_t k = 0; k < 4; ++k) {
-      columns.sum[begin / kEight + k] = sums[k];
+      columns.sum[begin / kEight + k] = static_cast<std::uint32_t>(sums[k]);
       columns.least[begin / kEight + k] = static_cast<std::uint8_t>(least[k]);
       columns.most[begin / kEight + k] = static_cast<std::uint8_t>(most[k]);
     }
@@ -202,7 +277,8 @@ NODAL_CLONES void store_row(const LowRow& before, const LowRow& own, const LowRo
     const std::uint32_t most = most_of(before.most[x], own.most[x], after.most[x]);
     samples[x] = smoothed(before.mean[x], own.mean[x], after.mean[x]) | least << 16 | most << 24;
   }
-  std::memcpy(to, samples.data(), width * sizeof samples[0]);
+  std::fill_n(samples.begin() + width, kMoreLowSamples, samples[width - 1]);
+  std::memcpy(to, samples.data(), (width + kMoreLowSamples) * sizeof samples[0]);
 }
 
 void make_plane(int square, const PlaneView& in, const PlaneView& low, std::uint8_t* to) {
@@ -215,6 +291,9 @@ void make_plane(int square, const PlaneView& in, const PlaneView& low, std::uint
     if (y < 0) continue;
     store_row(row(std::max(y - 1, 0)), row(y), row(below), width, to);
     to += low.row_stride;
+  }
+  for (int k = 0; k < kMoreLowSamples; ++k, to += low.row_stride) {
+    std::memcpy(to, to - low.row_stride, static_cast<std::size_t>(low.row_stride));
   }
 }
 
@@ -231,9 +310,9 @@ ImageView low_picture(const BlendTable::Source& source, const ImageView& read, c
     plane.width = std::max(1, read.planes[c].width / square_of(source, c));
     plane.height = std::max(1, read.planes[c].height / square_of(source, c));
     plane.pixel_stride = sizeof(LowSample);
-    plane.row_stride = static_cast<std::ptrdiff_t>(sizeof(LowSample)) * plane.width;
+    plane.row_stride = static_cast<std::ptrdiff_t>(sizeof(LowSample)) * (plane.width + kMoreLowSamples);
     plane.data = memory + low.bytes;
-    low.bytes += static_cast<std::size_t>(plane.row_stride * plane.height);
+    low.bytes += static_cast<std::size_t>(plane.row_stride * (plane.height + kMoreLowSamples));
   }
   low.width = low.planes[0].width;
   low.height = low.planes[0].height;
@@ -245,7 +324,7 @@ void make_low_picture(const BlendTable::Source& source, const ImageView& read, s
   for (std::size_t c = 0; c < static_cast<std::size_t>(component_count(read.format)); ++c) {
     const PlaneView& plane = low.planes[c];
     make_plane(square_of(source, c), read.planes[c], plane, memory);
-    memory += plane.row_stride * plane.height;
+    memory += plane.row_stride * (plane.height + kMoreLowSamples);
   }
 }
 

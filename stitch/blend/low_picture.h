@@ -16,8 +16,13 @@ struct LowSample {
 };
 static_assert(sizeof(LowSample) == 4);
 
+/// Rows and columns beyond the right and the lower edge that repeat the edge sample. So four samples can be read from
+/// any LowSight on: those of chroma may lie one sample beyond a low picture of luma whose size is odd.
+inline constexpr int kMoreLowSamples = 2;
+
 /// The low picture of a picture of the shape `read`, in `memory`: a plane of LowSample for each component, with as many
-/// samples as the component has whole squares; one at least. ImageView::bytes is what it takes in all.
+/// samples as the component has whole squares, one at least, and kMoreLowSamples more in memory. ImageView::bytes is
+/// what it takes in all.
 ImageView low_picture(const BlendTable::Source& source, const ImageView& read, const std::uint8_t* memory);
 
 /// Makes it. A square has n x n samples, n = Source::low_size, or half of it in the chroma of subsampled formats. Of
