@@ -23,7 +23,7 @@ constexpr double kOverEdge = 4;
 
 /// The mean squared step from pixel to pixel, in samples, along rows or along columns, whichever is larger; nothing for
 /// parts without neighbouring pixels. Samples that were clamped to the picture's edge, and steps over an edge of the
-/// layout, are ignored.
+/// layout, are ignored. Where all steps are so short that the finest level is taken, the largest of them instead.
 std::optional<double> TileBuilder::square_step(const Part& part) const {
   if (sampler_.layout().scattered()) return square_between_rays(part);
   const RaySampler::Plane& plane = sampler_.plane(grid_, part.head);
@@ -41,11 +41,17 @@ std::optional<double> TileBuilder::square_step(const Part& part) const {
     if (pairs == 0) return std::nullopt;
     std::array<double, blend::kTilePixels> squares;
     auto end = squares.begin();
+    double largest = 0;
     for_each(pairs, [&](std::size_t p) {
       const double dx = part.x[p + way] - part.x[p];
       const double dy = part.y[p + way] - part.y[p];
-      *end++ = dx * dx + dy * dy;
+      largest = std::max(largest, *end++ = dx * dx + dy * dy);
     });
+    if (largest <
+        kFinest * kFinest * kOne * kOne) {  // as nearly everywhere: the mean is below it, too, and says no more
+      most = std::max(most, largest);
+      continue;
+    }
     const auto middle = squares.begin() + (end - squares.begin()) / 2;
     std::nth_element(squares.begin(), middle, end);
     // Beyond the median all are at least as large.
