@@ -92,9 +92,8 @@ template <class Use>
   for (std::size_t k = 0; k < 2; ++k) join_halves<Doubles, Use>(four[2 * k], four[2 * k + 1], two[k]);
   join_halves<Eights, Use>(two[0], two[1], all);
   // Byte j of number k is that of register j.
-  constexpr Samples kOrder{0, 8,  16, 24, 1, 9,  17, 25, 2, 10, 18, 26, 3, 11, 19, 27,
-                           4, 12, 20, 28, 5, 13, 21, 29, 6, 14, 22, 30, 7, 15, 23, 31};
-  to = __builtin_shuffle(all, kOrder);
+  to = __builtin_shufflevector(all, all, 0, 8, 16, 24, 1, 9, 17, 25, 2, 10, 18, 26, 3, 11, 19, 27, 4, 12, 20, 28, 5, 13,
+                               21, 29, 6, 14, 22, 30, 7, 15, 23, 31);
 }
 
 /// Sums of each four of the 16-bit numbers of four registers; in the order of the registers.
@@ -102,8 +101,8 @@ template <class Use>
   Samples two[2], all;
   for (std::size_t k = 0; k < 2; ++k) join_halves<Doubles, SumOf>(of[2 * k], of[2 * k + 1], two[k]);
   join_halves<Eights, SumOf>(two[0], two[1], all);
-  constexpr Words kOrder{0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15};
-  const Words sums = __builtin_shuffle(reinterpret_cast<Words>(all), kOrder);
+  const auto whole = reinterpret_cast<Words>(all);
+  const Words sums = __builtin_shufflevector(whole, whole, 0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
   for (std::size_t k = 0; k < 16; ++k) to[k] = sums[k];
 }
 
