@@ -73,8 +73,9 @@ Status run_trial(Context& context, const CalibrationArgs& args) {
   std::string content;
   NODAL_TRY_ASSIGN(const Calibration calibration, read_to_upload(args.file, context.console(), content));
   NODAL_TRY_ASSIGN(const std::string signature, read_signature(args));
-  NODAL_TRY_ASSIGN(const TrialVerdict verdict, try_out(context, calibration, kLiveSets,
-                                                       {kTrialLimit, signature, args.allow_older}, std::move(content)));
+  NODAL_TRY_ASSIGN(const TrialVerdict verdict,
+                   try_out(context, calibration, kLiveSets, {RigTrial::kUsualLimit, signature, args.allow_older},
+                           std::move(content)));
   tell_verdict(context, verdict);
   return {};
 }

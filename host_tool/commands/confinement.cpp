@@ -215,7 +215,7 @@ CommandRights rights_of(const CLI::App& command) {
     for (const CLI::Option* option : app->get_options()) {
       // A page that shows a sphere writes nothing.
       const bool shows = command.get_name() == kLookCommand && option->check_lname("out") &&
-                         command.get_option("INPUT")->results().size() < 2;
+                         command.get_option("INPUT")->results().size() < 2 && command.count(kHeadsFlag) == 0;
       if (shows) continue;
       add_option(*option, rights);
       if (option->empty()) continue;

@@ -8,8 +8,11 @@
 #include "host_tool/commands/layout_option.h"
 #include "host_tool/console/interrupt.h"
 #include "host_tool/console/quantities.h"
+#include "host_tool/input/calibration_file.h"
+#include "host_tool/input/live_frames.h"
 #include "host_tool/input/own_pictures.h"
 #include "host_tool/input/rig_pictures.h"
+#include "host_tool/input/take_heads.h"
 #include "host_tool/look/live_rig.h"
 #include "host_tool/look/loopback.h"
 #include "host_tool/look/page_files.h"
@@ -29,7 +32,7 @@ struct LookArgs {
   std::vector<std::string> inputs;
   std::string from, envelope;
   std::string out = "registered.json";
-  bool open = false;
+  bool open = false, heads = false;
   int threads = 0;
 };
 
@@ -49,13 +52,47 @@ Result<std::unique_ptr<look::Sphere>> read_sphere(Console& console, const LookAr
   return interruptible(console, [&] { return look::Sphere::read(options); });
 }
 
+/// A take with its calibration, or with one that is given before it.
+Result<RigPictures> read_take(const std::vector<std::string>& inputs, std::unique_ptr<TakeHeads>& take) {
+  NODAL_TRY_ASSIGN(take, TakeHeads::open(inputs.back()));
+  RigPictures rig;
+  if (inputs.size() == 1) {
+    NODAL_TRY_ASSIGN(rig.calibration, take->calibration());
+    return rig;
+  }
+  NODAL_TRY_ASSIGN(CalibrationFile read, read_calibration_file(inputs.front()));
+  rig.calibration = std::move(read.content.calibration);
+  rig.notes = std::move(read.content.notes);
+  return rig;
+}
+
 /// The heads of a calibration with their pictures, which are placed by hand.
-Result<std::unique_ptr<look::Workbench>> read_heads(Console& console, const LookArgs& args) {
+Result<std::unique_ptr<look::Workbench>> read_heads(Context& context, const LookArgs& args) {
+  Console& console = context.console();
   if (!args.from.empty() || !args.envelope.empty())
-    return fail(Errc::kBadValue, "--from and --envelope are for a single sphere, and here are several files");
+    return fail(Errc::kBadValue, "--from and --envelope are for a single sphere, and here are heads");
+  look::Workbench::Options options{args.inputs.empty() ? "rig" : args.inputs.front(), args.out, args.threads};
+  if (args.inputs.empty() || !context.rig.empty()) {
+    options.connect = [&context] { return context.connect(); };
+    options.rig = context.rig.empty() ? "the rig" : context.rig;
+  }
+  RigPictures rig;
+  if (args.inputs.empty()) {
+    NODAL_TRY_ASSIGN(const std::unique_ptr<RigConnection> connection, context.connect());
+    NODAL_TRY_ASSIGN(rig, pull_frame_sets(*connection, "placing heads by hand", 1, console));
+    options.gauge = registration::Gauge::kMedian;  // heads that have not moved stay where they are
+  }
   return interruptible(console, [&]() -> Result<std::unique_ptr<look::Workbench>> {
-    NODAL_TRY_ASSIGN(RigPictures rig, read_rig_pictures({}, args.inputs));
-    return look::Workbench::make(std::move(rig), {args.inputs.front(), args.out, args.threads});
+    if (args.inputs.size() == 1 && !is_take(args.inputs.front())) {
+      return fail(Errc::kBadValue, "--heads: " + args.inputs.front() +
+                                       " is no take; give a take, a calibration with a picture of each head, or --rig");
+    }
+    if (!args.inputs.empty() && args.inputs.size() <= 2 && is_take(args.inputs.back())) {
+      NODAL_TRY_ASSIGN(rig, read_take(args.inputs, options.take));
+    } else if (!args.inputs.empty()) {
+      NODAL_TRY_ASSIGN(rig, read_rig_pictures({}, args.inputs));
+    }
+    return look::Workbench::make(std::move(rig), std::move(options));
   });
 }
 
@@ -86,13 +123,13 @@ Result<Shown> watch_rig(Context& context, const LookArgs& args) {
 }
 
 Result<Shown> read_input(Context& context, const LookArgs& args) {
-  if (args.inputs.empty()) return watch_rig(context, args);
   Console& console = context.console();
   Shown shown;
-  if (args.inputs.size() > 1) {
-    NODAL_TRY_ASSIGN(shown.heads, read_heads(console, args));
+  if (args.heads || args.inputs.size() > 1) {
+    NODAL_TRY_ASSIGN(shown.heads, read_heads(context, args));
     return shown;
   }
+  if (args.inputs.empty()) return watch_rig(context, args);
   NODAL_TRY_ASSIGN(shown.sphere, read_sphere(console, args));
   for (const std::string& note : shown.sphere->notes()) console.note("note: " + note);
   return shown;
@@ -152,6 +189,8 @@ void add_look(CLI::App& app, CommandLine& line) {
       "  nodal look 000042                            the raymaps of a take on this computer\n"
       "  nodal look --rig ssh://rig.local             what a running rig films now\n"
       "  nodal look rig.json cam*.jpg -o placed.json  slide the heads' pictures, click pairs, register\n"
+      "  nodal look --heads 000042                    the heads of a take, set by set\n"
+      "  nodal look --heads --rig ssh://rig.local     a running rig's heads; a result is tried on the rig\n"
       "It prints a link and serves the page, on this computer only, until Ctrl-C or until the last page has\n"
       "been closed for a minute. From another computer: ssh -L PORT:127.0.0.1:PORT, with the link's port.\n");
   auto args = std::make_shared<LookArgs>();
@@ -175,6 +214,8 @@ void add_look(CLI::App& app, CommandLine& line) {
   add_envelope_option(*command, args->envelope, "The surface that is shown first (sphere:1 when not given)");
   command->add_option("-o,--out", args->out, "The calibration that the page saves (registered.json when not given)")
       ->type_name("FILE");
+  command->add_flag(kHeadsFlag, args->heads,
+                    "The heads' own pictures of a take or of a running rig, instead of its raymaps");
   command->add_flag(kOpenFlag, args->open, "Open the page in the browser (xdg-open)");
   command->add_option("--threads", args->threads, "One a core when not given")
       ->type_name("N")

@@ -14,6 +14,7 @@ namespace nodal::host {
 
 inline constexpr const char *kLookCommand = "look", *kWebCommand = "web";
 inline constexpr const char* kOpenFlag = "--open";
+inline constexpr const char* kHeadsFlag = "--heads";
 
 /// Sets `context.page`. Errors: those of look::prepare().
 Status prepare_look(Context& context, const CLI::App& command);

@@ -14,6 +14,7 @@ namespace nodal::host {
 namespace {
 
 volatile std::sig_atomic_t interrupt_seen = 0;
+thread_local int last_requests = 0;
 
 /// The output of the signal handler while an EndsAtOnce exists, prepared because the handler must not allocate.
 struct Farewell {
@@ -48,7 +49,10 @@ void watch_interrupts() {
   hal::ignore_stray_signals();
 }
 
-bool interrupted() { return interrupt_seen != 0; }
+bool interrupted() { return interrupt_seen != 0 && last_requests == 0; }
+
+LastRequest::LastRequest() { ++last_requests; }
+LastRequest::~LastRequest() { --last_requests; }
 
 int interrupting_signal() { return interrupt_seen; }
 std::string interrupt_name() { return interrupt_seen == SIGINT ? "Ctrl-C" : hal::signal_name(interrupt_seen); }

@@ -17,6 +17,20 @@ int interrupting_signal();
 /// "Ctrl-C", "SIGHUP": for messages, after interrupted().
 std::string interrupt_name();
 
+/// While an object exists, interrupted() is false on its thread: for a last request to a rig after a signal. A second
+/// signal of the same kind still ends the program at once.
+///
+/// Threading: created and destroyed on the same thread.
+/// Ownership: none.
+/// Errors: none.
+class [[nodiscard]] LastRequest {
+ public:
+  LastRequest();
+  ~LastRequest();
+  LastRequest(const LastRequest&) = delete;
+  LastRequest& operator=(const LastRequest&) = delete;
+};
+
 /// While an object exists, the first such signal ends the program at once, with a sentence and its exit code.
 ///
 /// Threading: created and destroyed on the main thread, one at a time.

@@ -14,6 +14,7 @@
 #include "host_tool/input/picture_folders.h"
 #include "host_tool/input/picture_masks.h"
 #include "host_tool/input/seen_part.h"
+#include "host_tool/input/take_heads.h"
 #include "host_tool/input/take_pictures.h"
 #include "protocol/base/angles.h"
 #include "protocol/base/try.h"

@@ -12,6 +12,7 @@
 #include "host_tool/input/film_pictures.h"
 #include "host_tool/input/picture_folders.h"
 #include "host_tool/input/picture_masks.h"
+#include "host_tool/input/take_heads.h"
 #include "host_tool/input/take_pictures.h"
 #include "protocol/base/try.h"
 #include "stitch/media/picture_folder.h"

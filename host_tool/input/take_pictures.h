@@ -8,12 +8,9 @@
 
 namespace nodal::host {
 
-/// Whether it is the folder of a take.
-bool is_take(const std::string& path);
-
 /// Up to `sets` sets of a take in which every head has a picture, evenly spread over the take; no calibration. Heads
 /// are called as in the take.
-/// Errors: those of media::TakeFolder; kNotFound when no set has all heads, naming the head that most sets lack.
+/// Errors: those of TakeHeads.
 Result<RigPictures> take_pictures(const std::string& folder, int sets);
 
 }  // namespace nodal::host

@@ -1,6 +1,6 @@
 #include "host_tool/look/film.h"
 
-#include "host_tool/input/take_pictures.h"
+#include "host_tool/input/take_heads.h"
 
 namespace nodal::host::look {
 namespace {

@@ -36,4 +36,11 @@ Answer document(const nlohmann::ordered_json& json) {
   return answer;
 }
 
+Answer steps_document(const std::vector<std::int64_t>& times) {
+  nlohmann::ordered_json steps = nlohmann::ordered_json::array();
+  const auto ms = [&](std::size_t k) { return (times[k] + 500'000) / 1'000'000; };
+  for (std::size_t k = 1; k < times.size(); ++k) steps.push_back(ms(k) - ms(k - 1));
+  return document(steps);
+}
+
 }  // namespace nodal::host::look

@@ -162,7 +162,7 @@ Answer Sphere::answer(const Wanted& wanted) {
     return k ? mesh(static_cast<std::size_t>(*k)) : Answer::text(400, "There is no such envelope.");
   }
   if (wanted.name == "eye") return eye(wanted);
-  if (film_ != nullptr && wanted.name == "times.json") return times();
+  if (film_ != nullptr && wanted.name == "times.json") return steps_document(film_->times());
   if (film_ != nullptr && wanted.name == "frame") {
     const std::optional<int> k = whole_number(wanted, "k", 0, static_cast<int>(film_->times().size()) - 1);
     return k ? frame(static_cast<std::size_t>(*k)) : Answer::text(400, "The film has no such picture.");
@@ -247,13 +247,6 @@ Answer Sphere::frame(std::size_t k) {
   auto bytes = film_->frame(k);
   if (!bytes) return refused(bytes.error());
   return {200, "image/jpeg", std::make_shared<const std::vector<std::uint8_t>>(*std::move(bytes))};
-}
-
-Answer Sphere::times() const {
-  Json steps = Json::array();
-  const auto ms = [&](std::size_t k) { return (film_->times()[k] + 500'000) / 1'000'000; };
-  for (std::size_t k = 1; k < film_->times().size(); ++k) steps.push_back(ms(k) - ms(k - 1));
-  return document(steps);
 }
 
 }  // namespace nodal::host::look

@@ -70,7 +70,6 @@ class Sphere {
   Answer mesh(std::size_t envelope);
   Answer eye(const Wanted& wanted) const;
   Answer frame(std::size_t k);
-  Answer times() const;
 
   Options options_;
   std::shared_ptr<Film> film_;  ///< null: one picture

@@ -36,9 +36,9 @@ class TakeFilm final : public Film {
     }
     if (!frames_.empty()) return {};
     return fail(Errc::kNotFound,
-                fmt::format("{}: no raymaps were recorded with this take; `nodal render {}` makes a film of its "
-                            "pictures, which `nodal look` shows",
-                            name_, name_));
+                fmt::format("{}: no raymaps were recorded with this take; `nodal look --heads {}` shows its heads, "
+                            "and `nodal render {}` makes a film",
+                            name_, name_, name_));
   }
 
   Result<std::vector<std::uint8_t>> frame(std::size_t k) override {

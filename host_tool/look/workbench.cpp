@@ -10,10 +10,8 @@
 
 #include "host_tool/look/head_grid.h"
 #include "host_tool/look/numbers.h"
-#include "host_tool/look/shrink.h"
 #include "protocol/base/try.h"
 #include "stitch/geometry/rotation.h"
-#include "stitch/media/raymap/raymap_file.h"
 
 namespace nodal::host::look {
 namespace {
@@ -25,7 +23,6 @@ constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr double kProposedWithinDeg = 4, kRefinedWithinPx = 8;  // how far a proposal may be from where it begins
 constexpr double kMinCorrelation = 0.6;                         // correlation below which nothing is proposed
 constexpr std::size_t kMaxFitted = 2000;                        // pairs: a fit of more takes longer than people wait
-constexpr int kHeadQuality = 92;                                // quality of JPEGs
 
 /// In the axes of graphics.
 Json axes_of(const Eigen::Vector3d& v) { return {v.x(), -v.y(), -v.z()}; }
@@ -107,13 +104,27 @@ Json agreements_json(const Json& pairs) {
   return all;
 }
 
+/// The number of a set in a request, 0 if there is none in it; nothing if the set is not there.
+std::optional<std::size_t> set_of(const Wanted& wanted, const HeadPictures& pictures) {
+  if (!wanted.query.contains("set")) return 0;
+  const auto set = whole_number(wanted, "set", 0, static_cast<int>(pictures.times().size()) - 1);
+  return set ? std::optional(static_cast<std::size_t>(*set)) : std::nullopt;
+}
+
 }  // namespace
 
-Result<std::unique_ptr<Workbench>> Workbench::make(RigPictures rig, const Options& options) {
-  std::unique_ptr<Workbench> made(new Workbench(options));
+Workbench::Workbench(Options options) : options_(std::move(options)) {
+  if (options_.connect) trials_ = std::make_unique<Trials>(options_.connect, options_.decide_within);
+}
+
+Result<std::unique_ptr<Workbench>> Workbench::make(RigPictures rig, Options options) {
+  std::unique_ptr<Workbench> made(new Workbench(std::move(options)));
   made->notes_ = rig.notes;
   NODAL_TRY(check_calibration(rig.calibration));
-  NODAL_TRY_ASSIGN(made->pictures_, take_set(rig, 0, true));
+  auto pictures = made->options_.take != nullptr ? HeadPictures::of(std::move(made->options_.take), rig.calibration)
+                                                 : HeadPictures::of(rig);
+  if (!pictures) return fail(pictures.error());
+  made->pictures_ = std::move(*pictures);
   made->add({rig.calibration, std::make_shared<const Pairs>()});
   NODAL_TRY(made->go_to(0));
   for (std::size_t k = 0; k < made->heads_.size(); ++k) {
@@ -121,7 +132,6 @@ Result<std::unique_ptr<Workbench>> Workbench::make(RigPictures rig, const Option
     made->errors_deg_.push_back(grid.error_deg);
     made->grids_.push_back(
         {200, "model/gltf-binary", std::make_shared<const std::vector<std::uint8_t>>(std::move(grid.glb))});
-    made->grey_.emplace_back(made->pictures_[k].view());
   }
   return made;
 }
@@ -140,35 +150,41 @@ Status Workbench::go_to(std::size_t step) {
 Answer Workbench::answer(const Wanted& wanted) {
   end_registration();
   if (wanted.changes) return change(wanted);
-  const int last = static_cast<int>(pictures_.size()) - 1;
-  const std::optional<int> head = whole_number(wanted, "head", 0, last);
   if (wanted.name == "scene.json") return scene();
   if (wanted.name == "state.json") return state();
   if (wanted.name == "proposal") return proposal(wanted);
   if (wanted.name == "seen") return seen(wanted);
-  if (wanted.name != "grid.glb" && wanted.name != "head") return Answer::text(404, "There is nothing of this name.");
-  if (!head) return Answer::text(400, "There is no such head.");
-  if (wanted.name == "grid.glb") return grids_[static_cast<std::size_t>(*head)];
-  const std::optional<int> side = whole_number(wanted, "side", kSmallestSide, kLargestSide);
-  if (!side) return Answer::text(400, fmt::format("Give side={} to {}.", kSmallestSide, kLargestSide));
-  return head_picture(static_cast<std::size_t>(*head), *side);
+  if (wanted.name == "times.json") return steps_document(pictures_->times());
+  if (wanted.name == "head") return head_picture(wanted);
+  if (wanted.name != "grid.glb") return Answer::text(404, "There is nothing of this name.");
+  const std::optional<int> head = whole_number(wanted, "head", 0, static_cast<int>(heads_.size()) - 1);
+  return head ? grids_[static_cast<std::size_t>(*head)] : Answer::text(400, "There is no such head.");
 }
 
 Answer Workbench::scene() const {
   Json heads = Json::array();
-  for (std::size_t k = 0; k < pictures_.size(); ++k) {
+  for (std::size_t k = 0; k < heads_.size(); ++k) {
     heads.push_back({{"name", heads_[k].name()},
-                     {"width", pictures_[k].width},
-                     {"height", pictures_[k].height},
+                     {"width", heads_[k].width()},
+                     {"height", heads_[k].height()},
                      {"error_deg", errors_deg_[k]}});
   }
-  return document({{"name", options_.name}, {"notes", notes_}, {"out", options_.out}, {"heads", heads}});
+  return document({{"name", options_.name},
+                   {"notes", notes_},
+                   {"out", options_.out},
+                   {"pictures", pictures_->times().size()},
+                   {"rig", trials_ == nullptr ? Json(nullptr) : Json(options_.rig)},
+                   {"heads", heads}});
 }
 
-Answer Workbench::head_picture(std::size_t head, int side) const {
-  media::RaymapFile file;
-  file.quality = kHeadQuality;
-  auto bytes = media::encode(shrunk(pictures_[head], side), file);
+Answer Workbench::head_picture(const Wanted& wanted) {
+  const std::optional<int> head = whole_number(wanted, "head", 0, static_cast<int>(heads_.size()) - 1);
+  const std::optional<int> side = whole_number(wanted, "side", kSmallestSide, kLargestSide);
+  const std::optional<std::size_t> set = set_of(wanted, *pictures_);
+  if (!head) return Answer::text(400, "There is no such head.");
+  if (!side) return Answer::text(400, fmt::format("Give side={} to {}.", kSmallestSide, kLargestSide));
+  if (!set) return Answer::text(400, "There is no such set.");
+  auto bytes = pictures_->jpeg(*set, static_cast<std::size_t>(*head), *side);
   if (!bytes) return Answer::text(500, bytes.error().message);
   return {200, "image/jpeg", std::make_shared<const std::vector<std::uint8_t>>(*std::move(bytes))};
 }
@@ -205,16 +221,21 @@ Answer Workbench::state() const {
                    {"fitted_rms_deg", fit ? Json(fit->rms_deg) : Json(nullptr)},
                    {"registering", job_ == nullptr ? Json(nullptr) : Json(job_->share.load())},
                    {"registered", registered_ == nullptr ? Json(nullptr) : *registered_},
+                   {"trial", trials_ == nullptr ? Json(nullptr) : trials_->state()},
                    {"saved", saved_}});
 }
 
-Answer Workbench::proposal(const Wanted& wanted) const {
-  const int last = static_cast<int>(pictures_.size()) - 1;
+Answer Workbench::proposal(const Wanted& wanted) {
+  const int last = static_cast<int>(heads_.size()) - 1;
   const auto a = whole_number(wanted, "a", 0, last), b = whole_number(wanted, "b", 0, last);
   const auto x = number(wanted, "x"), y = number(wanted, "y"), bx = number(wanted, "bx"), by = number(wanted, "by");
   if (!a || !b || *a == *b || !x || !y) return Answer::text(400, "Give two heads a and b, and a pixel x, y of head a.");
+  const std::optional<std::size_t> set = set_of(wanted, *pictures_);
+  if (!set) return Answer::text(400, "There is no such set.");
+  const auto shown = pictures_->set(*set);
+  if (!shown) return Answer::text(500, shown.error().message);
   const auto seen_by = [&](int k) {
-    return SeenBy{heads_[static_cast<std::size_t>(k)], grey_[static_cast<std::size_t>(k)]};
+    return SeenBy{heads_[static_cast<std::size_t>(k)], (*shown)->grey[static_cast<std::size_t>(k)]};
   };
   const std::optional<geometry::Pixel> near = bx && by ? std::optional(geometry::Pixel{*bx, *by}) : std::nullopt;
   const double density = seen_by(*a).head.density({*x, *y});

@@ -17,7 +17,6 @@ using Json = nlohmann::ordered_json;
 using registration::Free;
 
 constexpr std::size_t kLongestHistory = 100;  // steps that can be undone
-constexpr std::size_t kMaxPairs = 10'000;
 
 tl::unexpected<Error> malformed(const std::string& what) {
   return fail(Errc::kBadValue, "The request lacks " + what + ".");
@@ -142,7 +141,8 @@ Answer Workbench::change(const Wanted& wanted) {
   if (words["revision"].get<std::uint64_t>() != revision_)
     return Answer::text(409, "Another page changed the heads meanwhile; look at them, and do it again.");
   const std::string what = words["do"];
-  if (job_ != nullptr && what != "save") return Answer::text(409, "A registration runs; wait for its end.");
+  const bool tries = what == "try" || what == "keep" || what == "drop";
+  if (job_ != nullptr && what != "save" && !tries) return Answer::text(409, "A registration runs; wait for its end.");
   const auto done = [&]() -> Status {
     if (what == "undo" || what == "redo") {
       if (what == "undo" ? at_ == 0 : at_ + 1 == steps_.size())
@@ -151,6 +151,7 @@ Answer Workbench::change(const Wanted& wanted) {
     }
     if (what == "save") return save(words.value("replace", Json(false)) == Json(true));
     if (what == "register") return begin_registration(words);
+    if (tries) return try_out(what);
     NODAL_TRY_ASSIGN(Step step, changed(what, words));
     NODAL_TRY(check_calibration(step.calibration));
     add(std::move(step));
@@ -158,7 +159,8 @@ Answer Workbench::change(const Wanted& wanted) {
   }();
   if (done) return state();
   const Errc code = done.error().code;
-  const unsigned status = code == Errc::kExists ? 409 : code == Errc::kDiskFull ? 507 : code == Errc::kIo ? 500 : 400;
+  const bool conflict = code == Errc::kExists || code == Errc::kWrongState;
+  const unsigned status = conflict ? 409 : code == Errc::kDiskFull ? 507 : code == Errc::kIo ? 500 : 400;
   return Answer::text(status, done.error().message);
 }
 
@@ -189,7 +191,8 @@ Result<Workbench::Step> Workbench::changed(const std::string& what, const Json& 
   }
   Pairs pairs = *step.pairs;
   if (what == "add_pair") {
-    if (pairs.size() == kMaxPairs) return fail(Errc::kTooLarge, "There are 10000 pairs already; remove some.");
+    if (pairs.size() >= options_.max_pairs)
+      return fail(Errc::kTooLarge, fmt::format("There are {} pairs already; remove some.", pairs.size()));
     NODAL_TRY_ASSIGN(const registration::PointPair pair, pair_of(words, heads_));
     pairs.push_back(pair);
   } else if (what == "remove_pair") {
@@ -211,15 +214,19 @@ Status Workbench::begin_registration(const Json& words) {
   const Json free = words.value("free", Json("rotations"));
   const auto choice = free.is_string() ? choices.find(free.get<std::string>()) : choices.end();
   if (choice == choices.end()) return malformed("free: rotations, focals or lens");
+  std::size_t number = 0;
+  if (words.contains("set")) {
+    NODAL_TRY_ASSIGN(number, index_of(words, "set", pictures_->times().size()));
+  }
+  NODAL_TRY_ASSIGN(const std::shared_ptr<const HeadSet> set, pictures_->set(number));
   job_ = std::make_unique<Job>();
-  job_->thread = std::thread([this, job = job_.get(), prior = now().calibration, wanted = choice->second] {
-    registration::FrameSet frames;
-    for (const DecodedImage& picture : pictures_) frames.push_back(picture.view());
+  job_->thread = std::thread([this, set, job = job_.get(), prior = now().calibration, wanted = choice->second] {
     registration::Options options;
     options.free = wanted;
     options.threads = options_.threads;
+    options.gauge = options_.gauge;
     options.progress = [job](const registration::Step&, double share) { job->share = share; };
-    job->report = registration::register_heads(prior, {frames}, options);
+    job->report = registration::register_heads(prior, {set->frames()}, options);
     job->ended = true;
   });
   ++revision_;
@@ -247,6 +254,13 @@ Status Workbench::save(bool replace) {
   NODAL_TRY(write_file(options_.out, to_json(now().calibration)));
   saved_ = options_.out;
   return {};
+}
+
+Status Workbench::try_out(const std::string& what) {
+  if (trials_ == nullptr)
+    return fail(Errc::kWrongState, "There is no rig to try it on; start `nodal look` with --rig.");
+  if (what == "try") return trials_->begin(now().calibration);
+  return trials_->end(what == "keep");
 }
 
 }  // namespace nodal::host::look

@@ -1,6 +1,6 @@
 // What the page looks at: inside or outside, where to, how wide, in which projection. No drawing, no document.
 
-import { focalLength, metSphere, projections, rayAt, turnTo, turned, unturned, wrapped } from "./projection.js";
+import { focalLength, metSphere, projections, rayAt, rolled, turnTo, turned, unturned, wrapped } from "./projection.js";
 
 const kNarrowest = 2; // degrees
 const kOutside = 42; // degrees across the shorter side, the usual field of view from outside
@@ -24,6 +24,7 @@ export class Camera {
 
   reset() {
     Object.assign(this, kHome[this.side]);
+    this.roll = 0; // degrees, clockwise; a phone's, inside
     this.eye = [0, 0, 0]; // inside, in the sphere's axes and the envelope's unit; from outside it is on the axis
     this.fov = this.usualFov();
   }
@@ -51,6 +52,7 @@ export class Camera {
     this.side = side;
     this.projection = projection;
     if (home) Object.assign(this, kHome[side]);
+    this.roll = 0;
     this.fov = this.usualFov();
   }
 
@@ -65,7 +67,7 @@ export class Camera {
 
   /// Where the eye would be after steps to the right, up and ahead as the view stands.
   eyeAfter(right, up, ahead) {
-    return turned([right, up, -ahead], this.yaw, this.pitch).map((step, k) => this.eye[k] + step);
+    return turned(rolled([right, up, -ahead], this.roll), this.yaw, this.pitch).map((step, k) => this.eye[k] + step);
   }
 
   zoom(factor) {
@@ -77,9 +79,11 @@ export class Camera {
     this.pitch = Math.max(-90, Math.min(90, this.pitch + pitch));
   }
 
-  /// The camera's vector at a pixel: its ray, and from outside the point of the sphere. Null where nothing is shown.
+  /// The camera's vector at a pixel, as if it had no roll: its ray, and from outside the point of the sphere. Null where
+  /// nothing is shown.
   vectorAt(x, y) {
-    const ray = rayAt(this.projection, this.focal, x - this.width / 2, this.height / 2 - y);
+    const straight = rayAt(this.projection, this.focal, x - this.width / 2, this.height / 2 - y);
+    const ray = straight && rolled(straight, this.roll);
     return ray && this.distance > 0 ? metSphere(ray, this.distance) : ray;
   }
 
@@ -91,7 +95,7 @@ export class Camera {
 
   /// The pixel at which a direction is seen; null where it is not.
   pixelOf(direction) {
-    const [x, y, z] = unturned(direction, this.yaw, this.pitch);
+    const [x, y, z] = rolled(unturned(direction, this.yaw, this.pitch), -this.roll);
     const beside = Math.hypot(x, y), angle = Math.atan2(beside, -z);
     const { distance, widest } = projections[this.projection];
     if (angle >= (Math.min(widest, 359) * Math.PI) / 360) return null;
@@ -114,6 +118,7 @@ export class Camera {
     const words = ["nodal", "view", quoted(scene.file)];
     if (scene.from) words.push("--from", quoted(scene.from));
     words.push("-o", "view.png", "--camera", this.projection, "--yaw", number(this.yaw), "--pitch", number(this.pitch));
+    if (this.roll) words.push("--roll", number(this.roll));
     words.push("--fov", number(this.fov), "--size", `${Math.round(this.width)}x${Math.round(this.height)}`);
     const eye = this.distance > 0 ? turned([0, 0, this.distance * radius], this.yaw, this.pitch) : this.eye;
     if (eye.some((value) => value !== 0)) {

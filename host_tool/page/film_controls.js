@@ -1,8 +1,7 @@
 // The controls of a film: play and pause, a slider, one picture on or back, the time.
 
 import { Player } from "./player.js";
-
-const at = (id) => document.getElementById(id);
+import { at, read, say } from "./stage.js";
 
 function clock(ms) {
   const seconds = Math.floor(ms / 1000);
@@ -10,13 +9,11 @@ function clock(ms) {
   return `${Math.floor(seconds / 60)}:${two(seconds % 60)}.${Math.floor((ms % 1000) / 100)}`;
 }
 
-/// `ask(path)` gives an answer of the program, `setPicture(bitmap)` draws, `say(text)` tells people. Gives the actions
-/// of keys.
-export async function connectFilm(ask, setPicture, say) {
+/// `load(k)` gives picture k, `setPicture(picture)` draws it. Gives the actions of keys.
+export async function connectFilm(load, setPicture) {
   const times = [0];
-  for (const step of await (await ask("times.json")).json()) times.push(times.at(-1) + step);
+  for (const step of await read("times.json")) times.push(times.at(-1) + step);
   const slider = at("moment"), play = at("play"), time = at("time");
-  const asStored = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
   const tell = (k) => {
     slider.value = k;
     const text = `picture ${k + 1} of ${times.length}, ${clock(times[k])} of ${clock(player.length)}`;
@@ -27,7 +24,7 @@ export async function connectFilm(ask, setPicture, say) {
   let first = null;
   const begun = new Promise((done) => { first = done; });
   const player = new Player(times, {
-    load: async (k) => createImageBitmap(await (await ask(`frame?k=${k}`)).blob(), asStored),
+    load,
     show: (k, picture) => { setPicture(picture); tell(k); first(); },
     failed: (error) => { say(error.message); label(); first(); },
   });

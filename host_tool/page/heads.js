@@ -1,63 +1,28 @@
 // The page of heads that are placed by hand: every change is a request to the program, whose state is then shown.
 
 import { Camera } from "./camera.js";
-import { listen } from "./input.js";
+import { connectFilm } from "./film_controls.js";
+import { connectTrial } from "./heads_trial.js";
 import { HeadsView, kColours } from "./heads_view.js";
+import { listen } from "./input.js";
+import { Stage, ask, at, listed, picture, read, say, stayConnected } from "./stage.js";
 import { between, turnedAxes } from "./turns.js";
 
-const at = (id) => document.getElementById(id);
-const canvas = at("view"), stage = at("stage"), message = at("message");
 const camera = new Camera();
-const kPoll = 300; // ms, while a registration runs
+const stage = new Stage(camera, () => stage.tell(at("where")));
+const { canvas, changed } = stage;
+const message = at("message");
+const kPoll = 300; // ms, while a registration or a trial runs
 const kLargest = 2048; // px, of a head's picture: enough to place it
 const kArrow = Math.PI / 1800; // 0.1 degrees
 const kRoll = Math.PI / 900; // by px
 const kSamePlace = 12; // px, between a click and the first corner of a mask that it closes
-let view = null, scene = null, state = null, waiting = false;
+let view = null, scene = null, state = null, filmKeys = {};
+let set = 0; // of a take: the one that is shown
 let slide = null; // a drag of heads: where it began, and the rotation since
 let pair = null; // the first click of a pair
 let points = []; // of the horizon, of a vertical line, or corners of a mask
-
-function say(text) {
-  message.textContent = text;
-  message.hidden = !text;
-}
-
-async function ask(path, options) {
-  const answer = await fetch(path, options);
-  if (!answer.ok) throw Object.assign(new Error(await answer.text()), { status: answer.status });
-  return answer;
-}
-const read = async (path) => (await ask(path)).json();
-
-function show() {
-  waiting = false;
-  if (!view) return;
-  view.draw(camera);
-  const degrees = (value) => `${(Math.round(value * 10) / 10).toFixed(1)}°`;
-  at("where").textContent = `yaw ${degrees(camera.yaw)}, pitch ${degrees(camera.pitch)}, ${degrees(camera.fov)} wide`;
-  Object.assign(at("where").dataset, { yaw: camera.yaw, pitch: camera.pitch, fov: camera.fov });
-}
-function changed() {
-  if (waiting) return;
-  waiting = true;
-  requestAnimationFrame(show);
-}
-
-function resize() {
-  const { left, top, right, bottom } = stage.getBoundingClientRect();
-  const width = Math.max(1, Math.floor(right) - Math.ceil(left));
-  const height = Math.max(1, Math.floor(bottom) - Math.ceil(top));
-  canvas.style.left = `${Math.ceil(left) - left}px`;
-  canvas.style.top = `${Math.ceil(top) - top}px`;
-  camera.resize(width, height);
-  view?.resize(width, height);
-  changed();
-}
-
-function listed(id, texts) {
-  at(id).replaceChildren(...texts.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
-}
+let clicking = false, polling = false, showTrial = () => false;
 
 function colourOf(one) {
   if (one.outlier) return "#ff00ff";
@@ -93,22 +58,31 @@ function take(made) {
       ...heads.map((head) => (head.placed ? turned(head) : `${head.name}: ${head.why_not}`)), ...warnings,
     ]);
   }
-  if (running) setTimeout(poll, kPoll);
+  if (showTrial(state.trial) || running) pollLater();
   document.documentElement.dataset.revision = state.revision;
   changed();
 }
 
+/// One question at a time, however many changes there are meanwhile.
+function pollLater() {
+  if (polling) return;
+  polling = true;
+  setTimeout(() => { polling = false; poll().catch((error) => say(error.message)); }, kPoll);
+}
+
 async function poll() {
+  if (slide) return pollLater(); // what is dragged stays under the pointer
   const before = state.registering;
   take(await read("state.json"));
   if (before === null || state.registering !== null) return;
   say(state.registered?.error || "Registered; what changed is below.");
   at("about").open = true;
+  return undefined;
 }
 
 /// Asks for a change. Gives whether it was made.
 async function change(what, words = {}) {
-  stage.setAttribute("aria-busy", "true");
+  stage.box.setAttribute("aria-busy", "true");
   try {
     const body = JSON.stringify({ revision: state.revision, do: what, ...words });
     take(await (await ask("change", { method: "POST", headers: { "Content-Type": "application/json" }, body })).json());
@@ -120,7 +94,7 @@ async function change(what, words = {}) {
     changed();
     return false;
   } finally {
-    stage.removeAttribute("aria-busy");
+    stage.box.removeAttribute("aria-busy");
   }
 }
 
@@ -163,7 +137,7 @@ async function clickPair(direction) {
 
 async function finishPair(b, click) {
   const { a, x, y } = pair;
-  const found = await read(`proposal?${query({ a, x, y, b, ...(click ? { bx: click.x, by: click.y } : {}) })}`);
+  const found = await read(`proposal?${query({ a, x, y, b, set, ...(click ? { bx: click.x, by: click.y } : {}) })}`);
   if (!found.found && !click) {
     pair.b = b;
     return say(`${found.why} Click it in ${scene.heads[b].name}.`);
@@ -210,6 +184,21 @@ function showMasks() {
   changed();
 }
 
+/// One click after the other: what a click means depends on what the one before has found.
+async function click(tool, from, event) {
+  if (clicking) return;
+  clicking = true;
+  stage.box.setAttribute("aria-busy", "true");
+  try {
+    if (tool === "pair") await clickPair(from);
+    else if (tool === "mask") await clickMask(from, event);
+    else await mark(from, tool);
+  } finally {
+    clicking = false;
+    stage.box.removeAttribute("aria-busy");
+  }
+}
+
 async function press(event) {
   const tool = at("tool").value;
   if (tool === "look" || event.button !== 0) return;
@@ -218,9 +207,7 @@ async function press(event) {
   const from = camera.grab(...place(event));
   if (!from) return;
   try {
-    if (tool === "pair") return await clickPair(from);
-    if (tool === "mask") return await clickMask(from, event);
-    if (tool !== "slide") return await mark(from, tool);
+    if (tool !== "slide") return await click(tool, from, event);
     slide = { from, x: event.clientX, about: [0, 0, 0], last: event };
     if (view.chosen.size === 0) {
       const [top] = (await seenAt(from)).sort((a, b) => b.edge_px - a.edge_px);
@@ -275,7 +262,7 @@ function connect() {
   for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, release);
   canvas.addEventListener("keydown", arrows);
   listen(canvas, camera, changed, {
-    Home: () => camera.reset(), z: () => change("undo"), y: () => change("redo"),
+    ...filmKeys, Home: () => camera.reset(), z: () => change("undo"), y: () => change("redo"),
     Escape: forget, Enter: closeMask,
   });
   at("tool").addEventListener("change", forget);
@@ -287,7 +274,7 @@ function connect() {
   at("mode").addEventListener("change", () => { view.mode = at("mode").value; changed(); });
   at("projection").addEventListener("change", () => { camera.look("inside", at("projection").value); changed(); });
   for (const what of ["undo", "redo", "fit"]) at(what).addEventListener("click", () => change(what));
-  at("register").addEventListener("click", () => change("register", { free: at("free").value }));
+  at("register").addEventListener("click", () => change("register", { free: at("free").value, set }));
   at("save").addEventListener("click", save);
   at("no").addEventListener("click", () => at("ask").close());
   at("yes").addEventListener("click", async () => {
@@ -295,9 +282,7 @@ function connect() {
     if (await change("save", { replace: true })) say(`Saved as ${state.saved}.`);
   });
   addEventListener("focus", async () => { if (!slide) take(await read("state.json")); });
-  new ResizeObserver(resize).observe(stage);
-  const events = new EventSource("events");
-  events.onerror = () => say("The program has ended, or too many pages of it are open. Start `nodal look` again.");
+  stayConnected();
 }
 
 function addChoice({ name }, k) {
@@ -309,31 +294,42 @@ function addChoice({ name }, k) {
   at("heads").append(label);
 }
 
+/// All heads' pictures of a set of a take.
+async function loadSet(k) {
+  const side = Math.min(kLargest, view.largestPicture);
+  const pictures = await Promise.all(scene.heads.map((head, n) => picture(`head?head=${n}&side=${side}&set=${k}`)));
+  return { k, pictures, close: () => pictures.forEach((each) => each.close()) };
+}
+
+function showSet({ k, pictures }) {
+  set = k;
+  pictures.forEach((each, n) => view.setHeadPicture(n, each));
+  changed();
+}
+
 async function start() {
   scene = await read("scene.json");
   document.title = `${scene.name} – nodal look`;
   at("name").textContent = scene.name;
   at("size").textContent = `${scene.heads.length} heads; Save writes ${scene.out}`;
   listed("notes", scene.notes);
-  try {
-    view = new HeadsView(canvas);
-  } catch {
-    return say("This browser has no WebGL, which draws the heads.");
-  }
+  if (!stage.begin(HeadsView)) return say("This browser has no WebGL, which draws the heads.");
+  ({ view } = stage);
   canvas.addEventListener("webglcontextlost", (event) => {
     event.preventDefault();
     say("This computer's graphics stopped (WebGL was lost). Nothing is lost: reload the page.");
   });
   const side = Math.min(kLargest, view.largestPicture);
-  const asStored = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
   for (let k = 0; k < scene.heads.length; ++k) {
-    const [grid, picture] = await Promise.all([ask(`grid.glb?head=${k}`), ask(`head?head=${k}&side=${side}`)]);
-    await view.addHead(await grid.arrayBuffer(), await createImageBitmap(await picture.blob(), asStored));
+    const [grid, bitmap] = await Promise.all([ask(`grid.glb?head=${k}`), picture(`head?head=${k}&side=${side}`)]);
+    await view.addHead(await grid.arrayBuffer(), bitmap);
     addChoice(scene.heads[k], k);
   }
+  showTrial = connectTrial(scene.rig, change);
+  if (scene.pictures > 1) filmKeys = await connectFilm(loadSet, showSet);
   take(await read("state.json"));
   connect();
-  resize();
+  stage.resize();
   document.documentElement.dataset.ready = "1";
 }
 

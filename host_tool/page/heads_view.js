@@ -110,6 +110,15 @@ export class HeadsView extends SphereView {
     this.heads.push({ mesh, base, border });
   }
 
+  /// Another picture of the same size.
+  setHeadPicture(k, bitmap) {
+    const texture = this.heads[k].mesh.material.uniforms.picture.value;
+    texture.image.close?.();
+    texture.image = bitmap;
+    texture.needsUpdate = true;
+    this.cubeIsNew = false;
+  }
+
   /// `axes`: rows of the rotation from the head's axes to the rig's.
   turnHead(k, axes) {
     const [a, b, c, d, e, f, g, h, i] = axes;

@@ -1,6 +1,8 @@
 // Shows the raymaps of a running rig: keeps at most two questions for a newer one on their way, says how old the picture
 // is, and turns it grey when it is old. While the page is hidden it asks for nothing. No drawing.
 
+import { kAsStored } from "./stage.js";
+
 const kOutstanding = 2; // questions on their way: with one, the line would be idle while an answer travels
 const kAgain = 500; // ms, until the next question when the program did not answer
 const kOld = 2000; // ms: the picture is shown grey
@@ -30,7 +32,6 @@ class ClockDifference {
 /// `setPicture(bitmap)` draws; `say(text)` tells people; `stage` gets the class "old". `refused(status)` is called when
 /// the program refuses to show anything.
 export function watchRig(setPicture, say, stage, output, refused = () => {}) {
-  const asStored = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
   const clock = new ClockDifference();
   const pending = new Set(); // the pictures after which those on their way are asked for
   let number = 0, outstanding = 0, exposed = null, of = "", problem = "", pictures = 0, said = false;
@@ -44,7 +45,7 @@ export function watchRig(setPicture, say, stage, output, refused = () => {}) {
     }
     const sent = Number(answer.headers.get("X-Clock-Ms")), its = Number(answer.headers.get("X-Number"));
     clock.add(sent);
-    const bitmap = await createImageBitmap(await answer.blob(), asStored);
+    const bitmap = await createImageBitmap(await answer.blob(), kAsStored);
     if (its <= number) return bitmap.close(); // a newer one is shown already
     number = its;
     of = answer.headers.get("X-Age-Of");

@@ -2,28 +2,20 @@
 
 import { Camera, eyeWords } from "./camera.js";
 import { connectFilm } from "./film_controls.js";
+import { connectGyroscope } from "./gyroscope.js";
+import { connectHeadset } from "./headset.js";
 import { kKeyZoom, listen } from "./input.js";
 import { watchRig } from "./live.js";
 import { connectPath } from "./path.js";
 import { SphereView } from "./sphere_view.js";
+import { Stage, ask, at, picture, read, say, stayConnected } from "./stage.js";
 
-const at = (id) => document.getElementById(id);
-const canvas = at("view"), stage = at("stage"), message = at("message"), flat = at("flat");
+const message = at("message"), flat = at("flat");
 const camera = new Camera();
+const stage = new Stage(camera, tell);
+const { canvas, changed } = stage;
 const kStepOfEye = 0.05; // by key, of the envelope's radius
-let view = null, scene = null, waiting = false, filmKeys = {};
-
-function say(text) {
-  message.textContent = text;
-  message.hidden = !text;
-}
-
-/// The answer, or an error whose message is the program's sentence.
-async function ask(path) {
-  const answer = await fetch(path);
-  if (!answer.ok) throw new Error(await answer.text());
-  return answer;
-}
+let scene = null, filmKeys = {};
 
 /// Shows the picture flat, and says why.
 function showFlat(why) {
@@ -34,34 +26,11 @@ function showFlat(why) {
   say(why);
 }
 
-function show() {
-  waiting = false;
-  if (!view || canvas.hidden) return;
-  view.draw(camera);
-  const degrees = (value) => `${(Math.round(value * 10) / 10).toFixed(1)}°`;
-  at("where").textContent = `yaw ${degrees(camera.yaw)}, pitch ${degrees(camera.pitch)}, ${degrees(camera.fov)} wide`;
-  Object.assign(at("where").dataset, { yaw: camera.yaw, pitch: camera.pitch, fov: camera.fov });
+function tell() {
+  stage.tell(at("where"));
   if (scene.pictures > 1) return;
   at("command").textContent = isLoose() ? "nodal view has no soup of triangles; choose another shape"
-    : camera.command(scene, scene.envelopes[at("envelope").selectedIndex], view.radius);
-}
-
-function changed() {
-  if (waiting) return;
-  waiting = true;
-  requestAnimationFrame(show);
-}
-
-function resize() {
-  // Whole pixels, at whole pixels of the window: otherwise the browser would blur what is drawn.
-  const { left, top, right, bottom } = stage.getBoundingClientRect();
-  const width = Math.max(1, Math.floor(right) - Math.ceil(left));
-  const height = Math.max(1, Math.floor(bottom) - Math.ceil(top));
-  canvas.style.left = `${Math.ceil(left) - left}px`;
-  canvas.style.top = `${Math.ceil(top) - top}px`;
-  camera.resize(width, height);
-  view?.resize(width, height);
-  changed();
+    : camera.command(scene, scene.envelopes[at("envelope").selectedIndex], stage.view.radius);
 }
 
 function look() {
@@ -75,7 +44,7 @@ const isLoose = () => at("envelope").selectedIndex === scene.envelopes.length;
 /// Moves the eye inside, or says why it cannot be there: an opaque envelope must be seen from its inner side only.
 async function moveEye(eye) {
   const moved = eye.some((value) => value !== 0);
-  stage.setAttribute("aria-busy", "true");
+  stage.box.setAttribute("aria-busy", "true");
   try {
     if (moved && isLoose()) throw new Error("Loose triangles fit together from the nodal point only. Choose another shape.");
     const [x, y, z] = eyeWords(eye).split(",");
@@ -85,7 +54,7 @@ async function moveEye(eye) {
   } catch (error) {
     say(error.message);
   }
-  stage.removeAttribute("aria-busy");
+  stage.box.removeAttribute("aria-busy");
   at("eye").value = eyeWords(camera.eye);
   changed();
 }
@@ -93,16 +62,16 @@ async function moveEye(eye) {
 let eyeMoves = Promise.resolve(); // one after another, each from where the one before has ended
 function step(right, up, ahead) {
   if (camera.side === "outside") return;
-  const length = kStepOfEye * view.radius;
-  stage.setAttribute("aria-busy", "true");
+  const length = kStepOfEye * stage.view.radius;
+  stage.box.setAttribute("aria-busy", "true");
   eyeMoves = eyeMoves.then(() => moveEye(camera.eyeAfter(right * length, up * length, ahead * length)));
 }
 
 async function setEnvelope() {
-  at("stage").setAttribute("aria-busy", "true");
+  stage.box.setAttribute("aria-busy", "true");
   try {
     const answer = await ask(`mesh.glb?envelope=${isLoose() ? 0 : at("envelope").selectedIndex}`);
-    await view.setMesh(await answer.arrayBuffer(), isLoose());
+    await stage.view.setMesh(await answer.arrayBuffer(), isLoose());
     if (!message.dataset.gone) say("");
     const eye = camera.eye;
     camera.eye = [0, 0, 0];
@@ -110,17 +79,15 @@ async function setEnvelope() {
   } catch (error) {
     say(error.message);
   }
-  at("stage").removeAttribute("aria-busy");
+  stage.box.removeAttribute("aria-busy");
   changed();
 }
 
 async function setPicture() {
   const longer = Math.max(scene.picture_width, scene.picture_height);
-  const side = Math.min(longer, view.largestPicture);
-  const answer = await ask(`picture?side=${side}`);
-  const asStored = { colorSpaceConversion: "none", premultiplyAlpha: "none" };
-  const bitmap = await createImageBitmap(await answer.blob(), asStored);
-  view.setPicture(bitmap, scene.even);
+  const side = Math.min(longer, stage.view.largestPicture);
+  const bitmap = await picture(`picture?side=${side}`);
+  stage.view.setPicture(bitmap, scene.even);
   if (side < longer) {
     addNote(`The picture is shown with ${bitmap.width}x${bitmap.height} of its ${scene.picture_width}x` +
       `${scene.picture_height} px, because the graphics of this browser take no larger ones.`);
@@ -129,7 +96,7 @@ async function setPicture() {
 
 /// A picture of the film instead of the one before.
 function setFrame(bitmap) {
-  view.setPicture(bitmap, scene.even, true);
+  stage.view.setPicture(bitmap, scene.even, true);
   changed();
 }
 
@@ -147,7 +114,7 @@ function next(id) {
 
 function fullScreen() {
   if (document.fullscreenElement) document.exitFullscreen();
-  else stage.requestFullscreen?.().catch(() => say("This browser does not allow full screen here."));
+  else stage.box.requestFullscreen?.().catch(() => say("This browser does not allow full screen here."));
 }
 
 function connectControls() {
@@ -174,18 +141,8 @@ function connectControls() {
     k: connectPath(camera, at, () => (scene.pictures > 1 ? Number(at("time").dataset.shown) : null)),
   });
   if (!document.fullscreenEnabled) at("full").hidden = true;
-  new ResizeObserver(resize).observe(stage);
-}
-
-/// The program ends a minute after the last page is closed; it knows by this connection that there is one.
-function stayConnected() {
-  const events = new EventSource("events");
-  events.onopen = () => { if (message.dataset.gone) { delete message.dataset.gone; say(""); } };
-  events.onerror = () => {
-    message.dataset.gone = "1";
-    say("The program has ended, or too many pages of it are open. What is shown stays; start `nodal look` again " +
-      "for more.");
-  };
+  connectGyroscope(at("gyroscope"), camera, changed, say);
+  connectHeadset(at("headset"), stage.view, camera, changed, say);
 }
 
 function watchGraphics() {
@@ -197,29 +154,26 @@ function watchGraphics() {
 }
 
 async function start() {
-  scene = await (await ask("scene.json")).json();
+  scene = await read("scene.json");
   document.title = `${scene.name} – nodal look`;
   at("name").textContent = scene.name;
   at("size").textContent = `${scene.layout}, ${scene.width}×${scene.height} px`;
   scene.notes.forEach(addNote);
   stayConnected();
   if (scene.flat) return showFlat(scene.flat);
-  try {
-    view = new SphereView(canvas);
-  } catch {
+  if (!stage.begin(SphereView))
     return showFlat("This browser has no WebGL, which draws the sphere. The picture is shown flat.");
-  }
   watchGraphics();
   const film = scene.pictures > 1;
   if (film) {
-    filmKeys = await connectFilm(ask, setFrame, say);
+    filmKeys = await connectFilm((k) => picture(`frame?k=${k}`), setFrame);
     at("same").hidden = at("command").parentElement.hidden = true;
   }
   connectControls();
-  resize();
+  stage.resize();
   await Promise.all([film ? null : setPicture(), setEnvelope()]);
   if (scene.live) {
-    watchRig(setFrame, say, stage, at("age"));
+    watchRig(setFrame, say, stage.box, at("age"));
     at("same").hidden = at("command").parentElement.hidden = true;
   }
   changed();

@@ -12,7 +12,7 @@ export class PathKeys {
   add(camera, picture) {
     const at = picture ?? this.keys.length * kPictures;
     this.keys = this.keys.filter((key) => key.picture !== at);
-    this.keys.push({ picture: at, yaw: camera.yaw, pitch: camera.pitch, fov: camera.fov });
+    this.keys.push({ picture: at, yaw: camera.yaw, pitch: camera.pitch, roll: camera.roll, fov: camera.fov });
     this.keys.sort((a, b) => a.picture - b.picture);
   }
 
@@ -20,9 +20,9 @@ export class PathKeys {
   lines() {
     const number = (value) => Number(value.toFixed(4));
     let before = null;
-    const rows = this.keys.map(({ picture, yaw, pitch, fov }) => {
+    const rows = this.keys.map(({ picture, yaw, pitch, roll, fov }) => {
       before = before === null ? yaw : yaw + 360 * Math.round((before - yaw) / 360);
-      return `${picture},${number(before)},${number(pitch)},0,${number(fov)}\n`;
+      return `${picture},${number(before)},${number(pitch)},${number(roll)},${number(fov)}\n`;
     });
     return ["picture,yaw,pitch,roll,fov\n", ...rows].join("");
   }

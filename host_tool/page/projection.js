@@ -35,6 +35,12 @@ export function turned([x, y, z], yaw, pitch) {
   return [level[0] * cy - level[2] * sy, level[1], level[0] * sy + level[2] * cy];
 }
 
+/// A vector of a camera that is rolled clockwise, in degrees, in the axes that it has without the roll.
+export function rolled([x, y, z], roll) {
+  const c = Math.cos(roll * kDegree), s = Math.sin(roll * kDegree);
+  return [x * c + y * s, y * c - x * s, z];
+}
+
 /// A vector of the sphere's axes in the camera's.
 export function unturned([x, y, z], yaw, pitch) {
   const cp = Math.cos(pitch * kDegree), sp = Math.sin(pitch * kDegree);

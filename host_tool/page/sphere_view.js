@@ -20,6 +20,7 @@ void main() {
   vec3 ray = far == 0.0 ? vec3(0.0, 0.0, -1.0) : vec3(sin(angle) * at / far, -cos(angle));
   colour = angle > 3.14159265 ? vec4(0.0, 0.0, 0.0, 1.0) : vec4(texture(around, turn * ray).rgb, 1.0);
 }`;
+const kHeadsetRadius = 1000; // m, of the sphere in a headset
 const kFewCorners = 6000; // a mesh with more has no large triangles
 const kWhole = `precision highp float;
 in vec3 position;
@@ -127,15 +128,39 @@ export class SphereView {
   }
 
   resize(width, height) {
+    Object.assign(this, { width, height });
+    if (this.renderer.xr.isPresenting) return;
     this.renderer.setPixelRatio(Math.min(2, globalThis.devicePixelRatio || 1));
     this.renderer.setSize(width, height); // also as CSS has it
   }
 
+  /// Draws for a headset until leave(). The sphere is so large that neither the distance between the eyes nor steps
+  /// change what is seen, and begins where the camera looks.
+  async enter(session, camera) {
+    const { xr } = this.renderer;
+    xr.enabled = true;
+    xr.setReferenceSpaceType("local");
+    await xr.setSession(session);
+    this.mesh.scale.setScalar(kHeadsetRadius / this.radius);
+    this.mesh.rotation.y = (camera.yaw * Math.PI) / 180;
+    const eye = new three.PerspectiveCamera(90, 1, 1, 2 * kHeadsetRadius);
+    this.renderer.setAnimationLoop(() => this.renderer.render(this.scene, eye));
+  }
+
+  leave() {
+    this.renderer.setAnimationLoop(null);
+    this.renderer.xr.enabled = false;
+    this.mesh.scale.setScalar(1);
+    this.mesh.rotation.y = 0;
+    this.cubeIsNew = false;
+    this.resize(this.width, this.height);
+  }
+
   draw(camera) {
-    if (!this.mesh || !this.texture) return;
+    if (!this.mesh || !this.texture || this.renderer.xr.isPresenting) return;
     const distance = camera.distance * this.radius;
     this.eye.rotation.order = "YXZ";
-    this.eye.rotation.set((camera.pitch * Math.PI) / 180, (-camera.yaw * Math.PI) / 180, 0);
+    this.eye.rotation.set((camera.pitch * Math.PI) / 180, (-camera.yaw * Math.PI) / 180, (-camera.roll * Math.PI) / 180);
     if (distance > 0) this.eye.position.set(0, 0, distance).applyEuler(this.eye.rotation);
     else this.eye.position.fromArray(camera.eye);
     this.eye.near = this.radius * 0.001;

@@ -31,9 +31,10 @@ constexpr std::size_t kMaxThumbnail = 1 << 20;
 constexpr std::string_view kApi = "api/", kTakes = "takes/", kThumbs = "thumbs/";
 
 /// Files of host_tool/page that the page of the rig is made of; those of `nodal look` are not served here.
-constexpr std::array<std::string_view, 13> kPageFiles{
-    "rig.html",  "skew_chart.js", "rig.css",       "rig.js",        "rig_controls.js", "rig_takes.js",    "live.js",
-    "camera.js", "input.js",      "projection.js", "mesh_split.js", "sphere_view.js",  "vendor/viewer.js"};
+constexpr std::array<std::string_view, 16> kPageFiles{
+    "rig.html",     "skew_chart.js", "rig.css",        "rig.js",          "rig_controls.js", "rig_takes.js",
+    "gyroscope.js", "headset.js",    "live.js",        "camera.js",       "input.js",        "projection.js",
+    "stage.js",     "mesh_split.js", "sphere_view.js", "vendor/viewer.js"};
 /// Those of the page that pairs a device, which anybody may read.
 constexpr std::array<std::string_view, 3> kOpenFiles{"pair.js", "rig.css", "icon.svg"};
 

@@ -1,70 +1,30 @@
 // Heads that are placed by hand in the page of `nodal look`: only by mouse and keys.
 #include <gtest/gtest.h>
 
-#include <Eigen/Geometry>
 #include <array>
-#include <cmath>
-#include <fstream>
-#include <numbers>
 
-#include "page_driver.h"
-#include "protocol/calibration.h"
-#include "tests/support/rendered_rig.h"
+#include "heads_page.h"
 
 namespace nodal::command_line {
 namespace {
 
-constexpr double kRadians = std::numbers::pi / 180;  // one degree
-constexpr int kSide = 256;
-
-class HeadsPage : public PageDriver {
- protected:
-  /// Six fisheyes in a town, and a calibration in which each is turned by so many degrees.
-  Words write_rig(double turned_deg) {
-    rig_ = test::render_rig(test::six_fisheyes(kSide), hal::sim::town_square_scene(3), {PixelFormat::kRgb24, 0, 5, 3});
-    Words words{path("prior.json")};
-    for (std::size_t k = 0; k < rig_.bytes.size(); ++k) {
-      const std::string name = rig_.truth.heads[k].name + ".png";
-      test::write_bytes(path(name), test::png_of(rig_.bytes[k], kSide, kSide, 3));
-      words.push_back(path(name));
-    }
-    std::ofstream(path("prior.json")) << to_json(test::turned(rig_.truth, turned_deg, turned_deg, 3));
-    words.insert(words.end(), {"-o", path("placed.json")});
-    return words;
-  }
-  static Eigen::Matrix3d axes(const Json& head) {
-    Eigen::Matrix3d R;
-    for (int k = 0; k < 9; ++k) R(k / 3, k % 3) = head["axes"][static_cast<std::size_t>(k)];
-    return R;
-  }
-  /// The direction that a view without yaw or pitch shows at a pixel.
-  static Eigen::Vector3d ray(const Json& state, double x, double y) {
-    const double width = state["width"], height = state["height"];
-    const double focal = width / 2 / std::tan(state["fov"].get<double>() / 2 * kRadians);
-    return Eigen::Vector3d(x - width / 2, height / 2 - y, -focal).normalized();
-  }
-
-  const Json size_{"size", 1000, 900}, slide_{"select", "tool", 1};
-  test::RenderedRig rig_;
-};
-
 TEST_F(HeadsPage, ADraggedHead_KeepsThePointUnderThePointer) {
-  const std::vector<Json> seen = drive(write_rig(2), {size_,
-                                                      {"open"},
-                                                      {"state"},
-                                                      {"shot", "before.png", "page"},
-                                                      {"heads"},
-                                                      slide_,
-                                                      {"press", "#head0"},
-                                                      {"drag", 420, 300, 555, 251},
-                                                      {"heads"},
-                                                      {"shot", "after.png", "page"},
-                                                      {"key", "ArrowLeft"},
-                                                      {"heads"},
-                                                      {"press", "#undo"},
-                                                      {"press", "#undo"},
-                                                      {"heads"},
-                                                      {"axe"}});
+  const std::vector<Json> seen = drive(write_rig(2, 2), {size_,
+                                                         {"open"},
+                                                         {"state"},
+                                                         {"shot", "before.png", "page"},
+                                                         {"heads"},
+                                                         slide_,
+                                                         {"press", "#head0"},
+                                                         {"drag", 420, 300, 555, 251},
+                                                         {"heads"},
+                                                         {"shot", "after.png", "page"},
+                                                         {"key", "ArrowLeft"},
+                                                         {"heads"},
+                                                         {"press", "#undo"},
+                                                         {"press", "#undo"},
+                                                         {"heads"},
+                                                         {"axe"}});
   ASSERT_EQ(seen.size(), 7u);
   const Json &before = seen[2], &after = seen[3];
   const Eigen::Matrix3d turn = axes(after["heads"][0]) * axes(before["heads"][0]).transpose();
@@ -80,24 +40,24 @@ TEST_F(HeadsPage, ADraggedHead_KeepsThePointUnderThePointer) {
 
 TEST_F(HeadsPage, AMaskDrawnByClicks_IsInTheSavedCalibration) {
   const Json mask{"select", "tool", 5};
-  const std::vector<Json> seen = drive(write_rig(0), {size_,
-                                                      {"open"},
-                                                      {"state"},
-                                                      mask,
-                                                      {"click", 500, 400},
-                                                      {"state"},
-                                                      {"press", "#head0"},
-                                                      {"click", 450, 350},
-                                                      {"click", 550, 350},
-                                                      {"click", 550, 450},
-                                                      {"click", 450, 450},
-                                                      {"shot", "open.png", "page"},
-                                                      {"click", 452, 353},  // near the first corner
-                                                      {"heads"},
-                                                      {"shot", "mask.png", "page"},
-                                                      {"press", "#save"},
-                                                      {"until", "Saved as"},
-                                                      {"axe"}});
+  const std::vector<Json> seen = drive(write_rig(0, 0), {size_,
+                                                         {"open"},
+                                                         {"state"},
+                                                         mask,
+                                                         {"click", 500, 400},
+                                                         {"state"},
+                                                         {"press", "#head0"},
+                                                         {"click", 450, 350},
+                                                         {"click", 550, 350},
+                                                         {"click", 550, 450},
+                                                         {"click", 450, 450},
+                                                         {"shot", "open.png", "page"},
+                                                         {"click", 452, 353},  // near the first corner
+                                                         {"heads"},
+                                                         {"shot", "mask.png", "page"},
+                                                         {"press", "#save"},
+                                                         {"until", "Saved as"},
+                                                         {"axe"}});
   ASSERT_EQ(seen.size(), 5u);
   EXPECT_NE(seen[2]["message"].get<std::string>().find("Choose one head"), std::string::npos) << seen[2];
   ASSERT_EQ(seen[3]["heads"][0]["masks"].size(), 1u);
@@ -119,28 +79,28 @@ TEST_F(HeadsPage, AMaskDrawnByClicks_IsInTheSavedCalibration) {
 
 TEST_F(HeadsPage, RegistrationAndSave_FindTheTruth) {
   // The upper right of the view forward is seen by the heads that look forward, right and up.
-  const std::vector<Json> seen = drive(write_rig(2), {size_,
-                                                      {"open"},
-                                                      {"select", "tool", 2},
-                                                      {"click", 700, 200},
-                                                      {"heads"},
-                                                      {"click", 650, 420},
-                                                      {"heads"},
-                                                      {"shot", "pairs.png", "page"},
-                                                      {"select", "mode", 2},
-                                                      {"press", "#head1"},
-                                                      {"shot", "difference.png", "page"},
-                                                      {"press", "#register"},
-                                                      {"until", "Registered"},
-                                                      {"heads"},
-                                                      {"shot", "registered.png", "page"},
-                                                      {"press", "#save"},
-                                                      {"until", "Saved as"},
-                                                      {"size", 360, 640},
-                                                      {"axe"},
-                                                      {"state"},
-                                                      {"shot", "360.png", "page"},
-                                                      {"requests"}});
+  const std::vector<Json> seen = drive(write_rig(2, 2), {size_,
+                                                         {"open"},
+                                                         {"select", "tool", 2},
+                                                         {"click", 700, 200},
+                                                         {"heads"},
+                                                         {"click", 650, 420},
+                                                         {"heads"},
+                                                         {"shot", "pairs.png", "page"},
+                                                         {"select", "mode", 2},
+                                                         {"press", "#head1"},
+                                                         {"shot", "difference.png", "page"},
+                                                         {"press", "#register"},
+                                                         {"until", "Registered"},
+                                                         {"heads"},
+                                                         {"shot", "registered.png", "page"},
+                                                         {"press", "#save"},
+                                                         {"until", "Saved as"},
+                                                         {"size", 360, 640},
+                                                         {"axe"},
+                                                         {"state"},
+                                                         {"shot", "360.png", "page"},
+                                                         {"requests"}});
   ASSERT_EQ(seen.size(), 7u);
   const Json& done = seen[3];
   EXPECT_EQ(done["registered"]["error"], "");

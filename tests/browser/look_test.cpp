@@ -45,21 +45,6 @@ std::pair<int, int> thirty_degrees_apart(double focal) {
 
 class LookPage : public PageDriver {
  protected:
-  /// An equirectangular raymap of waves that go on over its edges, with details of 8 degrees and no jump at the poles.
-  void write_sphere(const std::string& name, int width) const {
-    std::vector<std::uint8_t> rgb;
-    for (int y = 0; y < width / 2; ++y) {
-      for (int x = 0; x < width; ++x) {
-        const double theta = 2 * std::numbers::pi * (x + 0.5) / width, phi = 2 * std::numbers::pi * (y + 0.5) / width;
-        for (const double k : {3.0, 7.0, 22.0}) {
-          const double wave = std::sin(phi) * std::sin(phi) * std::sin(k * theta + k) * std::cos(k * phi / 2);
-          rgb.push_back(static_cast<std::uint8_t>(std::lround(140 + 100 * wave)));
-        }
-      }
-    }
-    test::write_bytes(path(name), test::png_of(rgb, width, width / 2, 3));
-  }
-
   /// Runs the command that the page shows, and compares its picture with a screenshot: dB. Pixels within `beside` px of
   /// black, the surroundings of an envelope, do not count.
   double psnr_with_view(const Json& state, const std::string& shot, int beside = 0) const {

@@ -1,8 +1,10 @@
 #include "page_driver.h"
 
+#include <cmath>
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
+#include <numbers>
 #include <sstream>
 
 namespace nodal::command_line {
@@ -10,19 +12,45 @@ namespace fs = std::filesystem;
 using test::Finished;
 using test::Process;
 
+namespace {
+
+constexpr std::chrono::seconds kLongestScript{500};
+
+}  // namespace
+
+bool PageDriver::in_firefox() {
+  const char* const wanted = std::getenv("NODAL_BROWSER");
+  return wanted != nullptr && std::string(wanted) == "firefox";
+}
+
 bool PageDriver::browser_is_here() {
   const fs::path modules = fs::path(NODAL_SOURCE_DIR) / "build/browser/node_modules";
-  return fs::exists(modules / "puppeteer-core") && fs::exists(modules / "axe-core") &&
-         std::system("command -v chromium >/dev/null && command -v node >/dev/null") == 0;
+  return fs::exists(modules / "puppeteer-core") && fs::exists(modules / "axe-core") && fs::exists(modules / "iwer") &&
+         std::system(in_firefox() ? "command -v firefox-esr >/dev/null && command -v Xvfb >/dev/null"
+                                  : "command -v chromium >/dev/null && command -v node >/dev/null") == 0;
 }
 
 void PageDriver::SetUp() {
-  if (!browser_is_here()) GTEST_SKIP() << "chromium or puppeteer-core is not here; tests/browser/fetch gets them";
+  if (!browser_is_here()) GTEST_SKIP() << "the browser or puppeteer-core is not here; tests/browser/fetch gets them";
 }
 
 Finished PageDriver::nodal(Words words) {
   words.insert(words.begin(), NODAL_BIN_DIR "/nodal");
   return Process(words).wait();
+}
+
+void PageDriver::write_sphere(const std::string& name, int width) const {
+  std::vector<std::uint8_t> rgb;
+  for (int y = 0; y < width / 2; ++y) {
+    for (int x = 0; x < width; ++x) {
+      const double theta = 2 * std::numbers::pi * (x + 0.5) / width, phi = 2 * std::numbers::pi * (y + 0.5) / width;
+      for (const double k : {3.0, 7.0, 22.0}) {
+        const double wave = std::sin(phi) * std::sin(phi) * std::sin(k * theta + k) * std::cos(k * phi / 2);
+        rgb.push_back(static_cast<std::uint8_t>(std::lround(140 + 100 * wave)));
+      }
+    }
+  }
+  test::write_bytes(path(name), test::png_of(rgb, width, width / 2, 3));
 }
 
 std::vector<PageDriver::Json> PageDriver::drive(Words words, const Json& steps) const {
@@ -40,7 +68,7 @@ std::vector<PageDriver::Json> PageDriver::drive(Words words, const Json& steps) 
 std::vector<PageDriver::Json> PageDriver::run_script(Words words) const {
   words.front() = NODAL_SOURCE_DIR "/tests/browser/" + words.front();
   words.insert(words.begin(), "node");
-  const Finished driver = Process(words).wait(std::chrono::seconds(180));
+  const Finished driver = Process(words).wait(kLongestScript);
   EXPECT_EQ(driver.code, 0) << driver.err;
   std::vector<Json> printed;
   std::istringstream lines(driver.out);

@@ -4,7 +4,7 @@
 // Pictures of the page go into FOLDER.
 import { join } from "node:path";
 import { pathToFileURL } from "node:url";
-import { axe, browser, drawn as drawnBy } from "./chromium.mjs";
+import { axe, browser, drawn as drawnBy } from "./browser.mjs";
 
 const [file, folder, ...widths] = process.argv.slice(2);
 

@@ -6,7 +6,7 @@ import { createServer } from "node:https";
 import { readFileSync } from "node:fs";
 import { request } from "node:http";
 import { join } from "node:path";
-import { axe, browser, drawn } from "./chromium.mjs";
+import { axe, browser, drawn } from "./browser.mjs";
 
 const [socket, folder, key, certificate, operateCode, watchCode] = process.argv.slice(2);
 const print = (document) => console.log(JSON.stringify(document));

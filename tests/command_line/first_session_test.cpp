@@ -204,6 +204,10 @@ TEST_F(FirstSession, EveryCommandOfTheTutorial_WorksInItsOrder) {
       script += command.substr(0, start) + "&& { timeout 240 " + command.substr(start + 3, command.size() - start - 4) +
                 " >nodald.log 2>&1 & echo $! > nodald.pid; } && for n in $(seq 100); do [ -S nodal.sock ] && break; "
                 "sleep 0.1; done";
+    } else if (command.starts_with("nodal look")) {  // it serves its page until it is ended
+      script +=
+          command +
+          " >look.out & for n in $(seq 300); do grep -q http look.out && break; sleep 0.1; done; kill $! && wait $!";
     } else {
       script += command;
     }

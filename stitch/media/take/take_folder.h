@@ -28,6 +28,7 @@ namespace nodal::media {
 class TakeSegment {
  public:
   const take::Segment& evidence() const { return evidence_; }
+  const SetsBefore& before() const { return before_; }
   /// For TakeFolder::segment() of the next one.
   SetsBefore after() const { return {before_.kept + evidence_.sets.size(), before_.deleted}; }
   /// By the number of the file in the evidence.
@@ -120,6 +121,15 @@ class TakeSets {
   Result<bool> next(TakeSet& set);
   /// From the first set on again.
   void restart() { segment_.reset(), next_segment_ = next_set_ = 0; }
+  /// A set in the take.
+  struct Place {
+    std::size_t segment = 0, set = 0;
+    SetsBefore before{};  ///< the segment
+  };
+  /// Of the set that next() gave last.
+  Place place() const { return {next_segment_ - 1, next_set_ - 1, segment_->before()}; }
+  /// From a set on that place() said. Fast within one segment; otherwise it opens the other one.
+  Status go_to(const Place& place);
   /// Reads the pictures of the set that next() gave last.
   Status read_pictures(TakeSet& set);
   /// The same of one head; one without a picture in the set is left as it is.

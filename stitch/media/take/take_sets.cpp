@@ -62,6 +62,17 @@ Result<bool> TakeSets::next(TakeSet& set) {
   return true;
 }
 
+Status TakeSets::go_to(const Place& place) {
+  if (!segment_ || next_segment_ != place.segment + 1) {
+    segment_.reset();
+    NODAL_TRY_ASSIGN(auto opened, folder_.segment(place.segment, place.before));
+    segment_.emplace(std::move(opened));
+    next_segment_ = place.segment + 1;
+  }
+  next_set_ = place.set;
+  return {};
+}
+
 Status TakeSets::read_pictures(TakeSet& set) {
   for (std::size_t head = 0; head < set.heads.size(); ++head) {
     NODAL_TRY(read_picture(set, head));

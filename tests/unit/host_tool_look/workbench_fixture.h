@@ -33,14 +33,14 @@ class Bench : public testing::Test {
         test::six_fisheyes(kSide, kView), hal::sim::town_square_scene(3), {PixelFormat::kGrey8, 0, 5, 4});
     return rig;
   }
-  void start(const Calibration& prior) {
+  void start(const Calibration& prior, std::size_t max_pairs = 10'000) {
     RigPictures rig;
     rig.calibration = prior;
     for (const HeadCalibration& head : prior.heads) rig.heads.push_back(head.name);
     std::vector<HeadPicture>& pictures = rig.sets.emplace_back();
     for (const std::vector<std::uint8_t>& bytes : town().bytes)
       pictures.emplace_back(DecodedImage{PixelFormat::kGrey8, kSide, kSide, bytes, {}, {}});
-    bench_ = Workbench::make(std::move(rig), {"rig.json", (folder_ / "placed.json").string(), 1}).value();
+    bench_ = Workbench::make(std::move(rig), {"rig.json", (folder_ / "placed.json").string(), 1, max_pairs}).value();
   }
   Json state() const { return parsed(bench_->answer({"state.json", {}})); }
   static Json parsed(const Answer& answer) {

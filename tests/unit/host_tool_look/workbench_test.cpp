@@ -216,6 +216,16 @@ TEST_F(Bench, ContradictingPairs_AreRefusedOrMarked_AndAnsweredInTime) {
   EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::milliseconds(500));
 }
 
+TEST_F(Bench, MorePairsThanAreAllowed_AreRefusedInASentence) {
+  start(town().truth, 20);
+  const Json pair{{"do", "add_pair"}, {"a", 0}, {"x", 200}, {"y", 120}, {"b", 1}, {"bx", 40}, {"by", 120}};
+  for (int k = 0; k < 20; ++k) parsed(change(pair));
+  const Answer refused = change(pair);
+  EXPECT_EQ(refused.status, 400u);
+  EXPECT_NE(text_of(refused).find("20 pairs"), std::string::npos) << text_of(refused);
+  EXPECT_EQ(state()["pairs"].size(), 20u);
+}
+
 TEST_F(Bench, TwoPages_TheLaterChangeOfTheSameStateIsRefused) {
   start(town().truth);
   const auto revision = state()["revision"].get<std::uint64_t>();
