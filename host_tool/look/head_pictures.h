@@ -48,7 +48,7 @@ class HeadPictures {
   std::unique_ptr<TakeHeads> take_;  ///< null: there is one set only
   std::vector<std::size_t> order_;   ///< the head of the take for each head of the calibration
   std::shared_ptr<const HeadSet> set_;
-  std::size_t number_ = 0;  ///< of set_
+  std::size_t number_ = 0;  ///< number of set_
 };
 
 }  // namespace nodal::host::look

@@ -78,7 +78,7 @@ std::optional<bool> Trials::decided() {
 
 void Trials::run(const Calibration& tried) {
   Console console(stdout, stderr);  // progress, on the terminal
-  std::string consequence;          // of an error
+  std::string consequence;          // appended to the message of an error
   const auto ended = [&]() -> Result<std::pair<Phase, std::string>> {
     NODAL_TRY_ASSIGN(const std::unique_ptr<RigTrial> trial, RigTrial::begin(connect_, tried, {limit_}, "", console));
     consequence = "; the rig goes back to the previous calibration, at the latest by itself";

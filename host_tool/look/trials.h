@@ -31,7 +31,7 @@ class Trials {
 
   /// Errors: kWrongState while another trial is under way.
   Status begin(Calibration tried);
-  /// Keeps or drops what is on trial; state() says when the rig has done so. Errors: kWrongState if nothing is on trial.
+  /// Keeps or drops what is on trial; state() says when the rig has done so. Errors: kWrongState without a trial.
   Status end(bool keep);
   /// Null before the first trial. Otherwise {phase, says, under_way, left_s}; `phase` is one of "uploading",
   /// "comparing", "on trial", "ending", and after it "kept", "dropped", "expired", "failed"; `says`: a sentence for

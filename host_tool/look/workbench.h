@@ -25,11 +25,11 @@ namespace nodal::host::look {
 /// Answers to GET:
 ///   scene.json                     the heads: names, sizes, how far their triangles may be off
 ///   grid.glb?head=K                a head's picture as triangles in its own axes, as glTF
-///   head?head=K&side=N&set=S       its picture of a set, JPEG, its longer side at most N px; the first if S is not given
+///   head?head=K&side=N&set=S       its picture of a set (the first without S), JPEG, its longer side at most N px
 ///   times.json                     of a take: ms from each set to the next
 ///   state.json                     rotations, pairs and their residuals, what can be undone, the running registration
-///   proposal?a=K&x=X&y=Y&b=L       where head L shows what is at a pixel of head K; with bx, by: refined from there; with
-///                                  set=S, in the pictures of that set
+///   proposal?a=K&x=X&y=Y&b=L       where head L shows what is at a pixel of head K; with bx, by: refined from there;
+///                                  with set=S, in the pictures of that set
 ///   seen?x=X&y=Y&z=Z               the pixels of the heads that see a direction
 /// Answers to POST "change", whose body is {"revision": N, "do": WHAT, ...}; the answer is the new state:
 ///   turn {heads, about}            heads by |about| rad about it
@@ -59,7 +59,7 @@ class Workbench {
     registration::Gauge gauge = registration::Gauge::kFirstHead;
     std::string rig{};                               ///< the address of a rig that calibrations are tried on
     Reconnect connect{};                             ///< to it; empty: there is none
-    Duration decide_within = Trials::kDecideWithin;  ///< of a trial
+    Duration decide_within = Trials::kDecideWithin;  ///< limit of a trial
   };
   /// Errors: those of HeadPictures, make_heads() and grid_of().
   static Result<std::unique_ptr<Workbench>> make(RigPictures rig, Options options);

@@ -16,7 +16,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr double kSlipDeg = 2.5;              // how far slides are off: 5 px of a head
-constexpr double kRollByPx = 0.2 * kRadians;  // of a drag with Shift
+constexpr double kRollByPx = 0.2 * kRadians;  // roll of a head by a drag with Shift
 constexpr int kPairs = 12;                    // clicks for each two neighbours
 constexpr int kFeature = 6;                   // px around a click where there is something to recognize
 
@@ -48,7 +48,7 @@ struct View {
 
 class HeadsByHand : public HeadsPage {
  protected:
-  static constexpr int kLook = 0, kSlide = 1, kPair = 2;  // of the pointer's tools
+  static constexpr int kLook = 0, kSlide = 1, kPair = 2;  // numbers of the tools
   void tool(int k) { steps_.push_back({"select", "tool", k}); }
   void press(const std::string& id) { steps_.push_back({"press", id}); }
   /// Turns the view by keys, in steps of 5 degrees.

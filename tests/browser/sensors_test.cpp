@@ -41,7 +41,7 @@ class Sensors : public PageDriver {
   /// The same of a device by the W3C's definition of alpha, beta and gamma (z, then x, then y), and of the page that is
   /// turned on it; the earth's axes are east, north and up.
   static Matrix3d device(double alpha, double beta, double gamma, double screen) {
-    Matrix3d world;  // of the earth's axes: x east, y up, z south
+    Matrix3d world;  // axes of the earth in those of views: x east, y up, z south
     world << 1, 0, 0, 0, 0, 1, 0, -1, 0;
     return (world * AngleAxisd(alpha * kDegree, Vector3d::UnitZ()) * AngleAxisd(beta * kDegree, Vector3d::UnitX()) *
             AngleAxisd(gamma * kDegree, Vector3d::UnitY()) * AngleAxisd(-screen * kDegree, Vector3d::UnitZ()));
