@@ -149,30 +149,32 @@ Result<DecodedImage> BestBlend::blend(std::span<const ImageView> pictures, std::
   const int colours = component_count(format_);
   const Parallax parallax(heads_, pictures, finer_ * kFlowColumns, workers);
   tell(0.15);
+  const MovedRay moved = [&](std::size_t h, const Eigen::Vector3d& ray) { return parallax.moved(h, ray); };
+  const auto has_picture = [&](std::size_t h) { return pictures[h].planes[0].data != nullptr; };
+  std::vector<SightGrid> sights;
+  for (std::size_t h = 0; h < heads_.size(); ++h) {
+    sights.emplace_back(
+        heads_[h], [&, h](const Eigen::Vector3d& ray) { return moved(h, ray); }, sphere_,
+        has_picture(h) ? windows_[h] : Window{}, finer_ * kFlowColumns, workers);
+  }
+  tell(0.25);
   {
+    const double across = static_cast<double>(sphere_.width) / map_.width;
+    const double down = static_cast<double>(sphere_.height) / map_.height;
     std::vector<Layer> views;
     for (std::size_t h = 0; h < heads_.size(); ++h) {
-      if (pictures[h].planes[0].data == nullptr) views.emplace_back(map_, Window{}, colours + 1);
+      if (!has_picture(h)) views.emplace_back(map_, Window{}, colours + 1);
       else
-        views.push_back(HeadPicture(heads_[h], pictures[h])
-                            .on(map_, heads_[h].window(map_), workers,
-                                [&](const Eigen::Vector3d& ray) { return parallax.moved(h, ray); }));
+        views.push_back(
+            HeadPicture(heads_[h], pictures[h]).on(map_, heads_[h].window(map_), workers, [&](double u, double v) {
+              return sights[h].near(u * across, v * down);
+            }));
     }
     labels_ = seams::place_seams(views, labels_);
   }
-  tell(0.25);
-  if (checks != nullptr) {
-    const MovedRay moved = [&](std::size_t h, const Eigen::Vector3d& ray) { return parallax.moved(h, ray); };
-    *checks = check_seams(heads_, pictures, moved, {labels_, map_}, sphere_, workers);
-  }
+  tell(0.3);
+  if (checks != nullptr) *checks = check_seams(heads_, pictures, moved, {labels_, map_}, sphere_, workers);
   tell(0.35);
-  std::vector<SightGrid> sights;
-  for (std::size_t h = 0; h < heads_.size(); ++h) {
-    const bool shown = pictures[h].planes[0].data != nullptr;
-    sights.emplace_back(
-        heads_[h], [&, h](const Eigen::Vector3d& ray) { return parallax.moved(h, ray); }, sphere_,
-        shown ? windows_[h] : Window{}, workers);
-  }
   const std::vector<std::uint8_t> owner_of = owners(sights);
   bands::MultiBand bands(sphere_, seen_, colours, threads_);
   for (std::size_t h = 0; h < heads_.size(); ++h) {

@@ -159,17 +159,16 @@ void HeadPicture::sample(const Sighting& at, double radians_per_pixel, float* in
 }
 
 bands::Layer HeadPicture::on(bands::Grid grid, const bands::Window& window, const parallel::Workers& workers) const {
-  return on(grid, window, workers, [](const Eigen::Vector3d& ray) { return ray; });
+  return on(grid, window, workers, [&](double u, double v) { return view_.see(ray_of(grid, u, v)); });
 }
 
 bands::Layer HeadPicture::on(bands::Grid grid, const bands::Window& window, const parallel::Workers& workers,
-                             const Moved& moved) const {
+                             const See& see) const {
   bands::Layer layer(grid, window, colours_ + 1);
   const double radians_per_pixel = kPi / grid.height;
   workers.run(window.height, [&](int j) {
     for (int i = 0; i < window.width; ++i) {
-      const std::optional<Sighting> seen =
-          view_.see(moved(ray_of(grid, (window.x + i) % grid.width + 0.5, window.y + j + 0.5)));
+      const std::optional<Sighting> seen = see((window.x + i) % grid.width + 0.5, window.y + j + 0.5);
       if (!seen) continue;
       float* pixel = layer.at(i, j);
       sample(*seen, radians_per_pixel, pixel);

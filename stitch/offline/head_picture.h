@@ -64,10 +64,12 @@ class HeadPicture {
   void sample(const Sighting& at, double radians_per_pixel, float* into) const;
   /// The picture on a window of a grid: the colours, then the score; all 0 where the head does not see.
   bands::Layer on(bands::Grid grid, const bands::Window& window, const parallel::Workers& workers) const;
-  /// The same along other rays: `moved` gives the head's ray for a ray of the grid.
-  using Moved = std::function<Eigen::Vector3d(const Eigen::Vector3d&)>;
+  /// The same where `see` says: what the head sees at a position in the grid, in pixels from its upper left corner.
+  using See = std::function<std::optional<Sighting>(double u, double v)>;
   bands::Layer on(bands::Grid grid, const bands::Window& window, const parallel::Workers& workers,
-                  const Moved& moved) const;
+                  const See& see) const;
+  /// The head's ray for a ray of a grid.
+  using Moved = std::function<Eigen::Vector3d(const Eigen::Vector3d&)>;
 
  private:
   struct Level {

@@ -9,9 +9,8 @@
 namespace nodal::offline {
 namespace {
 
-/// Cells of a circle: as many as the flow has columns. The error of a position is proportional to the square of a
-/// cell's size, which is why wide grids have more cells.
-constexpr int kCellsAround = 512;
+/// Sides of cells, px. The error of a position is proportional to the square of a cell's size, which is why wide grids
+/// have more cells.
 constexpr int kMinCell = 2, kMaxCell = 16;
 
 Sighting between(const Sighting& a, const Sighting& b, double t) {
@@ -25,12 +24,12 @@ Sighting between(const Sighting& a, const Sighting& b, double t) {
 }  // namespace
 
 SightGrid::SightGrid(const HeadView& head, HeadPicture::Moved moved, bands::Grid grid, const bands::Window& window,
-                     const parallel::Workers& workers)
+                     int around, const parallel::Workers& workers)
     : head_(head),
       moved_(std::move(moved)),
       grid_(grid),
       window_(window),
-      size_(std::clamp(grid.width / kCellsAround, kMinCell, kMaxCell)),
+      size_(std::clamp(grid.width / around, kMinCell, kMaxCell)),
       around_((grid.width + size_ - 1) / size_) {
   if (window.width == 0 || window.height == 0) return;
   first_column_ = window.x / size_;
@@ -98,20 +97,27 @@ SightGrid::Cell SightGrid::cell_at(int column, int row) const {
   return Cell::kInterpolated;
 }
 
-std::optional<Sighting> SightGrid::at(int x, int y) const {
-  const int i = x >= window_.x ? x - window_.x : x - window_.x + grid_.width;
-  const int j = y - window_.y;
+std::optional<Sighting> SightGrid::near(double u, double v) const {
+  const int pixel = static_cast<int>(u);
+  const int i = pixel >= window_.x ? pixel - window_.x : pixel - window_.x + grid_.width;
+  const int j = static_cast<int>(v) - window_.y;
   if (i >= window_.width || j < 0 || j >= window_.height) return std::nullopt;
-  const int column = (x / size_ - first_column_ + around_) % around_, row = y / size_ - first_row_;
+  // The left half of the grid's first column lies in its last cell.
+  const double x = u < 0.5 ? u - 0.5 + grid_.width : u - 0.5, y = v - 0.5;
+  const int column = (static_cast<int>(x) / size_ - first_column_ + around_) % around_;
+  const int row = y < 0 ? -1 : static_cast<int>(y) / size_ - first_row_;
+  if (column >= columns_ || row < 0) return sight(x, y);  // half a pixel outside of the cells
   switch (
       cells_[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column)]) {
     case Cell::kNone: return std::nullopt;
     case Cell::kEach: return sight(x, y);
     case Cell::kInterpolated: break;
   }
+  // Beyond the grid's edge, cells go on counting where it ends.
+  const double along = first_column_ + column < around_ ? x : x + grid_.width;
   const int left = left_of(column), top = top_of(row);
-  const double across = static_cast<double>(x % size_) / (left_of(column + 1) - left);
-  const double down = static_cast<double>(y - top) / (top_of(row + 1) - top);
+  const double across = (along - left) / (left_of(column + 1) - left);
+  const double down = (y - top) / (top_of(row + 1) - top);
   return between(between(*nodes_[node(column, row)], *nodes_[node(column + 1, row)], across),
                  between(*nodes_[node(column, row + 1)], *nodes_[node(column + 1, row + 1)], across), down);
 }

@@ -22,19 +22,23 @@ class SightGrid {
   /// Pixels of the picture by which an interpolated position may be off.
   static constexpr double kMaxOffPx = 1.0 / 32;
 
-  /// `moved`: the head's ray for a ray of the grid. Empty for a window without pixels.
-  SightGrid(const HeadView& head, HeadPicture::Moved moved, bands::Grid grid, const bands::Window& window,
+  /// `moved`: the head's ray for a ray of the grid. Empty for a window without pixels. `around`: about how many cells a
+  /// circle has: as many as the flow that moves rays has columns, which is linear between these.
+  SightGrid(const HeadView& head, HeadPicture::Moved moved, bands::Grid grid, const bands::Window& window, int around,
             const parallel::Workers& workers);
 
-  /// For the pixel in column x and row y of the grid; nothing outside the window, or where the head does not see it.
-  std::optional<Sighting> at(int x, int y) const;
+  /// At a position in the grid, in pixels from its upper left corner, 0 <= u < its width, 0 <= v < its height: nothing
+  /// in pixels outside the window, or where the head does not see.
+  std::optional<Sighting> near(double u, double v) const;
+  /// The same for the centre of the pixel in column x and row y.
+  std::optional<Sighting> at(int x, int y) const { return near(x + 0.5, y + 0.5); }
   /// The share of cells in which positions are interpolated, 0 .. 1.
   double interpolated() const;
 
  private:
   enum class Cell : std::uint8_t { kEach, kNone, kInterpolated };
 
-  /// Of a position in the grid, in pixels from the centre of its first one.
+  /// At a position in pixels from the centre of the grid's first one, where all positions of nodes are.
   std::optional<Sighting> sight(double x, double y) const;
   Cell cell_at(int column, int row) const;
   /// The grid's column of the left edge of a cell, beyond its width after the grid's edge; columns_: of the right edge

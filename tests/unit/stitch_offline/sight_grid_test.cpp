@@ -22,6 +22,8 @@ HeadCalibration fisheye(bool at_pole) {
   return head;
 }
 
+constexpr int kAround = 512;
+
 struct Compared {
   double farthest_px = 0;
   int seen = 0, differ = 0;
@@ -31,8 +33,10 @@ Compared compare(const HeadView& head, const HeadPicture::Moved& moved, const Si
   Compared sum;
   for (int y = 0; y < kGrid.height; ++y) {
     for (int x = 0; x < kGrid.width; ++x) {
-      const auto exact = head.see(moved(ray_of(kGrid, x + 0.5, y + 0.5)));
-      const auto near = sights.at(x, y);
+      // Centres of pixels, and other places in them.
+      const double u = x + (y % 2 == 0 ? 0.5 : 0.125), v = y + (x % 3 == 0 ? 0.5 : 0.875);
+      const auto exact = head.see(moved(ray_of(kGrid, u, v)));
+      const auto near = sights.near(u, v);
       sum.seen += exact.has_value();
       sum.differ += exact.has_value() != near.has_value();
       if (!exact || !near) continue;
@@ -54,7 +58,7 @@ TEST(SightGrid, AFisheyeAtTheHorizonAndAtThePole_IsSeenWhereItIsAndIsMostlyInter
   for (const bool at_pole : {false, true}) {
     const HeadView head = view_of(fisheye(at_pole));
     for (const auto& moved : {as_it_is, waved}) {
-      const SightGrid sights(head, moved, kGrid, head.window(kGrid), parallel::Workers(2));
+      const SightGrid sights(head, moved, kGrid, head.window(kGrid), kAround, parallel::Workers(2));
       const Compared found = compare(head, moved, sights);
       EXPECT_GT(found.seen, 100000);
       EXPECT_EQ(found.differ, 0) << at_pole;
@@ -72,7 +76,7 @@ TEST(SightGrid, MasksSmallerThanCells_HideTheirPixels) {
     head.region.masks.push_back({{x, y}, {x + side, y}, {x + side, y + side}, {x, y + side}});
   }
   const HeadView view = view_of(head);
-  const SightGrid sights(view, as_it_is, kGrid, view.window(kGrid), parallel::Workers(1));
+  const SightGrid sights(view, as_it_is, kGrid, view.window(kGrid), kAround, parallel::Workers(1));
   EXPECT_EQ(compare(view, as_it_is, sights).differ, 0);
 }
 
@@ -83,7 +87,7 @@ Eigen::Vector3d rippled(const Eigen::Vector3d& ray) {
 
 TEST(SightGrid, RaysThatMoveMoreThanCellsShow_AreNotInterpolated) {
   const HeadView head = view_of(fisheye(false));
-  const SightGrid sights(head, rippled, kGrid, head.window(kGrid), parallel::Workers(2));
+  const SightGrid sights(head, rippled, kGrid, head.window(kGrid), kAround, parallel::Workers(2));
   // Interpolated, they would be off by half of what they move, which is 3 px.
   EXPECT_LT(compare(head, rippled, sights).farthest_px, 0.3);
 }
@@ -93,9 +97,9 @@ TEST(SightGrid, AWindowAcrossTheGridsEdge_ShowsWhatTheWholeGridShows) {
   behind.R_head_rig = {-1, 0, 0, 0, 1, 0, 0, 0, -1};
   const HeadView head = view_of(behind);
   const parallel::Workers workers(1);
-  const SightGrid whole(head, as_it_is, kGrid, bands::Window::all(kGrid), workers);
+  const SightGrid whole(head, as_it_is, kGrid, bands::Window::all(kGrid), kAround, workers);
   const bands::Window part{kGrid.width - 301, 397, 555, 211};
-  const SightGrid sights(head, as_it_is, kGrid, part, workers);
+  const SightGrid sights(head, as_it_is, kGrid, part, kAround, workers);
   double farthest = 0;
   for (int j = 0; j < part.height; ++j) {
     for (int i = 0; i < part.width; ++i) {
@@ -112,7 +116,7 @@ TEST(SightGrid, AWindowAcrossTheGridsEdge_ShowsWhatTheWholeGridShows) {
 
 TEST(SightGrid, AnEmptyWindow_ShowsNothing) {
   const HeadView head = view_of(fisheye(false));
-  const SightGrid sights(head, as_it_is, kGrid, {}, parallel::Workers(1));
+  const SightGrid sights(head, as_it_is, kGrid, {}, kAround, parallel::Workers(1));
   EXPECT_FALSE(sights.at(kGrid.width / 2, kGrid.height / 2));
   EXPECT_EQ(sights.interpolated(), 0);
 }
