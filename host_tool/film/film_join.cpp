@@ -82,6 +82,8 @@ Words sound_input(const FilmPlan& plan) {
   return words;
 }
 
+constexpr double kHeard = 0.5;  // ppm: 1.8 ms in an hour
+
 /// The filter that makes sound of a clock that runs faster by ppm last as long as the picture: samples are computed for
 /// one rate, taken for those of another, and computed for the usual one. ffmpeg's rates are whole numbers, so the pair
 /// with the nearest ratio is taken: within 10^-9. `atempo` moves sounds by up to 7 ms.
@@ -102,8 +104,7 @@ std::string faster_by(double ppm) {
 
 Words sound_output(const FilmPlan& plan) {
   const PlannedSound& sound = *plan.sound;
-  constexpr double kHeard = 0.5;  // ppm: 1.8 ms in an hour
-  if (std::abs(sound.ppm) < kHeard && holds(plan.container, sound.codec)) {
+  if (sound_is_copied(plan)) {
     // Packets before the beginning would move it in containers without edit lists.
     return {"-map", "1:a:0", "-c:a", "copy", "-copypriorss:a", "0"};
   }
@@ -126,6 +127,10 @@ Status sync(const std::string& file) {
 }
 
 }  // namespace
+
+bool sound_is_copied(const FilmPlan& plan) {
+  return plan.sound && std::abs(plan.sound->ppm) < kHeard && holds(plan.container, plan.sound->codec);
+}
 
 std::string missing_segments(const FilmPlan& plan, const PartsFolder& parts) {
   std::string list;
@@ -167,11 +172,12 @@ Status join(const FilmPlan& plan, const PartsFolder& parts, const std::string& o
   add(words, exact);
   add(words, {"-t", length, "-f", plan.container == Container::kMp4 ? "mp4" : "mov", "-y", file_url(absolute)});
   NODAL_TRY(run(programs, std::move(words), out, parts.path));
-  const bool spherical = plan.raymap.layout == "equirectangular";
+  Marks marks{.spherical = plan.raymap.layout == "equirectangular"};
+  if (sound_now && sound_is_copied(plan)) marks.ambisonic = ambisonic_of(plan.sound->path);
   if (matroska) {
     // ffmpeg writes Matroska's Projection from what it reads in the other file.
     const Temporary marked(name + ".marked");
-    NODAL_TRY(write_spherical_mp4(joined.file, marked.file, spherical));
+    NODAL_TRY(write_marked_mp4(joined.file, marked.file, marks));
     Words again = first_words();
     add(again, {"-protocol_whitelist", "file", "-format_whitelist", "mov,mp4", "-i", file_url(marked.file)});
     if (plan.sound) add(again, sound_input(plan));
@@ -183,7 +189,7 @@ Status join(const FilmPlan& plan, const PartsFolder& parts, const std::string& o
     add(again, {"-t", length, "-f", "matroska", "-y", file_url(whole.file)});
     NODAL_TRY(run(programs, std::move(again), out, ""));
   } else {
-    NODAL_TRY(write_spherical_mp4(joined.file, whole.file, spherical));
+    NODAL_TRY(write_marked_mp4(joined.file, whole.file, marks));
   }
   NODAL_TRY(sync(whole.file));
   if (const int error = host::rename_to_free(whole.file, out); error != 0) {

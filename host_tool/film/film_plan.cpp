@@ -8,8 +8,10 @@
 #include <cmath>
 #include <filesystem>
 
+#include "host_tool/film/film_join.h"
 #include "host_tool/film/film_list.h"
 #include "host_tool/film/film_time.h"
+#include "host_tool/film/spherical_mp4.h"
 #include "protocol/base/sha256.h"
 #include "protocol/base/try.h"
 #include "protocol/base/version.h"
@@ -213,6 +215,15 @@ Result<FilmPlan> make_plan(const FilmRequest& request, const std::vector<FilmFil
   NODAL_TRY(check(plan.coding, request.container, programs));
   NODAL_TRY(choose_frames(plan, films, times, span, notes));
   NODAL_TRY_ASSIGN(plan.sound, choose_sound(request, films, times, span, programs));
+  const bool copied = sound_is_copied(plan) && plan.container != Container::kMkv;
+  if (plan.sound && !copied && !ambisonic_of(plan.sound->path).empty()) {
+    notes.push_back(fmt::format(
+        "{}: its sound is ambisonic; {}, so that the film does not say it and players take it for loudspeakers' "
+        "channels",
+        plan.sound->path,
+        plan.container == Container::kMkv ? "Matroska has no place to say so"
+                                          : "it is coded again, because its clock or its codec does not fit the film"));
+  }
   return plan;
 }
 

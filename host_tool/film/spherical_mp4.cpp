@@ -9,6 +9,7 @@
 #include <cstring>
 #include <optional>
 #include <string_view>
+#include <utility>
 
 #include "protocol/base/try.h"
 #include "protocol/files/open_file.h"
@@ -21,6 +22,7 @@ using View = std::span<const std::uint8_t>;
 
 constexpr std::size_t kBoxHeader = 8;
 constexpr std::size_t kVisualEntry = 78;  // VisualSampleEntry without its header (ISO/IEC 14496-12, 12.1.3)
+constexpr std::size_t kSoundEntry = 28;   // AudioSampleEntry, the same (12.2.3)
 constexpr int kMaxBoxes = 10'000;         // limit of the boxes in one box
 constexpr int kMaxDepth = 8;              // chunk offsets are at 4: trak, mdia, minf, stbl
 
@@ -117,18 +119,56 @@ Result<Bytes> spherical_stsd(View stsd) {
   return made;
 }
 
+/// Bytes of a sound's sample entry in front of its boxes. QuickTime's versions 1 and 2 have more fields.
+std::size_t sound_fields(View entry) {
+  constexpr std::size_t kVersion = 8;
+  const std::uint64_t version = entry.size() < kSoundEntry ? 0 : big_endian(entry.subspan(kVersion, 2));
+  return kSoundEntry + (version == 1 ? 16 : version == 2 ? 36 : 0);
+}
+
+/// Whether this is what an SA3D box may hold: version, type, order, two kinds of numbering, and a list of channels.
+bool describes_ambisonics(View content) {
+  constexpr std::size_t kFields = 12, kMostChannels = 64;
+  if (content.size() < kFields || content[0] != 0) return false;
+  const std::uint64_t channels = big_endian(content.subspan(8, 4));
+  return channels > 0 && channels <= kMostChannels && content.size() == kFields + 4 * channels;
+}
+
+/// The sample description of a sound, with SA3D in its first entry.
+Result<Bytes> ambisonic_stsd(View stsd, View ambisonic) {
+  constexpr std::size_t kFields = 8;  // version, flags and number of entries
+  if (stsd.size() < kFields) return fail(Errc::kBadFormat, "its sample description is cut");
+  NODAL_TRY_ASSIGN(const auto entries, boxes_in(stsd.subspan(kFields)));
+  Bytes made(stsd.begin(), stsd.begin() + kFields);
+  for (const Box& entry : entries) {
+    Bytes content(entry.content.begin(), entry.content.end());
+    if (content.size() < sound_fields(entry.content)) return fail(Errc::kBadFormat, "its sample description is cut");
+    if (&entry == &entries.front()) append(content, box("SA3D", ambisonic));
+    append(made, box(entry.type, content));
+  }
+  return made;
+}
+
+/// Whether a track is of this kind: vide, soun.
+Result<bool> is_track_of(View track, std::string_view kind) {
+  NODAL_TRY_ASSIGN(const auto handler, find(track, {"mdia", "hdlr"}));
+  return handler && handler->size() >= 12 && std::ranges::equal(handler->subspan(8, 4), bytes_of(kind));
+}
+
 class Rewriter {
  public:
-  Rewriter(std::span<const MovedRange> moved, bool spherical) : moved_(moved), found_(!spherical) {}
+  Rewriter(std::span<const MovedRange> moved, const Marks& marks)
+      : moved_(moved), marks_(marks), video_found_(!marks.spherical), sound_found_(marks.ambisonic.empty()) {}
 
-  /// A list of boxes; `spherical`: they are of the video track.
-  Result<Bytes> boxes(View bytes, bool spherical) {
+  /// What the track is in which boxes are.
+  enum class Track : std::uint8_t { kOther, kSpheres, kAmbisonic };
+  Result<Bytes> boxes(View bytes, Track track) {
     if (depth_ == kMaxDepth) return fail(Errc::kBadFormat, "the boxes of its index are nested too deep");
     NODAL_TRY_ASSIGN(const auto all, boxes_in(bytes));
     ++depth_;
     Bytes made;
     for (const Box& one : all) {
-      NODAL_TRY_ASSIGN(const Bytes content, content_of(one, spherical));
+      NODAL_TRY_ASSIGN(const Bytes content, content_of(one, track));
       const bool wide = one.type == "stco" && wide_;
       append(made, box(wide ? "co64" : one.type, content));
       wide_ = false;
@@ -138,28 +178,30 @@ class Rewriter {
   }
   /// The whole index.
   Result<Bytes> index(View bytes) {
-    NODAL_TRY_ASSIGN(Bytes made, boxes(bytes, false));
-    if (!found_) return fail(Errc::kBadFormat, "its index has no video track");
+    NODAL_TRY_ASSIGN(Bytes made, boxes(bytes, Track::kOther));
+    if (!video_found_) return fail(Errc::kBadFormat, "its index has no video track");
     return made;
   }
 
  private:
-  Result<Bytes> content_of(const Box& one, bool spherical) {
+  Result<Bytes> content_of(const Box& one, Track track) {
     constexpr std::array<std::string_view, 3> kParents{"mdia", "minf", "stbl"};
-    if (one.type == "trak") return track(one.content);
+    if (one.type == "trak") return whole_track(one.content);
     if (one.type == "stco" || one.type == "co64") return offsets(one.content, one.type == "co64" ? 8 : 4);
-    if (one.type == "stsd" && spherical) return spherical_stsd(one.content);
-    if (std::ranges::find(kParents, one.type) != kParents.end()) return boxes(one.content, spherical);
+    if (one.type == "stsd" && track == Track::kSpheres) return spherical_stsd(one.content);
+    if (one.type == "stsd" && track == Track::kAmbisonic) return ambisonic_stsd(one.content, marks_.ambisonic);
+    if (std::ranges::find(kParents, one.type) != kParents.end()) return boxes(one.content, track);
     return Bytes(one.content.begin(), one.content.end());
   }
 
-  Result<Bytes> track(View content) {
-    NODAL_TRY_ASSIGN(const auto handler, find(content, {"mdia", "hdlr"}));
-    const bool video =
-        !found_ && handler && handler->size() >= 12 && std::ranges::equal(handler->subspan(8, 4), bytes_of("vide"));
-    found_ = found_ || video;
-    NODAL_TRY_ASSIGN(Bytes made, boxes(content, video));
-    if (!video) return made;
+  Result<Bytes> whole_track(View content) {
+    NODAL_TRY_ASSIGN(const bool video, is_track_of(content, "vide"));
+    NODAL_TRY_ASSIGN(const bool sound, is_track_of(content, "soun"));
+    Track track = Track::kOther;
+    if (video && !std::exchange(video_found_, true)) track = Track::kSpheres;
+    if (sound && !std::exchange(sound_found_, true)) track = Track::kAmbisonic;
+    NODAL_TRY_ASSIGN(Bytes made, boxes(content, track));
+    if (track != Track::kSpheres) return made;
     Bytes v1(kV1Id.begin(), kV1Id.end());
     append(v1, bytes_of(kV1));
     append(made, box("uuid", v1));
@@ -185,8 +227,10 @@ class Rewriter {
   }
 
   std::span<const MovedRange> moved_;
+  const Marks& marks_;
   int depth_ = 0;
-  bool found_;         ///< the video track is behind, or none is marked
+  bool video_found_;   ///< the video track is behind, or none is marked
+  bool sound_found_;   ///< the sound track, the same
   bool wide_ = false;  ///< the chunk offsets that were made last have 64 bits
 };
 
@@ -235,6 +279,35 @@ Status write(std::FILE* to, View bytes) {
   return no_write();
 }
 
+/// The contents of the file's index.
+Result<Bytes> index_in(std::FILE* file, std::span<const Range> all) {
+  const auto moov = std::ranges::find(all, "moov", &Range::type);
+  if (moov == all.end()) return fail(Errc::kBadFormat, "it has no index (moov)");
+  if (moov->end - moov->begin > kMaxMoovBytes) return fail(Errc::kTooLarge, "its index is over 256 MiB");
+  Bytes content(moov->end - moov->begin - moov->header);
+  NODAL_TRY(read_at(file, moov->begin + moov->header, content));
+  return content;
+}
+
+/// What an index says of its first sound track.
+Result<Bytes> ambisonic_in(View index) {
+  NODAL_TRY_ASSIGN(const auto tracks, boxes_in(index));
+  for (const Box& track : tracks) {
+    if (track.type != "trak") continue;
+    NODAL_TRY_ASSIGN(const bool sound, is_track_of(track.content, "soun"));
+    if (!sound) continue;
+    NODAL_TRY_ASSIGN(const auto stsd, find(track.content, {"mdia", "minf", "stbl", "stsd"}));
+    if (!stsd || stsd->size() < kBoxHeader) return Bytes();
+    NODAL_TRY_ASSIGN(const auto entries, boxes_in(stsd->subspan(kBoxHeader)));
+    if (entries.empty()) return Bytes();
+    const View entry = entries.front().content;
+    if (entry.size() < sound_fields(entry)) return Bytes();
+    NODAL_TRY_ASSIGN(const auto found, find(entry.subspan(sound_fields(entry)), {"SA3D"}));
+    return found && describes_ambisonics(*found) ? Bytes(found->begin(), found->end()) : Bytes();
+  }
+  return Bytes();
+}
+
 Status copy(std::FILE* from, const Range& range, std::FILE* to) {
   Bytes piece(std::size_t{1} << 20);
   for (std::uint64_t at = range.begin; at < range.end;) {
@@ -249,19 +322,28 @@ Status copy(std::FILE* from, const Range& range, std::FILE* to) {
 
 }  // namespace
 
-Result<Bytes> spherical_moov(View moov, std::span<const MovedRange> moved) { return Rewriter(moved, true).index(moov); }
+Result<Bytes> marked_moov(View moov, std::span<const MovedRange> moved, const Marks& marks) {
+  return Rewriter(moved, marks).index(moov);
+}
 
-Status write_spherical_mp4(const std::string& from, const std::string& to, bool spherical) {
+Bytes ambisonic_of(const std::string& file) {
+  const auto in = open_to_read(file);
+  if (!in) return {};
+  const auto all = top_boxes(in->get());
+  if (!all) return {};
+  const Result<Bytes> index = index_in(in->get(), *all);
+  const Result<Bytes> found = index ? ambisonic_in(*index) : Bytes();
+  return found ? *found : Bytes();
+}
+
+Status write_marked_mp4(const std::string& from, const std::string& to, const Marks& marks) {
   const auto in = open_to_read(from);
   if (!in) return fail(in.error().in(from));
   const auto all = top_boxes(in->get());
   if (!all) return fail(all.error().in(from));
-  const auto moov = std::ranges::find(*all, "moov", &Range::type);
-  if (moov == all->end()) return fail(Errc::kBadFormat, fmt::format("{}: it has no index (moov)", from));
-  if (moov->end - moov->begin > kMaxMoovBytes)
-    return fail(Errc::kTooLarge, fmt::format("{}: its index is over 256 MiB", from));
-  Bytes content(moov->end - moov->begin - moov->header);
-  NODAL_TRY(read_at(in->get(), moov->begin + moov->header, content));
+  const auto index = index_in(in->get(), *all);
+  if (!index) return fail(index.error().in(from));
+  const Bytes& content = *index;
   // The file type stays in front; the index follows; the rest keeps its order.
   const auto front = [](const Range& range) { return range.type == "ftyp"; };
   std::vector<Range> rest;
@@ -281,7 +363,7 @@ Status write_spherical_mp4(const std::string& from, const std::string& to, bool 
       moved.push_back({range.begin, range.end, static_cast<std::int64_t>(at) - static_cast<std::int64_t>(range.begin)});
       at += range.end - range.begin;
     }
-    auto rewritten = Rewriter(moved, spherical).index(content);
+    auto rewritten = Rewriter(moved, marks).index(content);
     if (!rewritten) return fail(rewritten.error().in(from));
     made = std::move(*rewritten);
   }

@@ -1,5 +1,6 @@
 // Says in an MP4 or MOV file that its pictures are spheres: Spherical Video V1 (a uuid box in the video track) and V2
-// (st3d and sv3d in its sample entry), by the RFCs of github.com/google/spatial-media. ffmpeg writes V2 alone.
+// (st3d and sv3d in its sample entry), and that its sound is ambisonic (SA3D), by the RFCs of
+// github.com/google/spatial-media. ffmpeg writes V2 alone, and drops SA3D.
 #pragma once
 
 #include <cstdint>
@@ -20,14 +21,26 @@ struct MovedRange {
   std::int64_t by = 0;
 };
 
-/// The contents of a moov box, with the metadata of an equirectangular sphere in its first video track, and chunk
-/// offsets changed for `moved`. Boxes of 64-bit offsets (co64) are made where an offset needs them.
-/// Errors: kBadFormat, kUnsupported.
-Result<std::vector<std::uint8_t>> spherical_moov(std::span<const std::uint8_t> moov, std::span<const MovedRange> moved);
+/// What a file says of itself.
+struct Marks {
+  bool spherical = false;  ///< its pictures are whole equirectangular spheres
+  /// The content of an SA3D box: how the channels of its first sound track are ambisonic; empty: they are not.
+  std::vector<std::uint8_t> ambisonic{};
+};
 
-/// Copies the file `from` to `to`, which is not there yet, with that metadata and with its index in front, so that
-/// players on the web can begin at once. With `spherical` false only the index is moved.
+/// The contents of a moov box, with these marks in its first video track and its first sound track, and chunk offsets
+/// changed for `moved`. Boxes of 64-bit offsets (co64) are made where an offset needs them.
+/// Errors: kBadFormat, kUnsupported.
+Result<std::vector<std::uint8_t>> marked_moov(std::span<const std::uint8_t> moov, std::span<const MovedRange> moved,
+                                              const Marks& marks);
+
+/// What a file says of its first sound track, for Marks::ambisonic; empty if it says nothing, or is no MP4 or MOV file
+/// that can be read. Damaged descriptions, and those of more than 64 channels, are none.
+std::vector<std::uint8_t> ambisonic_of(const std::string& file);
+
+/// Copies the file `from` to `to`, which is not there yet, with these marks and with its index in front, so that players
+/// on the web can begin at once.
 /// Errors: kBadFormat, kTooLarge, kDiskFull, kIo.
-Status write_spherical_mp4(const std::string& from, const std::string& to, bool spherical);
+Status write_marked_mp4(const std::string& from, const std::string& to, const Marks& marks);
 
 }  // namespace nodal::film

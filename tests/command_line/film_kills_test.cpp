@@ -52,7 +52,7 @@ TEST_P(FilmKills, SevenShardsInAnyOrderAndTwentyKills_SameBytes) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Encoders, FilmKills, testing::Values("h264", "h265", "ffv1"),
-                         [](const auto& info) { return std::string(info.param); });
+                         [](const auto& encoder) { return std::string(encoder.param); });
 
 }  // namespace
 }  // namespace nodal::command_line

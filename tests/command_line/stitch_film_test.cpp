@@ -196,6 +196,47 @@ TEST_F(Films, Sound_IsThatOfTheHeadAndMovesWithIt) {
   expect_no_film(stitch("no.mp4", {"--sound", "nothing"}), "no head and no file of this name", "no.mp4");
 }
 
+/// Puts SA3D into the sound's sample entry of a file whose index is at its end: the boxes around it grow.
+std::string with_sa3d(std::string file, const std::string& content) {
+  const auto word = [](std::size_t value) {
+    std::string bytes;
+    for (int shift = 24; shift >= 0; shift -= 8) bytes.push_back(static_cast<char>(value >> shift & 0xff));
+    return bytes;
+  };
+  const auto size_at = [&](std::size_t at) {
+    std::size_t size = 0;
+    for (std::size_t k = 0; k < 4; ++k) size = size << 8 | static_cast<std::uint8_t>(file[at + k]);
+    return size;
+  };
+  const std::string sa3d = word(content.size() + 8) + "SA3D" + content;
+  std::size_t at = file.rfind("mp4a");
+  const std::size_t end = at - 4 + size_at(at - 4);
+  for (const char* const type : {"mp4a", "stsd", "stbl", "minf", "mdia", "trak", "moov"}) {
+    at = file.rfind(type, at);
+    file.replace(at - 4, 4, word(size_at(at - 4) + sa3d.size()));
+  }
+  return file.insert(end, sa3d);
+}
+
+TEST_F(Films, AmbisonicSound_KeepsItsDescriptionOrANoteSaysThatItIsLost) {
+  write_films(30, ".mp4", kH264);
+  ffmpeg({"-f", "lavfi", "-i", "sine=frequency=440:duration=1", "-af", "pan=4.0|c0=c0|c1=0.5*c0|c2=0.2*c0|c3=0.1*c0",
+          "-c:a", "aac", path("four.mp4")});
+  const std::string content("\0\0\0\0\0\1\0\0\0\0\0\4\0\0\0\0\0\0\0\1\0\0\0\2\0\0\0\3", 28);
+  write("sound.mp4", with_sa3d(read("four.mp4"), content));
+  const Words how{"--width", "128", "--sound", path("sound.mp4")};
+  expect_good(stitch("s.mp4", how));
+  const std::string film = read("s.mp4");
+  const std::size_t at = film.find("SA3D" + content);
+  ASSERT_NE(at, std::string::npos);
+  EXPECT_GT(at, film.find("soun"));
+  EXPECT_NE(ffprobe("stream=codec_name,channels", path("s.mp4")).find("codec_name=aac\nchannels=4"), std::string::npos);
+  ffmpeg({"-xerror", "-i", path("s.mp4"), "-f", "null", "-"});
+  const Finished matroska = nodal(stitch("s.mkv", how));
+  EXPECT_EQ(matroska.code, 0) << matroska.err;
+  EXPECT_NE(matroska.err.find("its sound is ambisonic; Matroska has no place to say so"), std::string::npos);
+}
+
 TEST_F(Films, EveryContainerAndCodec_SaysThatItIsASphere) {
   write_films(6, ".mp4", kH264);
   for (const auto& [out, codec, name] :

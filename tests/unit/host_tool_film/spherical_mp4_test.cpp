@@ -64,7 +64,7 @@ TEST(SphericalMp4, FileWithTheIndexBehindOrInFront_OffsetsFollowTheMedia) {
     test::write_bytes(folder / "a.mp4", file);
     for (const bool spherical : {true, false}) {
       std::filesystem::remove(folder / "b.mp4");
-      const Status written = write_spherical_mp4((folder / "a.mp4").string(), (folder / "b.mp4").string(), spherical);
+      const Status written = write_marked_mp4((folder / "a.mp4").string(), (folder / "b.mp4").string(), {spherical});
       ASSERT_TRUE(written) << written.error().message;
       const Content made = test::read_bytes(folder / "b.mp4");
       const std::uint64_t now = made.size() - kMedia.size();
@@ -83,7 +83,7 @@ TEST(SphericalMp4, TheMetadata_IsWhereTheSpecificationsSay) {
   const Content proj = box("proj", joined({box("prhd", Content(16, 0)), box("equi", Content(20, 0))}));
   const Content svhd = box("svhd", joined({Content(4, 0), text("Nodal"), Content(1, 0)}));
   const Content v2 = joined({box("st3d", Content(5, 0)), box("sv3d", joined({svhd, proj}))});
-  const Content made = spherical_moov(index_of(1000, box("st3d", Content(5, 1))), {}).value();
+  const Content made = marked_moov(index_of(1000, box("st3d", Content(5, 1))), {}, {true}).value();
   const Content expected = box("avc1", joined({Content(78, 7), box("avcC", Content(5, 9)), v2}));
   EXPECT_EQ(find(made, "avc1", expected.size() - 4), Content(expected.begin() + 4, expected.end()));
   // V1: the last box of the video track, which the sound's track follows.
@@ -96,9 +96,53 @@ TEST(SphericalMp4, TheMetadata_IsWhereTheSpecificationsSay) {
   EXPECT_EQ(number(made, "stco", 8, 4), 1000u);
 }
 
+/// First-order ambisonics of four channels, as the RFC numbers them.
+const Content kAmbisonic = joined({integer(0, 2), integer(1, 4), integer(0, 2), integer(4, 4), integer(0, 4),
+                                   integer(1, 4), integer(2, 4), integer(3, 4)});
+
+/// An index whose sound has a sample entry of this version of QuickTime's.
+Content index_with_sound(int version, const Content& boxes) {
+  const Content fields = joined({integer(1, 8), integer(static_cast<std::uint64_t>(version), 2),
+                                 Content(version == 0   ? 18
+                                         : version == 1 ? 34
+                                                        : 54,
+                                         6)});
+  const Content co64 = box("co64", joined({integer(1, 8), integer(1000, 8)}));
+  return joined(
+      {track("vide", box("avc1", Content(78, 7)), co64), track("soun", box("mp4a", joined({fields, boxes})), co64)});
+}
+
+TEST(SphericalMp4, AmbisonicSound_IsReadAndWrittenInItsSampleEntry) {
+  const test::TemporaryFolder folder;
+  const std::string file = (folder / "a.mp4").string();
+  const Content esds = box("esds", Content(9, 3)), sa3d = box("SA3D", kAmbisonic);
+  for (const int version : {0, 1, 2}) {
+    const Content plain = index_with_sound(version, esds), described = index_with_sound(version, joined({esds, sa3d}));
+    EXPECT_EQ(marked_moov(plain, {}, {false, kAmbisonic}).value(), described) << version;
+    test::write_bytes(folder / "a.mp4", joined({box("ftyp", text("isom0000")), box("moov", plain)}));
+    EXPECT_EQ(ambisonic_of(file), Content()) << version;
+    test::write_bytes(folder / "a.mp4", joined({box("ftyp", text("isom0000")), box("moov", described)}));
+    EXPECT_EQ(ambisonic_of(file), kAmbisonic) << version;
+  }
+  Content other_version = kAmbisonic, too_many = kAmbisonic, cut = kAmbisonic;
+  other_version[0] = 1;
+  too_many[8] = 0x7F;
+  cut.pop_back();
+  for (const Content& wrong : {other_version, too_many, cut, Content(), Content(12, 0)}) {
+    test::write_bytes(folder / "a.mp4", box("moov", index_with_sound(0, box("SA3D", wrong))));
+    EXPECT_EQ(ambisonic_of(file), Content());
+  }
+  const Content whole = box("moov", index_with_sound(1, sa3d));
+  for (std::size_t bytes = 0; bytes < whole.size(); ++bytes) {
+    test::write_bytes(folder / "a.mp4", Content(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(bytes)));
+    EXPECT_EQ(ambisonic_of(file), Content()) << bytes;
+  }
+  EXPECT_EQ(ambisonic_of((folder / "none.mp4").string()), Content());
+}
+
 TEST(SphericalMp4, AnOffsetOver32Bits_MakesTheTracksOffsetsWide) {
   const MovedRange moved{1010, 2000, std::int64_t{1} << 32};
-  const Content made = spherical_moov(index_of(1000), {&moved, 1}).value();
+  const Content made = marked_moov(index_of(1000), {&moved, 1}, {true}).value();
   EXPECT_TRUE(find(made, "stco", 4).empty());
   EXPECT_EQ(number(made, "co64", 8, 8), 1000u);
   EXPECT_EQ(number(made, "co64", 16, 8), 1020 + (std::uint64_t{1} << 32));
@@ -109,7 +153,7 @@ TEST(SphericalMp4, BoxesThatLie_AreOneErrorAndNoFile) {
   const Content whole = joined({box("ftyp", text("isom0000")), box("moov", index_of(1000)), box("mdat", kMedia)});
   const auto expect_refused = [&](const Content& file, const std::string& what) {
     test::write_bytes(folder / "a.mp4", file);
-    const Status written = write_spherical_mp4((folder / "a.mp4").string(), (folder / "b.mp4").string(), true);
+    const Status written = write_marked_mp4((folder / "a.mp4").string(), (folder / "b.mp4").string(), {true});
     ASSERT_FALSE(written) << what;
     EXPECT_NE(written.error().message.find("a.mp4"), std::string::npos) << written.error().message;
     EXPECT_EQ(written.error().message.find('\n'), std::string::npos) << what;
