@@ -33,7 +33,9 @@ std::string environment(const char* name, std::string_view otherwise) {
 std::string footer() {
   std::string text =
       "Examples:\n"
-      "  nodal status --watch\n"
+      "  nodal stitch a.jpg b.jpg c.jpg -o sphere.jpg     pictures of your own; no rig is needed\n"
+      "  nodal look sphere.jpg --open                     shows it in the browser\n"
+      "  nodal status --watch                             a rig, here or elsewhere:\n"
       "  nodal --rig ssh://rig.local heads\n"
       "  nodal calibration upload rig.json && nodal genlock start && nodal raymap pull\n"
       "\n"

@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <filesystem>
 
 #include "host_tool/commands/command_list.h"
@@ -58,6 +60,9 @@ Status run_convert(Context& context, const ConvertArgs& args) {
   const auto outcome = [&](double pixels_per_radian) -> Result<Outcome> {
     const double natural = to->width_for_resolution(pixels_per_radian);
     const geometry::RaymapSize made = to->size_for_width(args.width > 0 ? args.width : natural);
+    if (args.width > 0 && made.width != args.width) {
+      console.note(fmt::format("note: --width {}: the next width of this layout is {}", args.width, made.width));
+    }
     auto target = geometry::make_layout(*to, made.width, made.height);
     if (!target) return fail(target.error().in("--layout"));
     layout = std::move(*target);

@@ -67,13 +67,13 @@ void add_disk(CLI::App& app, CommandLine& line) {
   disk->require_subcommand(1);
   auto length = std::make_shared<std::string>("10s");
   CLI::App* test =
-      add_command(*disk, "test", "Measures which modes of [takes] the disk sustains, before a take is recorded",
+      add_command(*disk, "test", "Measure which modes of [takes] the disk sustains, before a take is recorded",
                   "  nodal disk test\n"
                   "  nodal disk test --for 30s --json\n"
-                  "Writes to the takes' folder for a while, and removes what it wrote. Exits with 8 if no\n"
+                  "It writes to the takes' folder for a while, and removes what it wrote. Exits with 8 if no\n"
                   "mode is sustained.\n");
   CLI::App* eject =
-      add_command(*disk, "eject", "Ends the take, writes everything to the disk, and lets go of it",
+      add_command(*disk, "eject", "End the take, write everything to the disk, and let go of it",
                   "  nodal disk eject\n"
                   "When it returns, the disk can be unmounted and removed. The rig uses the disk that is\n"
                   "mounted there next; with start = \"boot\" it goes on recording on that one. `nodal take\n"

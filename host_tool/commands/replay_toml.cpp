@@ -82,7 +82,7 @@ Result<std::string> replay_rig_toml(const Calibration& calibration, const std::v
       "# Heads that replay the pictures of {}. `nodald --explain KEY` explains a key.\n"
       "[rig]\nname = {}\nrate = \"30000/1001\"\n\n"
       "[raymap]\nlayout = \"equirectangular\"\nwidth = 2048\nheight = 1024\nformat = \"I420\"\n\n"
-      "[links]\nunix = \"nodal.sock\"\n\n[store]\nfolder = \"store\"\n",
+      "[links]\nunix = \"nodal.sock\"\n\n[store]\nfolder = \"store\"\n\n[takes]\nfolder = \"recorded\"\n",
       printable(source, kLongestSource), toml_string(rig_name(calibration.name)));
   const fs::path to = fs::absolute(file).parent_path();
   std::vector<firmware::WrittenHead> heads;

@@ -44,7 +44,7 @@ Status run_stitch(Context& context, const StitchArgs& args) {
 
 void add_stitch(CLI::App& app, CommandLine& line) {
   CLI::App* command = add_command(
-      app, "stitch", "Make a picture of the whole sphere from pictures of a rig's heads; needs no rig",
+      app, "stitch", "Make a sphere from pictures, or a film of it from films; needs no rig",
       "  nodal stitch a.jpg b.jpg c.jpg -o sphere.jpg             finds lens and directions in the pictures\n"
       "  nodal stitch theta.jpg -o sphere.jpg                     one file with the two circles of a 360-degree "
       "camera\n"

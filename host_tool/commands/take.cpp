@@ -172,19 +172,19 @@ Status run_protect(Context& context, const TakeOptions& options) {
 }  // namespace
 
 void add_take(CLI::App& app, CommandLine& line) {
-  CLI::App* take = add_command(app, "take", "Records every head on the rig's disk", "");
+  CLI::App* take = add_command(app, "take", "Record every head on the rig's disk", "");
   take->require_subcommand(1);
-  CLI::App* start = add_command(
-      *take, "start", "Begins a take: every head, the raymaps and the evidence of their times", "  nodal take start\n");
+  CLI::App* start = add_command(*take, "start", "Begin a take: every head, the raymaps and the evidence of their times",
+                                "  nodal take start\n");
   line.on(start, run_start);
   CLI::App* stop =
-      add_command(*take, "stop", "Ends the take; returns when it is on the disk for certain", "  nodal take stop\n");
+      add_command(*take, "stop", "End the take; returns when its files are safe on the disk", "  nodal take stop\n");
   line.on(stop, run_stop);
   CLI::App* still = add_command(*take, "still", "A take of one set, with every head; returns when it is on the disk",
                                 "  nodal take still\n");
   line.on(still, run_still);
   auto marked = std::make_shared<TakeOptions>();
-  CLI::App* mark = add_command(*take, "mark", "Marks this moment in the take that is being recorded",
+  CLI::App* mark = add_command(*take, "mark", "Mark this moment in the take that is being recorded",
                                "  nodal take mark \"the bus passes\"\n");
   mark->add_option("TEXT", marked->text, "What happens; at most 200 bytes")->type_name("");
   line.on(mark, [marked](Context& context) { return run_mark(context, *marked); });
@@ -193,20 +193,20 @@ void add_take(CLI::App& app, CommandLine& line) {
                                "  nodal take list --thumbnails pictures     pictures/000042.jpg, ...\n"
                                "  nodal take list --json | jq '.takes[] | select(.lost_sets>0)'\n");
   auto listed = std::make_shared<TakeOptions>();
-  list->add_option("--thumbnails", listed->thumbnails, "Writes a small raymap of each take, where it has any")
+  list->add_option("--thumbnails", listed->thumbnails, "Write a small raymap of each take, where it has any")
       ->type_name("DIR");
   line.on(list, [listed](Context& context) { return list_takes(context, *listed); });
   add_take_show(*take, line);
   add_take_verify(*take, line);
   add_take_export(*take, line);
   auto deleted = std::make_shared<TakeOptions>();
-  CLI::App* remove = add_command(*take, "delete", "Deletes a take from the rig's disk; on a terminal it asks first",
+  CLI::App* remove = add_command(*take, "delete", "Delete a take from the rig's disk; on a terminal it asks first",
                                  "  nodal take delete 42\n");
   remove->add_option("TAKE", deleted->take, "Number of the take")->required()->type_name("");
   remove->add_flag("-y,--yes", deleted->yes, "Do not ask");
   line.on(remove, [deleted](Context& context) { return run_delete(context, *deleted); });
   auto kept = std::make_shared<TakeOptions>();
-  CLI::App* protect = add_command(*take, "protect", "Protects a take from being deleted",
+  CLI::App* protect = add_command(*take, "protect", "Protect a take from being deleted",
                                   "  nodal take protect 42\n"
                                   "  nodal take protect 42 --off\n");
   protect->add_option("TAKE", kept->take, "Number of the take")->required()->type_name("");

@@ -83,7 +83,7 @@ Result<Duration> parse_duration(std::string_view text) {
 Result<Exposure> parse_exposure(std::string_view text) {
   constexpr Duration kLongestExposure = kLongestDuration;
   constexpr std::int64_t kMinExposure = 1000;  // ns; a rig counts microseconds
-  constexpr std::string_view kAllowed = "at least 1us: 8ms, 500us or a fraction of a second, 1/125";
+  constexpr std::string_view kAllowed = "8ms, 500us, or a fraction of a second such as 1/125; it is 1us or more";
   if (const std::size_t slash = text.find('/'); slash != std::string_view::npos) {
     std::string_view below = text.substr(slash + 1);
     if (below.ends_with('s')) below.remove_suffix(1);

@@ -193,10 +193,12 @@ class MatroskaFilm final : public Film {
     });
     if (!track_) return broken("has no video track");
     if (track_->codec != "V_MJPEG" || track_->encoded) {
-      return fail(Errc::kUnsupported,
-                  fmt::format("{}: its pictures are coded as {}, and only JPEGs are read; convert it: ffmpeg -i {} "
-                              "-c:v mjpeg -q:v 2 -pix_fmt yuvj420p jpegs.mkv",
-                              file_, track_->codec, file_));
+      return fail(
+          Errc::kUnsupported,
+          fmt::format("{}: its pictures are coded as {}, and only JPEGs are read; if it was exported from a take, give "
+                      "the folder of the take instead; else convert it: ffmpeg -i {} "
+                      "-c:v mjpeg -q:v 2 -pix_fmt yuvj420p jpegs.mkv",
+                      file_, track_->codec, file_));
     }
     if (track_->equirectangular) layout_ = "equirectangular";
     return {};

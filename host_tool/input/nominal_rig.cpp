@@ -96,12 +96,13 @@ double widest_view(Family family) {
 Status check_nominal(const Nominal& nominal, Family lens) {
   const auto heads = static_cast<std::size_t>(nominal.heads);
   if (nominal.circles.size() > 1 && nominal.circles.size() != heads) {
-    return fail(Errc::kBadValue, fmt::format("--circle: {} circles for {} heads; give one for all, or one a head",
-                                             nominal.circles.size(), heads));
+    return fail(Errc::kBadValue,
+                fmt::format("--circle: {} circles for {} heads; give one for all, or one for each head",
+                            nominal.circles.size(), heads));
   }
   if (!nominal.places.empty() && nominal.places.size() != heads) {
-    return fail(Errc::kBadValue,
-                fmt::format("--at: {} for {} heads; give one a head", counted(nominal.places.size(), "place"), heads));
+    return fail(Errc::kBadValue, fmt::format("--at: {} for {} heads; give one for each head",
+                                             counted(nominal.places.size(), "place"), heads));
   }
   if (nominal.view_deg > widest_view(lens)) {
     return fail(Errc::kBadValue, fmt::format("--nominal: {:g} degrees, but --lens {} can have at most {:g}",

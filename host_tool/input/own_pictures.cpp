@@ -83,22 +83,22 @@ FoundLens lens_of(const autocalibration::Found& found, const HeadCalibration& he
 }
 
 std::string text_of(const LensRange& range) {
-  return fmt::format("{:.0f}° to {:.0f}° from the lens's axis ({:.0f} to {:.0f} px)", range.from_deg, range.to_deg,
+  return fmt::format("{:.0f}° to {:.0f}° from its axis ({:.0f} to {:.0f} px)", range.from_deg, range.to_deg,
                      range.from_px, range.to_px);
 }
 
 /// Empty if the lens is known everywhere.
 std::string lens_note(const FoundLens& lens) {
   if (lens.whole || lens.family.empty()) return "";
-  const std::string seen = "the points that two pictures show are " + text_of(lens.seen);
-  const std::string advice = "For the whole lens give pictures that overlap more, or --nominal with its field of view";
+  const std::string seen = fmt::format("because two pictures show the same only {}", text_of(lens.seen));
+  const std::string advice = "Pictures that overlap more show more of it; or give its field of view: --nominal";
   if (lens.known.to_px <= lens.known.from_px) {
-    return fmt::format("{}, and do not determine the lens: it is assumed to be {}. {}", seen, lens.family, advice);
+    return fmt::format("the lens is not known, {}; it is assumed to be {}. {}", seen, lens.family, advice);
   }
   return fmt::format(
-      "{}. The lens is known {}; elsewhere it is assumed to be {}, and may be wrong by about {:.0f} % of the distance "
+      "the lens is known {}, {}; elsewhere it is assumed to be {}, and may be wrong by about {:.0f} % of the distance "
       "from its axis. {}",
-      seen, text_of(lens.known), lens.family, lens.may_be_wrong_percent(), advice);
+      text_of(lens.known), seen, lens.family, lens.may_be_wrong_percent(), advice);
 }
 
 std::string why_left_out(const autocalibration::Misfit& misfit, const std::vector<std::string>& files) {
@@ -327,9 +327,8 @@ Result<std::vector<std::size_t>> calibrate_by_pictures(RigPictures& rig, const U
     rig.calibration.comment = "Lens and rotations from the pictures alone: " + match.lens.note + ".";
   }
   match.confidence = fmt::format(
-      "{} of {} pictures placed, by {} points that were found in two pictures each; the points are {}, and their "
-      "median error is {:.1f} px",
-      placed.size(), files.size(), found.matches, text_of(match.lens.seen), found.error_px);
+      "{} of {} pictures placed: {} points were found in two pictures each, and half of them agree within {:.1f} px",
+      placed.size(), files.size(), found.matches, found.error_px);
   match.placed = placed.size();
   match.given = files.size();
   match.point_count = found.matches;

@@ -156,8 +156,9 @@ std::string pairs_csv(const std::vector<PointPair>& pairs, const Calibration& ri
 
 Result<std::vector<PointPair>> find_pairs(const std::vector<std::string>& pictures, const Calibration& rig) {
   if (pictures.size() != rig.heads.size()) {
-    return fail(Errc::kBadValue, fmt::format("{} pictures for {} heads; give one a head, in the calibration's order",
-                                             pictures.size(), rig.heads.size()));
+    return fail(Errc::kBadValue,
+                fmt::format("{} pictures for {} heads; give one of each head, in the calibration's order",
+                            pictures.size(), rig.heads.size()));
   }
   const Workshop workshop;
   if (!workshop.good()) return fail(Errc::kIo, "no folder for temporary files");

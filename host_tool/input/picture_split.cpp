@@ -98,7 +98,7 @@ Error single_picture(const std::string& file) {
   Result<media::PictureBytes> bytes = media::PictureBytes::open(file);
   const Result<ImageHeader> header = bytes ? read_picture_header(*bytes) : Result<ImageHeader>(fail(bytes.error()));
   if (header && media::parse_xmp(header->metadata.xmp).area) {
-    return {Errc::kBadValue, file + " is a sphere already, as its metadata say; see `nodal convert` and `nodal view`"};
+    return {Errc::kBadValue, file + " is a sphere already, as its metadata says; see `nodal convert` and `nodal view`"};
   }
   const bool as_sphere = header && header->width == 2 * header->height;
   return {

@@ -21,8 +21,11 @@ Result<geometry::LayoutName> name_of(const std::string& from, const std::string&
     return *name;
   }
   if (input.says_equirectangular) return geometry::LayoutName::parse("equirectangular");
-  return fail(Errc::kMissingField,
-              file + ": the file does not say which layout it has; give --from, one of: " + geometry::layout_list());
+  return fail(
+      Errc::kMissingField,
+      fmt::format("{}: the file does not say that it is a sphere. Photographs become a sphere by `nodal stitch`; if "
+                  "it is a sphere, say its layout: --from equirectangular, or one of {}",
+                  file, geometry::layout_list()));
 }
 
 }  // namespace

@@ -132,8 +132,7 @@ void add_advice(const StitchedSphere& sphere, HtmlReport& page) {
       "not about yourself, and keep tripods, hands and people out of the overlaps.");
   page.paragraph(
       "Things that moved between two pictures are cut at a seam: take that pair again. Let pictures overlap by a "
-      "third, "
-      "with something in the overlap that has edges: blue sky connects nothing.");
+      "third, with something in the overlap that has edges; blue sky has nothing by which pictures can be matched.");
   page.paragraph(
       "The seams count at the size of this sphere: in a smaller one (--width) the same jump is smaller, too.");
 }

@@ -4,7 +4,9 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <optional>
 #include <regex>
+#include <sstream>
 #include <string_view>
 
 #include "protocol/base/nearest_word.h"
@@ -55,6 +57,20 @@ std::string without_zeros(const std::string& limits) {
   return std::regex_replace(std::regex_replace(limits, zeros, "$1"), point, "");
 }
 
+/// "--bits: 9 not in {8,16}" as "--bits: '9' is not one of 8, 16"; nothing if it is another message.
+std::optional<std::string> about_choice(const std::string& text) {
+  constexpr std::string_view kChoices = " not in {", kAfterName = ": ";
+  const std::size_t value = text.find(kAfterName) + kAfterName.size(), choices = text.rfind(kChoices);
+  if (choices == std::string::npos || !text.ends_with('}') || value > choices) return std::nullopt;
+  const std::string typed = text.substr(value, choices - value);
+  std::vector<std::string> allowed;
+  std::istringstream list(text.substr(choices + kChoices.size(), text.size() - choices - kChoices.size() - 1));
+  for (std::string one; std::getline(list, one, ',');) allowed.push_back(one);
+  const std::string near = nearest(typed, allowed);
+  return fmt::format("{}'{}' is not one of {}{}", text.substr(0, value), printable(typed, kLongestWord),
+                     fmt::join(allowed, ", "), near.empty() ? "" : fmt::format("; did you mean '{}'?", near));
+}
+
 /// CLI11's message about a value, in plain words. Its versions write ranges as "-90.000000 to 90.000000" and as
 /// "[-90 - 90]".
 std::string about_value(std::string text) {
@@ -64,6 +80,7 @@ std::string about_value(std::string text) {
     return fmt::format("{}: '{}' is not a number", text.substr(kConvert.size(), is - kConvert.size()),
                        printable(text.substr(is + kIs.size()), kLongestWord));
   }
+  if (const auto choice = about_choice(text)) return *choice;
   const std::size_t value = text.find(kValue), range = text.rfind(kRange);
   if (value == std::string::npos || range == std::string::npos || range < value + kValue.size()) return text;
   std::string limits = text.substr(range + kRange.size());

@@ -42,7 +42,7 @@ class FisheyePairs : public testing::Test {
       EXPECT_FALSE(verdict.whole);
       EXPECT_LE(verdict.errors.worst, verdict.unsure_percent);
       EXPECT_TRUE(std::ranges::any_of(verdict.notes, [&](const std::string& note) {
-        return note.find("The lens is known") != std::string::npos && note.find("--nominal") != std::string::npos;
+        return note.find("the lens is known") != std::string::npos && note.find("--nominal") != std::string::npos;
       }));
     }
     EXPECT_LT(verdict.errors.rotation_deg, 1);

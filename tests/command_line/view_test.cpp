@@ -50,12 +50,14 @@ TEST_F(ViewCommand, ThereAndBack_IsTheSameSphere_ForEveryLayoutOfTheWholeSphere)
 TEST_F(ViewCommand, Metadata_SaysWhatASphereIs_AndIsWrittenOnlyForOne) {
   write_sphere("bare.png", 128);
   expect_refused({"convert", path("bare.png"), "-o", path("out.png"), "--layout", "cube"},
-                 "give --from, one of: equirect");
+                 "say its layout: --from equirectangular");
   ASSERT_EQ(nodal({"convert", path("bare.png"), "--from", "equirectangular", "-o", path("sphere.jpg")}).code, 0);
   EXPECT_NE(read("sphere.jpg").find("GPano"), std::string::npos);
   ASSERT_EQ(nodal({"convert", path("sphere.jpg"), "-o", path("cube.jpg"), "--layout", "cube"}).code, 0)
       << "its metadata says that it is equirectangular";
   EXPECT_EQ(read("cube.jpg").find("GPano"), std::string::npos);
+  const Finished odd = nodal({"convert", path("sphere.jpg"), "-o", path("odd.jpg"), "--width", "333"});
+  EXPECT_NE(odd.err.find("--width 333: the next width of this layout is 336"), std::string::npos) << odd.err;
   ASSERT_EQ(nodal({"view", path("sphere.jpg"), "-o", path("view.png"), "--size", "64x48"}).code, 0);
   EXPECT_EQ(read("view.png").find("GPano"), std::string::npos);
   const DecodedImage view = media::read_image(path("view.png"), PixelFormat::kRgb24).value();

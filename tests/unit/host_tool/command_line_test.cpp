@@ -41,6 +41,19 @@ TEST(CommandLine, HelpOfAGroup_ShowsNoExamplesOfOtherCommands) {
   }
 }
 
+TEST(CommandLine, HelpOfTheProgram_ListsCommandsByWhatTheyAreFor_PicturesFirst) {
+  const std::string help = Outcome({"--help"}).out;
+  std::size_t at = 0;
+  for (const char* next :
+       {"Spheres from pictures and films:", "\n  stitch ", "\n  look ", "Lenses and directions:", "\n  register ",
+        "\n  drift ", "A rig:", "\n  status ", "\n  take ", "Other:", "Examples:", "nodal stitch a.jpg"}) {
+    const std::size_t found = help.find(next, at);
+    ASSERT_NE(found, std::string::npos) << next << " after " << at << ":\n" << help;
+    at = found;
+  }
+  EXPECT_EQ(help.find("Subcommands:"), std::string::npos) << "a command without a heading:\n" << help;
+}
+
 TEST(CommandLine, HelpOfEveryOption_ListsItsChoicesOnceAndItsRangeInWords) {
   const std::string help = Outcome({"register", "--help"}).out;
   EXPECT_NE(help.find("--norm sum|max "), std::string::npos) << help;
@@ -87,6 +100,14 @@ TEST(CommandLine, WhatCannotBeUnderstood_IsUsageAndSaysWhere) {
     EXPECT_NE(run.err.find("nodal: "), std::string::npos) << "nodal" << line;
     EXPECT_EQ(run.out, "") << "nodal" << line;
   }
+}
+
+TEST(CommandLine, AWordThatIsNoChoice_IsAnsweredWithTheChoicesAndTheNearestOne) {
+  EXPECT_NE(Outcome({"stitch", "a", "b", "--transition", "feathr"})
+                .err.find("--transition: 'feathr' is not one of two-band, seam, feather; did you mean 'feather'?"),
+            std::string::npos);
+  EXPECT_NE(Outcome({"completion", "tcsh"}).err.find("SHELL: 'tcsh' is not one of bash, zsh, fish"), std::string::npos);
+  EXPECT_EQ(Outcome({"stitch", "a", "b", "--bits", "9"}).err.find('{'), std::string::npos);
 }
 
 /// The one error document on standard output.
