@@ -17,7 +17,7 @@ constexpr Duration kRetry = Duration::milliseconds(200);
 
 std::string microseconds(Exposure exposure) { return fmt::format("{} us", exposure.us()); }
 std::string thousandths(hal::Gamma gamma) { return fmt::format("{}/1000", gamma.thousandths()); }
-std::string decibels(Gain gain) { return fmt::format("{} mdB", gain.mdb()); }
+std::string decibels(Gain gain) { return fmt::format("{:g} dB", gain.mdb() / 1e3); }
 
 std::optional<LossReason> bad_verdict(hal::FrameVerdict verdict) {
   switch (verdict) {

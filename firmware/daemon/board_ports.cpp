@@ -209,8 +209,8 @@ Result<firmware::RigConfig> read_rig_config(const std::filesystem::path& file) {
   const auto text = read_text(file, firmware::kMaxRigTomlBytes);
   if (!text && text.error().code == Errc::kNotFound) {
     return fail(Errc::kNotFound, text.error().message +
-                                     "; nodald --scan prints one for the cameras that are plugged in, and there is an "
-                                     "example; nodald --explain explains every key");
+                                     "; nodald --scan prints one for the cameras that are plugged in, and nodald "
+                                     "--explain explains every key");
   }
   if (!text) return fail(text.error());
   const std::filesystem::path folder = std::filesystem::absolute(file).parent_path();

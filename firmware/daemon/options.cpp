@@ -60,7 +60,8 @@ Parsed parse_options(int argc, char** argv) {
   app.add_option("-c,--config,RIG_TOML", options.config, "The rig: a rig.toml")->type_name("FILE");
   app.add_option("--store", options.store, "Folder of calibrations and settings, instead of rig.toml's")
       ->type_name("DIR");
-  app.add_option("--blend-threads", options.blend_threads, "Number of threads that blend (one a core when not given)")
+  app.add_option("--blend-threads", options.blend_threads,
+                 "Number of threads that blend (one for each core when not given)")
       ->check(CLI::Range(1, 64))
       ->type_name("N");
   app.add_option_function<std::string>(

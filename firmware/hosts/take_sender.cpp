@@ -8,6 +8,7 @@
 #include "firmware/frame/drain.h"
 #include "firmware/hosts/admission.h"
 #include "firmware/hosts/shared_bytes.h"
+#include "firmware/operate/commands.h"
 #include "protocol/base/try.h"
 
 namespace nodal::firmware {
@@ -32,7 +33,7 @@ Client* find(const Clients& clients, std::uint64_t host) {
 
 Result<StreamId> TakeSender::start(Client& client, const wire::TakeRead& request, Instant now) {
   if (!reader_) {
-    return fail(Errc::kUnsupported, "this rig records nothing; give it a section [takes] in its rig.toml");
+    return fail(no_takes());
   }
   if (request.offset() % TakeReader::kPiece != 0) {
     return fail(Errc::kBadValue, "a file of a take can be read from multiples of 1 MiB on");

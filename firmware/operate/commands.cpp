@@ -22,8 +22,8 @@ Overloaded(Of...) -> Overloaded<Of...>;  // clang 14 deduces nothing for aggrega
 
 Status gain_allowed(Gain gain) {
   if (gain.mdb() >= -kMaxGainMdb && gain.mdb() <= kMaxGainMdb) return {};
-  return fail(Errc::kBadValue, fmt::format("a gain of {} mdB is not allowed; allowed is {} to {} mdB", gain.mdb(),
-                                           -kMaxGainMdb, kMaxGainMdb));
+  return fail(Errc::kBadValue, fmt::format("a gain of {:g} dB is not allowed; allowed is {:g} to {:g} dB",
+                                           gain.mdb() / 1e3, -kMaxGainMdb / 1e3, kMaxGainMdb / 1e3));
 }
 
 Status stops_allowed(Stops stops, std::int64_t low, const char* what) {
@@ -103,7 +103,7 @@ Status check(const Command& command, const RigConfig& config) {
   }
   if (const auto* take = std::get_if<TakeCommand>(&command)) {
     if (!config.takes) {
-      return fail(Errc::kUnsupported, "this rig records nothing; give it a section [takes] in its rig.toml");
+      return fail(no_takes());
     }
     const auto* test = std::get_if<TakeRequest::TestDisk>(take);
     if (test && (test->length < DiskTest::kShortest || test->length > DiskTest::kLongest)) {
@@ -118,6 +118,13 @@ Status check(const Command& command, const RigConfig& config) {
   }
   const auto* install = std::get_if<CalibrationRequest::Install>(&std::get<CalibrationCommand>(command));
   return install ? check(*install) : Status();
+}
+
+Error no_takes() {
+  return {
+      Errc::kUnsupported,
+      "this rig has no folder for takes; add the two lines [takes] and folder = \"takes\" to its rig.toml, and start "
+      "nodald again"};
 }
 
 Error no_such_head(std::uint64_t head, const RigConfig& config) {

@@ -62,6 +62,8 @@ const CommandKind& kind_of(const Command& command);
 Status check(const Command& command, const RigConfig& config);
 /// The error for a head index that the rig does not have.
 Error no_such_head(std::uint64_t head, const RigConfig& config);
+/// The error for a request about takes if rig.toml has no [takes].
+Error no_takes();
 
 /// The author of a command.
 struct Requester {

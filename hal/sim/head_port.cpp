@@ -21,8 +21,9 @@ Status SimHead::Port::set_exposure(Exposure exposure) {
 Status SimHead::Port::set_gain(Gain gain) {
   if (head_ == nullptr) return fail(gone());
   if (gain < limits_.gain_min || gain > limits_.gain_max) {
-    return fail(Errc::kBadValue, fmt::format("head '{}': gain {} mdB is not between {} and {} mdB", identity_.path,
-                                             gain.mdb(), limits_.gain_min.mdb(), limits_.gain_max.mdb()));
+    return fail(Errc::kBadValue,
+                fmt::format("head '{}': gain {:g} dB is not between {:g} and {:g} dB", identity_.path, gain.mdb() / 1e3,
+                            limits_.gain_min.mdb() / 1e3, limits_.gain_max.mdb() / 1e3));
   }
   HeadSettings wanted = head_->settings_.wanted();
   wanted.gain = gain;

@@ -111,7 +111,7 @@ Status run_offload(Context& context, const OffloadOptions& options) {
 void add_offload(CLI::App& app, CommandLine& line) {
   auto options = std::make_shared<OffloadOptions>();
   CLI::App* offload =
-      add_command(app, "offload", "Copies takes from the rig's disk, verified byte by byte",
+      add_command(app, "offload", "Copy takes from the rig's disk, verified byte by byte",
                   "  nodal offload 42 --to /media/disk\n"
                   "  nodal --rig usb: offload --new --to /media/disk --delete\n"
                   "  nodal offload 42 --to . --only raymap         the film of the sphere, without the heads\n"
@@ -123,12 +123,12 @@ void add_offload(CLI::App& app, CommandLine& line) {
   offload->add_option("--to", options->to, "The folder; each take becomes a folder in it, such as 000042")
       ->required()
       ->type_name("FOLDER");
-  auto* only = offload->add_option("--only", options->only, "Leaves out the heads' pictures")
+  auto* only = offload->add_option("--only", options->only, "Leave out the heads' pictures")
                    ->type_name("raymap")
                    ->check(CLI::IsMember({"raymap"}));
   offload
       ->add_flag("--delete", options->delete_after,
-                 "Deletes each take from the rig when all of it is on this disk; a protected take stays")
+                 "Delete each take from the rig when all of it is on this disk; a protected take stays")
       ->excludes(only);
   takes->excludes(all_new);
   offload->parse_complete_callback([options] {

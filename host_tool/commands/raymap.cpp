@@ -123,7 +123,7 @@ void tell_summary(Console& console, const Tally& tally, const std::string& last_
                         show_duration(tally.worst_spread_ns));
   }
   if (tally.incomplete != 0) text += fmt::format(", {} skipped because a head is missing", tally.incomplete);
-  console.line(text + "; the last is " + last_name);
+  console.line(fmt::format("{}; {} {}", text, has_ending(last_name, ".mkv") ? "in" : "the last is", last_name));
 }
 
 /// One pull, from its first piece to its summary.

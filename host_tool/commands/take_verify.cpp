@@ -128,7 +128,7 @@ Status run_verify(Context& context, const std::string& name) {
 
 void add_take_verify(CLI::App& group, CommandLine& line) {
   auto folder = std::make_shared<std::string>();
-  CLI::App* verify = add_command(group, "verify", "Compares a copy of a take with its manifest, byte by byte",
+  CLI::App* verify = add_command(group, "verify", "Compare a copy of a take with its manifest, byte by byte",
                                  "  scp -r rig.local:/var/lib/nodal/takes/000042 .\n"
                                  "  nodal take verify 000042\n"
                                  "Exits with 8 if a file differs.\n");

@@ -8,6 +8,7 @@
 #include <iterator>
 #include <utility>
 
+#include "host_tool/console/quantities.h"
 #include "host_tool/input/calibration_file.h"
 #include "host_tool/input/film_pictures.h"
 #include "host_tool/input/picture_folders.h"
@@ -165,7 +166,7 @@ Result<RigPictures> read_nominal_pictures(const NominalWords& words, const std::
   RigPictures rig;
   rig.origin = RigPictures::Origin::kDataSheet;
   for (int h = 0; h < nominal.heads; ++h) rig.heads.push_back(fmt::format("cam{}", h));
-  if (arguments.empty()) return fail(Errc::kMissingField, "no pictures; give one a head");
+  if (arguments.empty()) return fail(Errc::kMissingField, "no pictures; give one of each head");
   NODAL_TRY_ASSIGN(rig.sets, sets_of(arguments, options, rig.heads, rig.notes));
   NODAL_TRY(decode_all(rig.sets.front()));
   NODAL_TRY_ASSIGN(rig.calibration, nominal_rig(nominal, rig.frames(0)));
@@ -243,9 +244,9 @@ Result<std::vector<std::vector<std::string>>> picture_files(const std::vector<st
     }
   } else {
     if (arguments.size() % names.size() != 0) {
-      return fail(Errc::kBadValue, fmt::format("{} pictures for {} heads; give one a head, in the calibration's order, "
+      return fail(Errc::kBadValue, fmt::format("{} for {} heads; give one of each head, in the calibration's order, "
                                                "set after set, or folders with pictures named after the heads",
-                                               arguments.size(), names.size()));
+                                               counted(arguments.size(), "picture"), names.size()));
     }
     for (std::size_t k = 0; k < arguments.size(); ++k) {
       if (k % names.size() == 0) files.emplace_back();

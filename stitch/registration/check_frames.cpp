@@ -44,7 +44,7 @@ Status check_frames(const Calibration& prior, const std::vector<FrameSet>& frame
   for (const FrameSet& frames : frame_sets) {
     if (frames.size() != prior.heads.size()) {
       return fail(Errc::kBadValue,
-                  fmt::format("{} pictures for {} heads; give one picture a head, in the calibration's order",
+                  fmt::format("{} pictures for {} heads; give one picture of each head, in the calibration's order",
                               frames.size(), prior.heads.size()));
     }
     for (std::size_t h = 0; h < frames.size(); ++h) {

@@ -150,7 +150,7 @@ TEST_F(OneFile, OtherArrangements_AreRefusedOrAsTheUserSays) {
   expect_refused({one, "-o", path("no.png")}, "is one picture");
   expect_refused({path("rig.json"), path("grid.png"), "--split", "2x2", "-o", path("no.png")},
                  "4 pictures in a file (2x2) for 6 heads");
-  expect_refused({path("rig.json"), path("grid.png"), "-o", path("no.png")}, "1 pictures for 6 heads");
+  expect_refused({path("rig.json"), path("grid.png"), "-o", path("no.png")}, "1 picture for 6 heads");
   for (const char* nonsense : {"", "2", "0x2", "1x1", "9x1", "2x1x1", "-2x1", "2x", "axb", "99999999999x2"})
     expect_refused({path("grid.png"), "--split", nonsense, "-o", path("no.png")}, "--split");
   // One circle in the middle of a wide picture is no pair.

@@ -326,7 +326,7 @@ TEST_F(StitchCommand, WhatCannotBeDone_IsSaidInOneSentence) {
   const std::string rig = path("rig.json");
   const std::string pictures = path("pictures");
   expect_refused({rig}, "give one for each of the 6 heads");
-  expect_refused({rig, pictures + "/cam0.png"}, "1 pictures for 6 heads");
+  expect_refused({rig, pictures + "/cam0.png"}, "1 picture for 6 heads");
   expect_refused({path("gone.json"), pictures}, "gone.json");
   expect_refused({rig, path("gone.png")}, "gone.png");
   expect_refused({rig, pictures, "-o", path("out.tga")}, "end it in .jpg, .png, .tif or .raw");

@@ -123,8 +123,8 @@ Status DeviceHead::set_gain(Gain gain) {
   if (state_ == State::kFailed) return fail(*final_);
   const HeadLimits& can = limits();
   if (gain < can.gain_min || gain > can.gain_max) {
-    return bad_value(fmt::format("a gain of {} mdB", gain.mdb()),
-                     fmt::format("{} to {} mdB", can.gain_min.mdb(), can.gain_max.mdb()));
+    return bad_value(fmt::format("a gain of {:g} dB", gain.mdb() / 1e3),
+                     fmt::format("{:g} to {:g} dB", can.gain_min.mdb() / 1e3, can.gain_max.mdb() / 1e3));
   }
   post_controls({{}, gain, {}});
   return {};

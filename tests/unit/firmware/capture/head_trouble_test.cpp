@@ -225,7 +225,7 @@ TEST_F(HeadTrouble, SettingsThatItDoesNotApply_AreReportedAfterItsLatencyAndFour
   script.frames.push_back(frame());
   head.lose(*head.take_frame(), LossReason::kLate);
   EXPECT_EQ(head.report().ignores,
-            "does not apply its settings: in effect 8000 us, 3000 mdB; requested 4000 us; requested 3000 mdB");
+            "does not apply its settings: in effect 8000 us, 3 dB; requested 4000 us; requested 3 dB");
   EXPECT_EQ(head.pending_exposure(), Exposure::microseconds(8000)) << "it will not come";
   hal::FrameView applied = frame();
   applied.in_effect.exposure = Exposure::microseconds(4000);

@@ -127,6 +127,17 @@ TEST(Commands, OfTheGenlock_ArePulsesShorterThanAFrameAtRatesThatAreAllowed) {
   EXPECT_TRUE(genlock(kMax32, kMax32, 0)) << "it is 1/1";
 }
 
+TEST(Commands, OfTakes_AreRefusedByARigWithoutAFolderForThem_WithTheLinesThatAreMissing) {
+  RigConfig config = two_heads();
+  const Command start = TakeCommand(TakeRequest::Start{});
+  const Status refused = check(start, config);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("[takes]"), std::string::npos) << refused.error().message;
+  EXPECT_NE(refused.error().message.find("folder = \"takes\""), std::string::npos) << refused.error().message;
+  config.takes.emplace();
+  EXPECT_TRUE(check(start, config));
+}
+
 TEST(Commands, EveryRequestThatAStageCarriesOut_IsACommandOfThatStageUnderItsOwnName) {
   std::vector<wire::Request> all(16);
   all[0].mutable_head_set();
