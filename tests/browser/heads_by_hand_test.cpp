@@ -1,5 +1,6 @@
 // Heads that are turned by 20 to 25 degrees, registered in the page of `nodal look` only by mouse and keys: slid,
 // paired by clicks, fitted, registered by the program, saved.
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -28,7 +29,7 @@ Matrix3d graphics_axes(const HeadCalibration& head) {
 }
 
 /// What the page shows, as the script knows it.
-struct View {
+struct PageView {
   double width = 0, height = 0, focal = 0, yaw = 0, pitch = 0;
 
   Matrix3d axes() const {
@@ -137,7 +138,7 @@ class HeadsByHand : public HeadsPage {
     press("#head" + std::to_string(a));
   }
 
-  View view_;
+  PageView view_;
   std::vector<Matrix3d> is_;  ///< how the heads are turned now
   Json steps_;
 };

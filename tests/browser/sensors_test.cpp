@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "page_driver.h"
+#include "protocol/base/angles.h"
 #include "stitch/media/image_file.h"
 
 namespace nodal::command_line {
@@ -17,7 +18,6 @@ using Eigen::AngleAxisd;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr int kEye = 400;  // px, wide and high
 
 class Sensors : public PageDriver {
@@ -33,7 +33,7 @@ class Sensors : public PageDriver {
   }
   /// The axes of a view (right, up, backward) as columns, in a world with y up and -z ahead.
   static Matrix3d view_of(const Json& state) {
-    const auto angle = [&](const char* name) { return state[name].get<double>() * kDegree; };
+    const auto angle = [&](const char* name) { return state[name].get<double>() * kRadiansPerDegree; };
     return (AngleAxisd(-angle("yaw"), Vector3d::UnitY()) * AngleAxisd(angle("pitch"), Vector3d::UnitX()) *
             AngleAxisd(-angle("roll"), Vector3d::UnitZ()))
         .toRotationMatrix();
@@ -43,8 +43,9 @@ class Sensors : public PageDriver {
   static Matrix3d device(double alpha, double beta, double gamma, double screen) {
     Matrix3d world;  // axes of the earth in those of views: x east, y up, z south
     world << 1, 0, 0, 0, 0, 1, 0, -1, 0;
-    return (world * AngleAxisd(alpha * kDegree, Vector3d::UnitZ()) * AngleAxisd(beta * kDegree, Vector3d::UnitX()) *
-            AngleAxisd(gamma * kDegree, Vector3d::UnitY()) * AngleAxisd(-screen * kDegree, Vector3d::UnitZ()));
+    return (world * AngleAxisd(alpha * kRadiansPerDegree, Vector3d::UnitZ()) *
+            AngleAxisd(beta * kRadiansPerDegree, Vector3d::UnitX()) * AngleAxisd(gamma * kRadiansPerDegree, Vector3d::UnitY()) *
+            AngleAxisd(-screen * kRadiansPerDegree, Vector3d::UnitZ()));
   }
   /// Compares part of a screenshot with `nodal view`: dB.
   double psnr(const std::string& shot, int left, const Words& view) const {
@@ -95,7 +96,7 @@ TEST_F(Sensors, Gyroscope_PhoneTurns_ViewFollows) {
   for (std::size_t k = 0; k < all.size(); ++k) {
     const Matrix3d expected = begin * device(all[k].alpha, all[k].beta, all[k].gamma, all[k].screen);
     const AngleAxisd off(Matrix3d(view_of(seen[k + 1]) * expected.transpose()));
-    EXPECT_LT(off.angle() / kDegree, 0.1) << k << ": " << seen[k + 1];
+    EXPECT_LT(off.angle() / kRadiansPerDegree, 0.1) << k << ": " << seen[k + 1];
   }
   EXPECT_NEAR(seen[2]["yaw"].get<double>(), -40, 0.1) << "alpha grows counterclockwise, as seen from above";
   EXPECT_GT(std::abs(seen[5]["roll"].get<double>()), 10);
@@ -129,9 +130,9 @@ TEST_F(Sensors, WhatTheBrowserDoesNotAllow_IsSaidInASentence) {
 }
 
 TEST_F(Sensors, Headset_TurnsTheView_AndBothEyesSeeTheSame) {
-  const Eigen::Quaterniond turn = AngleAxisd(-35 * kDegree, Vector3d::UnitY()) *
-                                  AngleAxisd(20 * kDegree, Vector3d::UnitX()) *
-                                  AngleAxisd(-10 * kDegree, Vector3d::UnitZ());
+  const Eigen::Quaterniond turn = AngleAxisd(-35 * kRadiansPerDegree, Vector3d::UnitY()) *
+                                  AngleAxisd(20 * kRadiansPerDegree, Vector3d::UnitX()) *
+                                  AngleAxisd(-10 * kRadiansPerDegree, Vector3d::UnitZ());
   const Json turned{turn.x(), turn.y(), turn.z(), turn.w()}, straight{0, 0, 0, 1};
   const std::vector<Json> seen = drive_sphere({{"size", 2 * kEye, kEye},
                                                {"device", "headset"},

@@ -47,7 +47,8 @@ class LookHeads : public BumpedRig {
   }
   DecodedImage head_picture(const std::string& query) {
     const std::string jpeg = link_.body("head?side=4096&" + query);
-    return media::decode_image({jpeg.begin(), jpeg.end()}, query, PixelFormat::kRgb24).value();
+    const std::vector<std::uint8_t> bytes(jpeg.begin(), jpeg.end());
+    return media::decode_image(bytes, query, PixelFormat::kRgb24).value();
   }
 
   std::unique_ptr<Process> look_;
@@ -203,7 +204,7 @@ TEST_F(LookHeads, OfATake_AreShownSetBySet_AndRegistered) {
     for (std::size_t k = 0; k < frame.bytes.size(); ++k) sum += std::abs(shown.bytes[k] - frame.bytes[k]);
     EXPECT_LT(sum / static_cast<double>(frame.bytes.size()), 2) << set;
   }
-  for (const std::string set : {"-1", std::to_string(sets), std::string("x")})
+  for (const std::string& set : {std::string("-1"), std::to_string(sets), std::string("x")})
     EXPECT_NE(link_.answer("head?side=4096&head=0&set=" + set).find(" 400 "), std::string::npos) << set;
   EXPECT_TRUE(change({{"do", "register"}, {"set", sets}}).starts_with("400"));
   EXPECT_TRUE(change({{"do", "turn"}, {"heads", {1}}, {"about", {0, 0.02, 0}}}).starts_with("200"));

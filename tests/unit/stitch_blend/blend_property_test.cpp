@@ -3,6 +3,7 @@
 #include <rapidcheck/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <memory>
 #include <thread>
 
@@ -39,7 +40,24 @@ Kind random_kind(RandomTables& tables) {
   }
 }
 
-/// A random table over noise; each head is missing with probability 1 / missing_in, never for 0.
+/// Areas of 8 x 8 samples of one level each, as of clipped light: unlike noise, they stay what they are when reduced.
+Picture areas(std::mt19937& random, PixelFormat format, int width, int height) {
+  Picture picture(format, width, height);
+  for (int c = 0; c < component_count(format); ++c) {
+    const auto plane = picture.mutable_view().planes[static_cast<std::size_t>(c)];
+    std::array<std::uint8_t, 256> levels{};
+    for (auto& level : levels) level = static_cast<std::uint8_t>(random());
+    for (int y = 0; y < plane.height; ++y) {
+      for (int x = 0; x < plane.width; ++x) {
+        plane.data[y * plane.row_stride + std::ptrdiff_t{x} * plane.pixel_stride] =
+            levels[static_cast<std::size_t>(y / 8 * 16 + x / 8) % levels.size()];
+      }
+    }
+  }
+  return picture;
+}
+
+/// A random table over noise or areas; each head is missing with probability 1 / missing_in, never for 0.
 Scene random_scene(RandomTables& tables, int width, int height, int head_width, int head_height, int missing_in) {
   const Kind kind = random_kind(tables);
   Scene scene{tables.table(kind.raymap, kind.head, width, height, 3, head_width, head_height), {}, {}, {}, {}};
@@ -54,7 +72,8 @@ Scene random_scene(RandomTables& tables, int width, int height, int head_width, 
     scene.tone.fade.emplace();
     for (auto& left : scene.tone.fade->of_luma) left = static_cast<std::uint16_t>(tables.below(kScaleOne + 1));
   }
-  for (int h = 0; h < 3; ++h) scene.pictures.push_back(noise(tables.random(), kind.head, head_width, head_height));
+  const auto shown = tables.below(2) == 0 ? noise : areas;
+  for (int h = 0; h < 3; ++h) scene.pictures.push_back(shown(tables.random(), kind.head, head_width, head_height));
   std::vector<ImageView> heads;
   for (const Picture& picture : scene.pictures) {
     heads.push_back(missing_in != 0 && tables.below(missing_in) == 0 ? ImageView{} : picture.view());
