@@ -128,10 +128,10 @@ std::size_t sound_fields(View entry) {
 
 /// Whether this is what an SA3D box may hold: version, type, order, two kinds of numbering, and a list of channels.
 bool describes_ambisonics(View content) {
-  constexpr std::size_t kFields = 12, kMostChannels = 64;
+  constexpr std::size_t kFields = 12, kMaxChannels = 64;
   if (content.size() < kFields || content[0] != 0) return false;
   const std::uint64_t channels = big_endian(content.subspan(8, 4));
-  return channels > 0 && channels <= kMostChannels && content.size() == kFields + 4 * channels;
+  return channels > 0 && channels <= kMaxChannels && content.size() == kFields + 4 * channels;
 }
 
 /// The sample description of a sound, with SA3D in its first entry.

@@ -38,8 +38,8 @@ Result<std::vector<std::uint8_t>> marked_moov(std::span<const std::uint8_t> moov
 /// that can be read. Damaged descriptions, and those of more than 64 channels, are none.
 std::vector<std::uint8_t> ambisonic_of(const std::string& file);
 
-/// Copies the file `from` to `to`, which is not there yet, with these marks and with its index in front, so that players
-/// on the web can begin at once.
+/// Copies the file `from` to `to`, which is not there yet, with these marks and with its index in front, so that
+/// players on the web can begin at once.
 /// Errors: kBadFormat, kTooLarge, kDiskFull, kIo.
 Status write_marked_mp4(const std::string& from, const std::string& to, const Marks& marks);
 

@@ -300,7 +300,7 @@ void LowBand::begin_block(std::size_t block) {
   for (; seen != 0; seen &= seen - 1) compute(static_cast<HeadIndex>(std::countr_zero(seen)));
 }
 
-/// One bit for each head that a tile of the block shows: between narrow transitions these are some of those that see it.
+/// One bit for each head that a tile of the block shows: between narrow transitions, some of those that see it.
 std::uint32_t LowBand::heads_of(std::size_t block) const {
   const auto tiles = static_cast<std::size_t>(GridTable::kBlockTiles * grid_.block_rows());
   std::uint32_t heads = 0;

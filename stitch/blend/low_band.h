@@ -96,7 +96,7 @@ class LowBand {
   std::size_t located_ = kNoBlock;                      ///< the block that offset_ is of
   Looks looks_{};
   OfSights<std::int32_t> offset_;                         ///< where a low picture's plane has the sight's first sample
-  OfSights<std::uint8_t> point_;                          ///< in the block
+  OfSights<std::uint8_t> point_;                          ///< place in the block
   std::array<OfSights<std::int16_t>, kMaxPlanes> light_;  ///< negative, by component
   std::array<std::array<Corrections, kMaxPlanes>, kMaxHeads> at_;
   /// Coefficients of the upper left tiles of all cells, cell by cell; with cells of several tiles then those of the

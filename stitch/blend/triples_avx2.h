@@ -1,6 +1,6 @@
-// Interpolates pictures that are stored R G B R G B .. for AVX2, pixel by pixel: a load of eight bytes holds a pixel and
-// its right neighbour with all their components. So a pixel takes two loads, where rows of a patch would have to be
-// taken apart into components first, and shuffled for each of them. Internal to blend_avx2.cpp, which includes it inside
+// Interpolates pictures that are stored R G B R G B .. for AVX2, pixel by pixel: a load of eight bytes holds a pixel,
+// and its right neighbour with all their components. So a pixel takes two loads, where rows of a patch would have to be
+// taken apart into components first, and shuffled for each of them. Internal to blend_avx2.cpp, which includes it in
 // NODAL_TARGET_BEGIN.
 #pragma once
 
@@ -54,9 +54,9 @@ struct RowsOfThree {
 class Triples {
  public:
   static bool can_read(const PatchPlane& plane) {
-    constexpr std::ptrdiff_t kMost = 32767;  // distances of rows are multiplied as 16-bit numbers
-    return plane.layout == SampleLayout::kTriples && plane.row_stride <= kMost && plane.row_stride >= -kMost &&
-           plane.views[0].width > kPatch;
+    constexpr std::ptrdiff_t kMaxStride = 32767;  // distances of rows are multiplied as 16-bit numbers
+    return plane.layout == SampleLayout::kTriples && plane.row_stride <= kMaxStride &&
+           plane.row_stride >= -kMaxStride && plane.views[0].width > kPatch;
   }
 
   [[gnu::always_inline]] Triples(const BlendJob& job, const PatchPlane& plane, const PatchRecord& record)
@@ -82,14 +82,14 @@ class Triples {
     y = _mm256_min_epu16(y, load(&t.last));
     const V column = _mm256_srli_epi16(x, kFractionBits);
     const V row = _mm256_srli_epi16(y, kFractionBits);
-    alignas(32) std::array<std::array<std::int32_t, 8>, 2> offset;  // of pixels 0 - 3, 4 - 7 of both quarters
+    alignas(32) std::array<std::array<std::int32_t, 8>, 2> offset;  // pixels 0 - 3 and 4 - 7 of both quarters
     const auto store = [&](std::size_t which, V of) {
       _mm256_store_si256(reinterpret_cast<V*>(offset[which].data()), _mm256_madd_epi16(of, steps_));
     };
     store(0, _mm256_unpacklo_epi16(column, row));
     store(1, _mm256_unpackhi_epi16(column, row));
-    // Loads from memory cost less than taking numbers out of registers, and a second base less than additions; GCC thinks
-    // otherwise.
+    // Loads from memory cost less than taking numbers out of registers, and a second base less than additions; GCC
+    // thinks otherwise.
     const std::uint8_t* below = from_ + stride_;
     asm("" : "+m"(offset), "+r"(below));
     const V across = across_shares(k, x);

@@ -44,7 +44,8 @@ class Sensors : public PageDriver {
     Matrix3d world;  // axes of the earth in those of views: x east, y up, z south
     world << 1, 0, 0, 0, 0, 1, 0, -1, 0;
     return (world * AngleAxisd(alpha * kRadiansPerDegree, Vector3d::UnitZ()) *
-            AngleAxisd(beta * kRadiansPerDegree, Vector3d::UnitX()) * AngleAxisd(gamma * kRadiansPerDegree, Vector3d::UnitY()) *
+            AngleAxisd(beta * kRadiansPerDegree, Vector3d::UnitX()) *
+            AngleAxisd(gamma * kRadiansPerDegree, Vector3d::UnitY()) *
             AngleAxisd(-screen * kRadiansPerDegree, Vector3d::UnitZ()));
   }
   /// Compares part of a screenshot with `nodal view`: dB.

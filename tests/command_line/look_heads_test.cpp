@@ -118,6 +118,7 @@ TEST_F(LookHeads, TheRigGoesAwayDuringATrial_TheReasonIsSaidAndThePageStays) {
   EXPECT_TRUE(change({{"do", "undo"}}).starts_with("200")) << "the heads can still be placed";
   start_nodald();
   EXPECT_TRUE(wait_until([&] { return in_force() == id_of(six("six")); }));
+  ASSERT_TRUE(change({{"do", "turn"}, {"heads", {1}}, {"about", {0, 0.02, 0}}}).starts_with("200"));
   ASSERT_TRUE(change({{"do", "try"}}).starts_with("200")) << "once it is back, another trial may begin";
   trial("on trial");
   ASSERT_TRUE(change({{"do", "drop"}}).starts_with("200"));

@@ -52,7 +52,8 @@ TEST_F(LookRig, TheNewestRaymapAndItsAgeAreServed_AndTheRigMayGoAndComeBack) {
 TEST_F(LookRig, TheLinkBreaksInMidPicture_NoPartOfAPictureIsServed_AndItGoesOnByItself) {
   start_nodald();
   bring_up();
-  fake_ssh("BRIDGE | head -c 60000\n");  // some pictures, and a part of one
+  // Some pictures, and a part of one. (cat separates head from the bridge, which makes its output non-blocking.)
+  fake_ssh("BRIDGE | cat | head -c 60000\n");
   const auto look = start({"look"});
   const PageLink link = PageLink::of(*look);
   bool broke = false;

@@ -66,7 +66,7 @@ TEST_F(Look, Open_StartsTheBrowserWithTheLink) {
 TEST_F(Look, WhatIsNoRaymap_IsRefusedInASentenceAndNothingIsServed) {
   const Finished unsaid = Process(words()).wait();
   EXPECT_EQ(unsaid.out, "");
-  EXPECT_NE(unsaid.err.find("give --from"), std::string::npos) << unsaid.err;
+  EXPECT_NE(unsaid.err.find("say its layout: --from"), std::string::npos) << unsaid.err;
   const Finished gone = Process({NODAL_BIN_DIR "/nodal", "look", (folder_ / "gone.png").string()}).wait();
   EXPECT_NE(gone.code, 0);
   EXPECT_NE(gone.err.find("gone.png"), std::string::npos) << gone.err;

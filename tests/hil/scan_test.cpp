@@ -102,8 +102,8 @@ std::vector<std::string> guide() {
   return commands;
 }
 
-/// The rig as it was scanned, without an editor. What vivid shows is bars, the same in all heads: nothing to find lenses
-/// and directions in, so that what `nodal register` would find is written here.
+/// The rig as it was scanned, without an editor. What vivid shows is bars, the same in all heads: nothing to find
+/// lenses and directions in, so that what `nodal register` would find is written here.
 TEST(Scan, EveryCommandOfTheGuide_MakesAFilm) {
   const std::string folder = "/tmp/guide";
   std::filesystem::create_directories(folder);

@@ -153,7 +153,7 @@ TEST_F(LookedAt, AFileThatIsNoRaymap_IsAnErrorWithItsName) {
   const std::string png = write_png("a.png", 128, 64);
   const auto unsaid = Sphere::read({png, "", usual_envelopes(), 1});
   ASSERT_FALSE(unsaid);
-  EXPECT_NE(unsaid.error().message.find("give --from"), std::string::npos) << unsaid.error().message;
+  EXPECT_NE(unsaid.error().message.find("say its layout: --from"), std::string::npos) << unsaid.error().message;
   const auto gone = Sphere::read({(folder_ / "gone.png").string(), "", usual_envelopes(), 1});
   ASSERT_FALSE(gone);
   EXPECT_NE(gone.error().message.find("gone.png"), std::string::npos);
