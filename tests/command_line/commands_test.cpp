@@ -337,7 +337,7 @@ TEST_F(Commands, ZshCompletion_HandsOverWhatMayFollow) {
     EXPECT_EQ(zsh.err, "");
     return zsh.out;
   };
-  EXPECT_NE(offered("nodal --json calib", "3").find("*:command:(rigs status heads "), std::string::npos);
+  EXPECT_NE(offered("nodal --json calib", "3").find("*:command:(stitch render convert "), std::string::npos);
   EXPECT_NE(offered("nodal export --fo", "3").find(":value:(pto pts ptv surround360 opencv kalibr)\n"),
             std::string::npos);
   EXPECT_NE(offered("nodal raymap pull ''", "4").find(":value:(jpg png tif raw)\n"), std::string::npos);

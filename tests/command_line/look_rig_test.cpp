@@ -52,8 +52,8 @@ TEST_F(LookRig, TheNewestRaymapAndItsAgeAreServed_AndTheRigMayGoAndComeBack) {
 TEST_F(LookRig, TheLinkBreaksInMidPicture_NoPartOfAPictureIsServed_AndItGoesOnByItself) {
   start_nodald();
   bring_up();
-  // Some pictures, and a part of one. (cat separates head from the bridge, which makes its output non-blocking.)
-  fake_ssh("BRIDGE | cat | head -c 60000\n");
+  // Some pictures, and a part of one. (cat separates dd from the bridge, which makes its output non-blocking.)
+  fake_ssh("BRIDGE | cat | dd bs=1 count=60000 2>/dev/null\n");
   const auto look = start({"look"});
   const PageLink link = PageLink::of(*look);
   bool broke = false;

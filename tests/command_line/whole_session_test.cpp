@@ -80,7 +80,7 @@ Words listed_in(const std::string& help) {
     if (!line.empty() && line.back() == '\r') line.pop_back();
     if (line == "Examples:") break;
     if (line.ends_with(":")) listed = line != "Options:" && line != "Positionals:";
-    if (listed && line.starts_with("  ") && line.size() > 2 && line[2] != ' ') {
+    if (listed && line.starts_with("  ") && line.size() > 2 && line[2] != ' ' && line[2] != '-') {
       commands.push_back(line.substr(2, line.find(' ', 2) - 2));
     }
   }
