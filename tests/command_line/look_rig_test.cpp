@@ -49,32 +49,6 @@ TEST_F(LookRig, TheNewestRaymapAndItsAgeAreServed_AndTheRigMayGoAndComeBack) {
   EXPECT_EQ(look->wait().code, 0);
 }
 
-TEST_F(LookRig, TheLinkBreaksInMidPicture_NoPartOfAPictureIsServed_AndItGoesOnByItself) {
-  start_nodald();
-  bring_up();
-  // Some pictures, and a part of one. (cat separates dd from the bridge, which makes its output non-blocking.)
-  fake_ssh("BRIDGE | cat | dd bs=1 count=60000 2>/dev/null\n");
-  const auto look = start({"look"});
-  const PageLink link = PageLink::of(*look);
-  bool broke = false;
-  ASSERT_TRUE(wait_until([&] {
-    const std::string answer = link.answer("live?after=0");
-    EXPECT_NE(answer.find(" 200 "), std::string::npos);
-    EXPECT_NE(answer.find("\xFF\xD8\xFF"), std::string::npos);
-    EXPECT_TRUE(answer.ends_with("\xFF\xD9")) << "the end of a JPEG";
-    broke = broke || answer.find("X-Problem: ") != std::string::npos;
-    return broke && header(answer, "X-Number") > 10;
-  })) << "it connects again and again";
-  fake_ssh("exec BRIDGE\n");
-  const long last = header(link.answer("live?after=0"), "X-Number");
-  EXPECT_TRUE(wait_until([&] {
-    const std::string answer = link.answer("live?after=" + std::to_string(last + 30));
-    return answer.find(" 200 ") != std::string::npos && answer.find("X-Problem: ") == std::string::npos;
-  }));
-  look->signal(SIGINT);
-  EXPECT_EQ(look->wait().code, 0);
-}
-
 TEST_F(LookRig, WithoutARig_TheReasonIsSaid) {
   const Finished none = nodal({"--rig", "unix:" + path("nowhere.sock"), "--timeout", "1s", "look"});
   EXPECT_NE(none.code, 0);

@@ -215,7 +215,8 @@ TEST(CommandLine, AWordThatIsNoCommand_IsNamedWithTheNearestThatIs) {
       << pull.err;
   EXPECT_NE(pull.err.find("Run `nodal raymap --help`."), std::string::npos) << pull.err;
   const Outcome none({"offload-everything"});
-  EXPECT_NE(none.err.find("`nodal offload-everything`; there are stitch, render, convert"), std::string::npos) << none.err;
+  EXPECT_NE(none.err.find("`nodal offload-everything`; there are stitch, render, convert"), std::string::npos)
+      << none.err;
   EXPECT_NE(Outcome({"genlock"}).err.find("`nodal genlock` needs a command: "), std::string::npos)
       << Outcome({"genlock"}).err;
 }
