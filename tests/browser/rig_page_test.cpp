@@ -139,7 +139,7 @@ TEST_F(RigPage, RecordsDownloadsComesBackAndFitsEverybody) {
   EXPECT_EQ(step("hidden")["requests"], 0);  // HiddenTab_RequestsNothing
 
   const Json watch = step("watch");  // WatchOnly_ControlsDisabled
-  EXPECT_EQ(watch["enabled"], none);
+  EXPECT_EQ(watch["enabled"], Json::array({"gyroscope", "headset"})) << "what turns the own view, and nothing else";
   EXPECT_EQ(watch["files"], 0);
   EXPECT_EQ(watch["refused"], 403);
 
