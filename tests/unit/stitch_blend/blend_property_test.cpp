@@ -65,7 +65,8 @@ Scene random_scene(RandomTables& tables, int width, int height, int head_width, 
   if (tables.below(3) == 0) {
     scene.tone.confidence.emplace();
     for (auto& head : scene.tone.confidence->of_level) {
-      for (auto& c : head) c = static_cast<std::uint8_t>(tables.below(3) == 0 ? 0 : tables.below(256));
+      const bool never = tables.below(3) == 0;  // whatever the level
+      for (auto& c : head) c = static_cast<std::uint8_t>(never || tables.below(3) == 0 ? 0 : tables.below(256));
     }
   }
   if (tables.below(3) == 0) {
