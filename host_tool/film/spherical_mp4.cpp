@@ -22,7 +22,7 @@ using View = std::span<const std::uint8_t>;
 
 constexpr std::size_t kBoxHeader = 8;
 constexpr std::size_t kVisualEntry = 78;  // VisualSampleEntry without its header (ISO/IEC 14496-12, 12.1.3)
-constexpr std::size_t kSoundEntry = 28;   // AudioSampleEntry, the same (12.2.3)
+constexpr std::size_t kSoundEntry = 28;   // AudioSampleEntry without its header (12.2.3)
 constexpr int kMaxBoxes = 10'000;         // limit of the boxes in one box
 constexpr int kMaxDepth = 8;              // chunk offsets are at 4: trak, mdia, minf, stbl
 
@@ -160,7 +160,7 @@ class Rewriter {
   Rewriter(std::span<const MovedRange> moved, const Marks& marks)
       : moved_(moved), marks_(marks), video_found_(!marks.spherical), sound_found_(marks.ambisonic.empty()) {}
 
-  /// What the track is in which boxes are.
+  /// The kind of track that boxes belong to.
   enum class Track : std::uint8_t { kOther, kSpheres, kAmbisonic };
   Result<Bytes> boxes(View bytes, Track track) {
     if (depth_ == kMaxDepth) return fail(Errc::kBadFormat, "the boxes of its index are nested too deep");
@@ -229,8 +229,8 @@ class Rewriter {
   std::span<const MovedRange> moved_;
   const Marks& marks_;
   int depth_ = 0;
-  bool video_found_;   ///< the video track is behind, or none is marked
-  bool sound_found_;   ///< the sound track, the same
+  bool video_found_;   ///< the video track was read, or none gets marks
+  bool sound_found_;   ///< the same of the sound track
   bool wide_ = false;  ///< the chunk offsets that were made last have 64 bits
 };
 

@@ -34,8 +34,8 @@ struct Marks {
 Result<std::vector<std::uint8_t>> marked_moov(std::span<const std::uint8_t> moov, std::span<const MovedRange> moved,
                                               const Marks& marks);
 
-/// What a file says of its first sound track, for Marks::ambisonic; empty if it says nothing, or is no MP4 or MOV file
-/// that can be read. Damaged descriptions, and those of more than 64 channels, are none.
+/// The description of ambisonic sound that a file has for its first sound track, for Marks::ambisonic. Empty if it has
+/// none, if it is damaged or names more than 64 channels, and for files that are not MP4 or MOV or cannot be read.
 std::vector<std::uint8_t> ambisonic_of(const std::string& file);
 
 /// Copies the file `from` to `to`, which is not there yet, with these marks and with its index in front, so that

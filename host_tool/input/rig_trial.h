@@ -43,7 +43,7 @@ class RigTrial {
   RigTrial(const RigTrial&) = delete;
   RigTrial& operator=(const RigTrial&) = delete;
 
-  /// The time from the swap to the end of a trial that nobody ends.
+  /// How long the rig uses the calibration if nobody calls end().
   Duration limit() const { return limit_; }
   /// Frame sets that the rig blended with it, from which neither calibration was made.
   Result<RigPictures> pull(int sets, Console& console);

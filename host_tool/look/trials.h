@@ -56,7 +56,7 @@ class Trials {
   static const char* name_of(Phase phase);
   static bool under_way(Phase phase);
   void run(const Calibration& tried);
-  /// Until someone has decided; nothing: nobody has, within the limit.
+  /// Waits until people decide, and returns whether to keep it; nothing if nobody did within the limit.
   std::optional<bool> decided();
   void set(Phase phase, std::string says);
 

@@ -116,7 +116,7 @@ TEST(Scan, EveryCommandOfTheGuide_MakesAFilm) {
   };
   std::ofstream transcript("guide.txt");
   const auto tell = [&](const std::string& command, const Finished& run) {
-    transcript << "$ " << command << "\n" << run.out << run.err << "[" << run.code << "]\n";
+    transcript << "$ " << command << "\n" << run.out << run.err << "[" << run.code << "]\n" << std::flush;
     return run.out + run.err;
   };
   std::unique_ptr<Process> rig;
