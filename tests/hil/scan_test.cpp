@@ -4,8 +4,6 @@
 
 #include <filesystem>
 #include <fstream>
-#include <map>
-#include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -90,80 +88,6 @@ TEST(Scan, OfThreeAnalogueHeadsAndAWebcam_IsARigTomlThatFilms) {
             Json::parse(run({NODAL_BIN_DIR "/nodald", "--scan", "--json"}).out));
   rig.signal(15);
   EXPECT_EQ(rig.wait().code, 0);
-}
-
-/// The commands of the guide "From USB cameras to a film".
-std::vector<std::string> guide() {
-  std::ifstream page(NODAL_SOURCE_DIR "/host_tool/USB_CAMERAS.md");
-  std::vector<std::string> commands;
-  for (std::string line; std::getline(page, line);) {
-    if (line.starts_with("    ")) commands.push_back(line.substr(4));
-  }
-  return commands;
-}
-
-/// The rig as it was scanned, without an editor. What vivid shows is bars, the same in all heads: nothing to find
-/// lenses and directions in, so that what `nodal register` would find is written here.
-TEST(Scan, EveryCommandOfTheGuide_MakesAFilm) {
-  const std::string folder = "/tmp/guide";
-  std::filesystem::create_directories(folder);
-  const std::map<std::string, std::string> environment{{"PATH", std::string(NODAL_BIN_DIR) + ":/usr/bin:/bin"},
-                                                       {"HOME", folder},
-                                                       {"XDG_STATE_HOME", folder + "/state"},
-                                                       {"NODAL_OVERWRITE", "0"}};
-  const auto type = [&](const std::string& command) {
-    return Process({"sh", "-c", "cd " + folder + " && " + command}, environment).wait();
-  };
-  std::ofstream transcript("guide.txt");
-  const auto tell = [&](const std::string& command, const Finished& run) {
-    transcript << "$ " << command << "\n" << run.out << run.err << "[" << run.code << "]\n" << std::flush;
-    return run.out + run.err;
-  };
-  std::unique_ptr<Process> rig;
-  int films = 0;
-  for (const std::string& command : guide()) {
-    if (command.starts_with("export")) continue;
-    if (command.ends_with("&")) {
-      rig = std::make_unique<Process>(
-          std::vector<std::string>{"sh", "-c", "cd " + folder + " && exec " + command.substr(0, command.size() - 1)},
-          environment);
-      ASSERT_TRUE(test::wait_until([&] { return type("nodal status").code == 0; })) << rig->complained();
-      continue;
-    }
-    if (command.starts_with("nodal register")) {
-      const Finished run = type(command);
-      const std::string said = tell(command, run);
-      EXPECT_NE(run.code, 0) << said;
-      EXPECT_NE(said.find("show the same things"), std::string::npos) << said;
-      if (command.find("first.json") == std::string::npos) continue;
-      std::ifstream example(NODAL_SOURCE_DIR "/host_tool/example/ten_heads.json");
-      Json calibration = Json::parse(example);
-      const Json heads = Json::parse(type("nodal --json heads").out)["heads"];
-      calibration["heads"].erase(calibration["heads"].begin() + static_cast<std::ptrdiff_t>(heads.size()),
-                                 calibration["heads"].end());
-      for (std::size_t i = 0; i < heads.size(); ++i) {
-        Json& head = calibration["heads"][i];
-        head["name"] = heads[i]["name"];
-        head["width"] = head["region"]["right"] = i < 3 ? 720 : 640;
-        head["height"] = head["region"]["bottom"] = i < 3 ? 576 : 480;
-      }
-      std::ofstream(folder + "/first.json") << calibration;
-      continue;
-    }
-    const Finished run = type(command);
-    const std::string said = tell(command, run);
-    if (command.starts_with("nodal drift")) {
-      EXPECT_EQ(run.code, 10) << said;
-      continue;
-    }
-    EXPECT_EQ(run.code, 0) << command << "\n" << said << (rig ? rig->complained() : "");
-    films += command.starts_with("nodal render") ? 1 : 0;
-  }
-  EXPECT_EQ(films, 1);
-  EXPECT_GT(std::filesystem::file_size(folder + "/sphere.jpg"), 2000U);
-  EXPECT_GT(std::filesystem::file_size(folder + "/film.mkv"), 20'000U);
-  rig->signal(15);
-  EXPECT_EQ(rig->wait().code, 0);
 }
 
 }  // namespace
